@@ -1,0 +1,65 @@
+# flexaxis: `make bench` and `make test` need only python3 (3.11 or newer) and make.
+# Everything is installed into .venv here; `make clean` removes it.
+
+PYTHON ?= python3
+VENV := .venv
+ifeq ($(OS),Windows_NT)
+BIN := $(VENV)/Scripts
+else
+BIN := $(VENV)/bin
+endif
+
+# Small matrices under a multi-threaded BLAS are several times slower.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+export MKL_NUM_THREADS = 1
+
+.PHONY: help bench test test-slow check format clean
+
+help:
+	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
+	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
+	@echo "make check      ruff, formatting, type checker, architecture test"
+	@echo "make clean      remove .venv, results and caches"
+
+bench: $(VENV)/.core
+	$(BIN)/flexaxis run smoke -o results/smoke
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest -q
+
+test-slow: $(VENV)/.test
+	$(BIN)/python -m pytest -q -m "slow or not slow"
+
+check: $(VENV)/.check
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/test_architecture.py
+
+format: $(VENV)/.check
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+# The installed set is a stamp file each, remade when pyproject.toml changes.
+$(VENV)/.core: EXTRA :=
+$(VENV)/.test: EXTRA := [test]
+$(VENV)/.check: EXTRA := [check]
+$(VENV)/.core $(VENV)/.test $(VENV)/.check: pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
+	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }
+	@touch $@
+
+$(VENV)/pyvenv.cfg:
+	@command -v $(PYTHON) >/dev/null || \
+	  { echo "flexaxis: $(PYTHON) not found. Install Python 3.11 or newer, or say where it is: make PYTHON=/path/to/python3 bench"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "flexaxis: Python 3.11 or newer is needed, $(PYTHON) is $$($(PYTHON) --version 2>&1). Another one: make PYTHON=/path/to/python3 bench"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
+	  { echo "flexaxis: this Python has no venv module (on Debian or Ubuntu: apt install python3-venv)."; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+
+clean:
+	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
