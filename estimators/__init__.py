@@ -1,0 +1,42 @@
+"""
+Estimators of physical parameters from torque and motor angle or speed.
+
+Nothing here knows the truth, MuJoCo or the rest of the package: it works on a robot's log as well.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.model import Model, increment, three_mass, two_mass
+
+if TYPE_CHECKING:
+    from flexaxis.estimators.frozen import Frozen
+    from flexaxis.estimators.reference import LiteralRpem, literal_rpem
+    from flexaxis.estimators.rpem import Rpem
+
+__all__ = [
+    "EstimatorError",
+    "Frozen",
+    "LiteralRpem",
+    "Model",
+    "Rpem",
+    "increment",
+    "literal_rpem",
+    "three_mass",
+    "two_mass",
+]
+
+# numba and scipy take most of a second to import, so what needs them is loaded when it is used
+_LATER = {
+    "Frozen": "frozen",
+    "LiteralRpem": "reference",
+    "literal_rpem": "reference",
+    "Rpem": "rpem",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)

@@ -1,0 +1,78 @@
+"""Read a formula such as ``"-(r^2*d_g + f_m)/J_m"`` as a sum of monomials c·Πθ^e."""
+
+import ast
+from collections.abc import Mapping
+from functools import lru_cache
+
+from flexaxis.estimators.errors import EstimatorError
+
+Powers = dict[str, int]
+Monomial = tuple[float, Mapping[str, int]]
+
+
+@lru_cache(maxsize=1024)
+def multiply_out(entry: str) -> tuple[Monomial, ...]:
+    """
+    Multiply a formula out into a sum of monomials.
+
+    Parameters
+    ----------
+    entry : str
+        Formula, such as ``"-(r^2*d_g + f_m)/J_m"``.
+
+    Returns
+    -------
+    tuple of (coefficient, powers)
+        One pair for each term; powers maps names to integers. Empty for ``"0"``.
+
+    Raises
+    ------
+    EstimatorError
+        If the text is not such a formula.
+
+    Examples
+    --------
+    >>> multiply_out("-(2*a + 1)/b^2")
+    ((-2.0, {'a': 1, 'b': -2}), (-1.0, {'b': -2}))
+    """
+    try:
+        terms = _expand(ast.parse(entry.strip().replace("^", "**"), mode="eval").body)
+    except (SyntaxError, ValueError, TypeError):
+        raise EstimatorError(
+            f"cannot read the entry {entry!r}; allowed are names, numbers, + - * /, brackets and "
+            "integer powers, with a single term below each fraction line"
+        ) from None
+    return tuple((c, powers) for c, powers in terms if c != 0)
+
+
+def _expand(node: ast.expr) -> list[tuple[float, Powers]]:
+    match node:
+        case ast.Constant(value=int() | float() as number):
+            return [(float(number), {})]
+        case ast.Name(id=name):
+            return [(1.0, {name: 1})]
+        case ast.UnaryOp(op=ast.USub(), operand=x):
+            return _product([(-1.0, {})], _expand(x))
+        case ast.BinOp(left=x, op=ast.Add(), right=y):
+            return _expand(x) + _expand(y)
+        case ast.BinOp(left=x, op=ast.Sub(), right=y):
+            return _expand(x) + _product([(-1.0, {})], _expand(y))
+        case ast.BinOp(left=x, op=ast.Mult(), right=y):
+            return _product(_expand(x), _expand(y))
+        case ast.BinOp(left=x, op=ast.Div(), right=y):
+            ((c, powers),) = _expand(y)
+            return _product(_expand(x), [(1 / c, {k: -e for k, e in powers.items()})])
+        case ast.BinOp(left=x, op=ast.Pow(), right=ast.Constant(value=int() as e)):
+            ((c, powers),) = _expand(x)
+            return [(c**e, {k: e * p for k, p in powers.items()})]
+    raise ValueError
+
+
+def _product(
+    left: list[tuple[float, Powers]], right: list[tuple[float, Powers]]
+) -> list[tuple[float, Powers]]:
+    return [
+        (c * d, {k: e for k in p | q if (e := p.get(k, 0) + q.get(k, 0))})
+        for c, p in left
+        for d, q in right
+    ]

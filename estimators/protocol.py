@@ -1,0 +1,68 @@
+"""What an estimator is: a structural protocol, so that a user's class imports nothing of ours."""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.signals import check_signals
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """
+    Anything with names, an output and a step.
+
+    Optional: ``run(u, y, valid=None) -> (N, p)``, the same numbers faster; ``covariance`` (p, p);
+    ``alarm`` (bool); ``reset()``.
+
+    Attributes
+    ----------
+    names : sequence of str
+        What θ means, in this order.
+    output : str
+        What it reads: ``"speed"`` or ``"increment"``.
+    """
+
+    names: Sequence[str]
+    output: str
+
+    def step(self, u: float, y: float | None) -> ArrayLike:
+        """Take u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""
+
+
+def run_estimator(
+    estimator: Estimator, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """
+    Run an estimator over N samples, by its own ``run`` if it has one, else step by step.
+
+    Parameters
+    ----------
+    estimator : Estimator
+        Left in the state after the last sample.
+    u, y : (N,) array_like
+    valid : (N,) array_like of bool, optional
+        False where y is missing.
+
+    Returns
+    -------
+    (N, p) array
+        θ[0], θ[1], …
+
+    Raises
+    ------
+    EstimatorError
+        If the signals cannot be used.
+    """
+    u, y, present = check_signals(u, y, valid)
+    run = getattr(estimator, "run", None)
+    if run is not None:
+        missing = () if present.all() else (present,)  # a user's run may know no gaps
+        return np.asarray(run(u, y, *missing), float)
+    steps = (
+        estimator.step(float(a), float(b) if there else None)
+        for a, b, there in zip(u, y, present, strict=True)
+    )
+    return np.array([np.asarray(theta, float) for theta in steps]).reshape(len(u), -1)

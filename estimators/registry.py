@@ -1,0 +1,217 @@
+"""The estimators by name: one entry each, with its options and the knob that trades its speed."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.model import three_mass
+
+if TYPE_CHECKING:
+    from flexaxis.estimators.frozen import Frozen
+    from flexaxis.estimators.protocol import Estimator
+    from flexaxis.estimators.reference import LiteralRpem
+    from flexaxis.estimators.rpem import Rpem
+
+REGULARIZATION = 1.0
+"""μ of the ``-mu`` entries."""
+
+DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """
+    A registered estimator.
+
+    Attributes
+    ----------
+    name : str
+    summary : str
+        One line for lists and reports.
+    factory : callable
+        ``factory(nominal, period, *, identify, output, P0=None, torque=None, <options>)``. θ(0) is
+        read from ``nominal``, a mapping of physical parameters to values; ``P0`` is used if given,
+        else the paper's recipe on ``torque``, the (N,) torque of a nominal run, else the known
+        P(0) of the paper's three parameters.
+    options : mapping
+        Names of the options with their defaults.
+    knob : str or None
+        The option that trades tracking speed against variance.
+    """
+
+    name: str
+    summary: str
+    factory: Callable[..., "Estimator"]
+    options: Mapping[str, float]
+    knob: str | None = None
+
+
+def entry(name: str) -> Entry:
+    """
+    Return the registered estimator of this name.
+
+    Raises
+    ------
+    EstimatorError
+        If there is none, with the nearest name.
+    """
+    if name not in REGISTRY:
+        raise EstimatorError(f"unknown estimator {name!r}: {did_you_mean(name, REGISTRY)}")
+    return REGISTRY[name]
+
+
+def rpem_forgetting(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float = 0.995,
+    regularization: float = 0.0,
+    literal: bool = False,
+) -> "Rpem | LiteralRpem":
+    """Make the method with forgetting factor λ, eq. (13); see `Entry` for the arguments."""
+    from flexaxis.estimators import LiteralRpem, Rpem, priors
+
+    model = three_mass(nominal)
+    recipe = partial(
+        priors.nominal_P,
+        model,
+        identify=identify,
+        period=period,
+        forgetting=forgetting,
+        regularization=regularization,
+        output=output,
+    )
+    known = priors.known_P(identify, forgetting=forgetting)
+    return (LiteralRpem if literal else Rpem)(
+        model,
+        identify=identify,
+        P0=_initial_P(P0, torque, recipe, known),
+        period=period,
+        forgetting=forgetting,
+        regularization=regularization,
+        output=output,
+    )
+
+
+def rpem_drift(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    scale: float = 1.0,
+    regularization: float = 0.0,
+) -> "Rpem":
+    """Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32)."""
+    from flexaxis.estimators import Rpem, priors
+
+    model = three_mass(nominal)
+    if not scale > 0:
+        raise EstimatorError(f"scale is {scale}; the factor on Δ must be above 0")
+    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
+    recipe = partial(
+        priors.nominal_P,
+        model,
+        identify=identify,
+        period=period,
+        drift=drift,
+        regularization=regularization,
+        output=output,
+    )
+    known = priors.known_P(identify, forgetting=None, scale=scale)
+    return Rpem(
+        model,
+        identify=identify,
+        P0=_initial_P(P0, torque, recipe, known),
+        period=period,
+        drift=drift,
+        regularization=regularization,
+        output=output,
+    )
+
+
+def frozen(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+) -> "Frozen":
+    """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
+    from flexaxis.estimators import Frozen
+
+    return Frozen(three_mass(nominal), identify=identify, output=output)
+
+
+def _initial_P(
+    given: ArrayLike | None,
+    torque: ArrayLike | None,
+    recipe: Callable[[ArrayLike], NDArray[np.float64]],
+    known: NDArray[np.float64] | None,
+) -> ArrayLike:
+    if given is not None:
+        return given
+    if torque is not None:
+        return recipe(torque)
+    if known is not None:
+        return known
+    raise EstimatorError(
+        f"P(0) is known only for {', '.join(DEFAULT_IDENTIFY)}; for other parameters give P0, "
+        "or the torque of a nominal run for the recipe"
+    )
+
+
+REGISTRY: Mapping[str, Entry] = {
+    entry.name: entry
+    for entry in (
+        Entry(
+            "rpem-forgetting",
+            "the paper's method with a forgetting factor, eq. (13)",
+            rpem_forgetting,
+            {"forgetting": 0.995, "regularization": 0.0},
+            "forgetting",
+        ),
+        Entry(
+            "rpem-drift",
+            "the paper's method with covariance modification, eq. (14), (32)",
+            rpem_drift,
+            {"scale": 1.0, "regularization": 0.0},
+            "scale",
+        ),
+        Entry(
+            "rpem-forgetting-mu",
+            "rpem-forgetting, regularised against standstill, eq. (12)",
+            partial(rpem_forgetting, regularization=REGULARIZATION),
+            {"forgetting": 0.995, "regularization": REGULARIZATION},
+            "forgetting",
+        ),
+        Entry(
+            "rpem-drift-mu",
+            "rpem-drift, regularised against standstill, eq. (12)",
+            partial(rpem_drift, regularization=REGULARIZATION),
+            {"scale": 1.0, "regularization": REGULARIZATION},
+            "scale",
+        ),
+        Entry(
+            "literal-rpem",
+            "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
+            partial(rpem_forgetting, literal=True),
+            {"forgetting": 0.995, "regularization": 0.0},
+            "forgetting",
+        ),
+        Entry("frozen", "never moves: what doing nothing scores", frozen, {}),
+    )
+}

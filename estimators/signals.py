@@ -1,0 +1,59 @@
+"""Check the signals that an estimator is given."""
+
+from math import isfinite
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+
+Array = NDArray[np.float64]
+
+
+def check_signals(
+    u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """
+    Return u, y and valid as contiguous arrays of one length.
+
+    Parameters
+    ----------
+    u, y : (N,) array_like
+        Torque and measured output.
+    valid : (N,) array_like of bool, optional
+        False where y is missing; all present by default.
+
+    Returns
+    -------
+    u, y : (N,) arrays
+    valid : (N,) bool array
+
+    Raises
+    ------
+    EstimatorError
+        If the lengths differ, an array is not one-dimensional, or a value is not finite.
+    """
+    u, y = np.ascontiguousarray(u, float), np.ascontiguousarray(y, float)
+    present = np.ones(y.shape, bool) if valid is None else np.ascontiguousarray(valid, bool)
+    for name, values in (("u", u), ("y", y), ("valid", present)):
+        if values.ndim != 1:
+            raise EstimatorError(f"{name} has the shape {values.shape}; give one value a sample")
+        if len(values) != len(u):
+            raise EstimatorError(
+                f"u has {len(u)} samples and {name} has {len(values)}; give as many of each"
+            )
+        finite = np.isfinite(values)
+        if not finite.all():
+            k = int(np.argmin(finite))
+            raise EstimatorError(
+                f"{name} is {values[k]} at sample {k}; every value must be finite "
+                "(mark a gap with valid[k] = False and any finite value)"
+            )
+    return u, y, present
+
+
+def check_sample(u: float, y: float | None) -> None:
+    """Raise EstimatorError if u, or a y that is not missing (None), is not finite."""
+    for name, value in (("u", u), ("y", 0.0 if y is None else y)):
+        if not isfinite(value):
+            raise EstimatorError(f"{name} is {value}; it must be finite (y=None marks a gap)")

@@ -1,0 +1,106 @@
+"""A benchmark from names to a folder: run, write rows as they come, pool, report."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments import harness, results
+from flexaxis.experiments.report import render
+from flexaxis.experiments.summary import pool
+from flexaxis.sim.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a benchmark runs.
+
+    Attributes
+    ----------
+    title : str
+        Headline of the report.
+    scenarios : sequence of Scenario
+    estimators : sequence of str
+        Texts as for `--estimator`.
+    seeds : sequence of int
+    command : str
+        The line that runs it again.
+    """
+
+    title: str
+    scenarios: Sequence[Scenario]
+    estimators: Sequence[str]
+    seeds: Sequence[int]
+    command: str
+
+    @property
+    def cases(self) -> int:
+        """Number of cases: one estimator on one record."""
+        return len(self.scenarios) * len(self.estimators) * len(self.seeds)
+
+
+def benchmark(
+    plan: Plan, folder: Path, *, jobs: int = 1, advance: Callable[[int], None] | None = None
+) -> results.Results:
+    """Run a plan and write scores.jsonl, summary.json, curves.nc and report.html to a folder.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        Made if it is missing. An older complete result in it is replaced when this one is
+        complete.
+    jobs : int
+        Processes.
+    advance : callable, optional
+        Called with the number of cases done since the last call.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written to; that is tried before anything is computed.
+    EstimatorError, SimulationError
+        As from `flexaxis.experiments.harness.run`; the rows so far are in scores.part.jsonl.
+    """
+    results.prepare(folder)
+    writer = results.RowWriter(folder)
+    cases: list[harness.Case] = []
+    for done in harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs):
+        writer.write([row for case in done for row in case.rows])
+        cases += done
+        if advance:
+            advance(len(done))
+    rows, curves = pool(cases, plan.scenarios)
+    found = results.Results(_summary(plan, rows), curves)
+    results.save(folder, found)
+    results.write_text(folder / results.REPORT, render(found))
+    writer.finish()
+    return found
+
+
+def _summary(plan: Plan, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        "title": plan.title,
+        "command": plan.command,
+        "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "numba")},
+        "seeds": list(plan.seeds),
+        "scenarios": {s.name: {"hash": s.hash, "definition": s.resolved()} for s in plan.scenarios},
+        "estimators": {text: describe(text) for text in plan.estimators},
+        "rows": rows,
+    }
+
+
+def describe(text: str) -> str:
+    """Return what an estimator is, in a line: of the registry, or the user's own."""
+    name = text.partition("[")[0].strip()
+    return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
+
+
+def command_line(words: Sequence[str]) -> str:
+    """Return the line that runs a command again, quoted for a shell."""
+    return shlex.join(["flexaxis", *words])

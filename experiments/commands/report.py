@@ -1,0 +1,38 @@
+"""Write the report of a finished run again, from the files in its folder.
+
+example:
+  flexaxis report results/smoke
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "write report.html again from the results in a folder"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a finished run")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Render and print the path."""
+    from rich.console import Console
+
+    from flexaxis.experiments.report import render
+    from flexaxis.experiments.results import REPORT, dumps, load, write_text
+    from flexaxis.experiments.table import score_table
+
+    found = load(args.folder)
+    path = args.output or args.folder / REPORT
+    write_text(path, render(found))
+    if args.json:
+        print(dumps(found.summary | {"report": str(path)}))
+    else:
+        Console().print(score_table(found.summary["rows"]))
+        print(path)
+    return 0

@@ -1,0 +1,79 @@
+r"""Run estimators on scenarios over many seeds, score them, and write a report.
+
+SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
+suite's estimators run (those of `smoke` where only scenarios are named). The folder gets
+scores.jsonl (one row per scenario, estimator, seed and parameter), summary.json, curves.nc and
+report.html. An estimator given as path/file.py:Class, package.module:Class or entry point is code
+that is run.
+
+example:
+  flexaxis run smoke
+  flexaxis run fm_step-v1 kt_step-v1 --estimator rpem-forgetting \
+           --estimator 'rpem-forgetting[forgetting=0.99]' --seeds 30 -o results/lambda
+  flexaxis run mine.toml --estimator my_estimator.py:Mine --seeds 0:20
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+HELP = "run estimators on scenarios, score them, write a report"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("names", nargs="+", metavar="SUITE|SCENARIO")
+    parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
+    parser.add_argument(
+        "--seeds",
+        metavar="N or A:B",
+        help="N seeds from 1000 on, or those from A to B-1 (default: the suite's number); "
+        "0 to 99 are meant for tuning, 1000 to 4999 for reporting",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: one a core); the scores do not depend on it",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
+    )
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run, score and report."""
+    from rich.console import Console
+
+    from flexaxis.experiments.benchmark import Plan, benchmark, command_line
+    from flexaxis.experiments.catalogue import select
+    from flexaxis.experiments.progress import progress
+    from flexaxis.experiments.results import REPORT, dumps
+    from flexaxis.experiments.seeds import parse_seeds
+    from flexaxis.experiments.table import score_table
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.jobs < 1:
+        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+    scenarios, usual, number = select(args.names)
+    estimators = list(dict.fromkeys(args.estimator or usual))
+    plan = Plan(
+        title=" ".join(args.names),
+        scenarios=scenarios,
+        estimators=estimators,
+        seeds=parse_seeds(args.seeds or str(number)),
+        command=command_line(args.words),
+    )
+    folder = args.output or Path("results") / Path(args.names[0]).stem
+    with progress(f"{plan.cases} cases", plan.cases) as advance:
+        found = benchmark(plan, folder, jobs=args.jobs, advance=advance)
+    if args.json:
+        print(dumps(found.summary | {"report": str(folder / REPORT)}))
+    else:
+        Console().print(score_table(found.summary["rows"]))
+        print(folder / REPORT)
+    return 0

@@ -1,0 +1,52 @@
+"""Show a scenario, a suite or an estimator: all values written out.
+
+A scenario is printed as TOML that can be edited and run from its path.
+
+example:
+  flexaxis show fm_step-v1
+  flexaxis show fm_step-v1 > mine.toml       then: flexaxis run mine.toml
+  flexaxis show rpem-forgetting
+"""
+
+from __future__ import annotations
+
+import argparse
+
+HELP = "show a scenario, suite or estimator with all its values"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("name", metavar="NAME", help="name of the catalogue, or a TOML path")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Print what a name stands for."""
+    from dataclasses import asdict
+
+    from flexaxis.estimators.registry import REGISTRY
+    from flexaxis.experiments import catalogue
+    from flexaxis.experiments.results import dumps
+
+    if args.name in REGISTRY:
+        entry = REGISTRY[args.name]
+        content = {
+            "name": entry.name,
+            "summary": entry.summary,
+            "options": dict(entry.options),
+            "knob": entry.knob,
+        }
+        lines = [f"{entry.name}: {entry.summary}", "", "options and defaults:"]
+        lines += [f"  {key} = {value}" for key, value in entry.options.items()] or ["  none"]
+        lines += ["", f"knob that trades speed for variance: {entry.knob or 'none'}"]
+        text = "\n".join(lines)
+    elif args.name in catalogue.suite_names():
+        content = asdict(catalogue.find_suite(args.name))
+        text = "\n".join(f"{key}: {value}" for key, value in content.items())
+    else:
+        scenario = catalogue.find_scenario(args.name)
+        content = scenario.resolved() | {"hash": scenario.hash}
+        text = f"# {scenario.card}\n# content hash {scenario.hash}\n{scenario.to_toml()}"
+    print(dumps(content) if args.json else text.rstrip())
+    return 0

@@ -1,0 +1,48 @@
+"""Look at a run in 3-D: a window, or a picture with -o.
+
+The twist of the joints is about a milliradian, so the angles of gear and arm are exaggerated; the
+motor turns as it does. A record replays what happened; a scenario is simulated first.
+
+example:
+  flexaxis view fm_step-v1                         opens a window (needs a display)
+  flexaxis view rec.nc --at 12.5 -o axis.png       one picture, without a display
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "look at a run in 3-D, in a window or as a picture"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("what", metavar="SCENARIO|RECORD.nc")
+    parser.add_argument("--seed", type=int, default=0, help="of a scenario (default 0)")
+    parser.add_argument("--at", type=float, default=0.0, metavar="T", help="start there [s]")
+    parser.add_argument(
+        "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="PICTURE.png")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Show a run."""
+    from flexaxis.experiments.catalogue import find_scenario
+    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.view import picture, window
+    from flexaxis.sim.record import load_record
+    from flexaxis.sim.simulate import simulate
+
+    if args.what.endswith(".nc"):
+        record = load_record(Path(args.what))
+    else:
+        record = simulate(find_scenario(args.what), [args.seed])[0]
+    if args.output is None:
+        window(record, start=args.at, exaggerate=args.exaggerate)
+        return 0
+    picture(record, args.output, at=args.at, exaggerate=args.exaggerate)
+    print(dumps({"picture": str(args.output)}) if args.json else args.output)
+    return 0

@@ -1,0 +1,218 @@
+"""Run cases: simulate each scenario once per seed, give the record to every estimator, score it.
+
+A case is one estimator on one record. Cases are grouped into tasks, a scenario and some seeds
+each, that go to a pool of processes; the results do not depend on how they are grouped, and come
+back in the order of scenario, seed, estimator.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import platform
+import signal
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.scores import relative_error, score
+from flexaxis.experiments.specs import Spec, build, parse, parse_all
+from flexaxis.experiments.theta import true_theta
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.simulate import simulate
+
+SEEDS_PER_TASK = 16  # enough to share the cost of a batch, few enough to see progress
+CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scenario, some of its seeds, and the estimators that get the records."""
+
+    scenario: Scenario
+    estimators: tuple[str, ...]
+    seeds: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is kept of one estimator on one record.
+
+    Attributes
+    ----------
+    scenario, estimator : str
+    seed : int
+    names : tuple of str
+        Estimated parameters.
+    rows : list of dict
+        Scores, one row for each parameter, as they stand in scores.jsonl.
+    curve : ndarray (M, p)
+        Every tenth estimate over its nominal value.
+    relative : dict of str to ndarray (n,)
+        θ̃/D in the first scored window of each changed parameter.
+    """
+
+    scenario: str
+    estimator: str
+    seed: int
+    names: tuple[str, ...]
+    rows: list[dict[str, Any]]
+    curve: NDArray[np.float32]
+    relative: dict[str, NDArray[np.float32]]
+
+
+def run(
+    scenarios: Sequence[Scenario],
+    estimators: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    jobs: int = 1,
+    executor: Executor | None = None,
+) -> Iterator[list[Case]]:
+    """Run every estimator on every record, and yield the cases of each task, in order.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    estimators : sequence of str
+        Texts as for `--estimator`.
+    seeds : sequence of int
+    jobs : int
+        Processes. One stays in this process.
+    executor : concurrent.futures.Executor, optional
+        Where to run the tasks instead of a pool of our own.
+
+    Raises
+    ------
+    EstimatorError, SimulationError
+        If an estimator cannot be built or raises, or a simulation fails. What was yielded
+        before stays valid.
+    """
+    for spec in parse_all(estimators):
+        for scenario in scenarios:
+            build(spec, scenario)  # wrong options are found before anything is computed
+    todo = list(tasks(scenarios, tuple(dict.fromkeys(estimators)), seeds, jobs=jobs))
+    if executor is not None:
+        yield from executor.map(run_task, todo)
+    elif jobs == 1 or len(todo) == 1:
+        yield from map(run_task, todo)
+    else:
+        with _pool(min(jobs, len(todo))) as pool:
+            yield from pool.map(run_task, todo)
+
+
+def tasks(
+    scenarios: Sequence[Scenario],
+    estimators: tuple[str, ...],
+    seeds: Sequence[int],
+    *,
+    jobs: int = 1,
+) -> Iterator[Task]:
+    """Yield the tasks of a run, at least one for each process where there are seeds enough."""
+    size = max(1, min(SEEDS_PER_TASK, -(-len(seeds) // jobs)))
+    for scenario in scenarios:
+        for first in range(0, len(seeds), size):
+            yield Task(scenario, estimators, tuple(seeds[first : first + size]))
+
+
+def run_task(task: Task) -> list[Case]:
+    """Simulate the seeds of a task and run its estimators on each record."""
+    specs = [parse(text) for text in task.estimators]
+    for spec in specs:
+        _warm(spec, task.scenario)
+    records = simulate(task.scenario, task.seeds)
+    return [_case(task.scenario, record, spec) for record in records for spec in specs]
+
+
+def _warm(spec: Spec, scenario: Scenario) -> None:
+    """Let an estimator compile what it compiles, so that the cost scored is that of running."""
+    rest = np.zeros(2)
+    _estimates(spec, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)")
+
+
+def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
+    assert record.true_parameters is not None  # a simulated record knows the truth
+    estimator = build(spec, scenario)
+    y = getattr(record, scenario.output)
+    start = time.perf_counter()
+    where = f"{scenario.name}, seed {record.seed}"
+    theta = _estimates(spec, estimator, record.torque, y, record.valid, where=where)
+    seconds = time.perf_counter() - start
+    names, truth = tuple(estimator.names), record.true_parameters
+    identity = {
+        "case": sha256(f"{scenario.hash} {spec.text} {record.seed}".encode()).hexdigest()[:16],
+        "hash": scenario.hash,
+        "scenario": scenario.name,
+        "estimator": spec.text,
+        "seed": record.seed,
+    }
+    cost = {
+        "us_per_sample": 1e6 * seconds / len(theta),
+        "seconds": seconds,
+        "host": platform.node(),
+    }
+    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run is a result
+        rows = score(scenario, names, theta, truth, getattr(estimator, "bounds", None))
+        curve = theta[::CURVE_STEP] / true_theta(names, scenario.nominal.as_array())
+        relative = relative_error(scenario, names, theta, truth)
+        kept = {name: error.astype(np.float32) for name, error in relative.items()}
+    return Case(
+        scenario=scenario.name,
+        estimator=spec.text,
+        seed=record.seed or 0,
+        names=names,
+        rows=[identity | asdict(row) | {"cost": cost} for row in rows],
+        curve=curve.astype(np.float32),
+        relative=kept,
+    )
+
+
+def _estimates(
+    spec: Spec, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
+) -> NDArray[np.float64]:
+    """Run an estimator; what a user's code raises is said with its name and the record's."""
+    try:
+        theta = run_estimator(estimator, u, y, valid)
+    except Exception as error:
+        raise EstimatorError(
+            f"{spec.text} failed on {where}: {type(error).__name__}: {error}"
+        ) from error
+    if theta.shape != (len(u), len(estimator.names)):
+        raise EstimatorError(
+            f"{spec.text} returned estimates of the shape {theta.shape} on {where}; "
+            f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
+        )
+    return theta
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[Executor]:
+    """Give a pool of processes with one BLAS thread each; Ctrl-C is left to the parent."""
+    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    before = {key: os.environ.get(key) for key in single}
+    os.environ.update(single)  # read by the children when they import NumPy
+    pool = ProcessPoolExecutor(
+        jobs,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        for key, value in before.items():
+            if value is None:
+                os.environ.pop(key, None)
+            else:
+                os.environ[key] = value

@@ -1,0 +1,33 @@
+"""What θ means: between the names that are estimated and the physical parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.scenario import Scenario
+
+
+def physical(name: str) -> tuple[str, int]:
+    """Return the physical parameter and the exponent of an estimated one: "1/J_a" → J_a, −1."""
+    return (name[2:], -1) if name.startswith("1/") else (name, 1)
+
+
+def true_theta(names: Sequence[str], parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the true values (…, p) of estimated parameters from the physical ones (…, 12)."""
+    columns = [physical(name) for name in names]
+    return np.stack(
+        [parameters[..., PARAMETER_NAMES.index(p)] ** float(e) for p, e in columns], axis=-1
+    )
+
+
+def started_nominal(scenario: Scenario) -> dict[str, float]:
+    """Return the nominal values that an estimator is told: the identified ones off by `start`."""
+    values = scenario.nominal.as_dict()
+    for name in scenario.identify:
+        parameter, exponent = physical(name)
+        values[parameter] *= scenario.start ** float(exponent)
+    return values

@@ -1,0 +1,1 @@
+"""Ground truth: everything that knows the true parameters of the axis."""

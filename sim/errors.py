@@ -1,0 +1,86 @@
+"""Errors of the simulation side, and the nearest right word for a wrong one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class FlexaxisError(ValueError):
+    """A user's mistake or a failed run, said in one clear message."""
+
+
+class ParameterError(FlexaxisError):
+    """A physical parameter is unknown or has an impossible value."""
+
+
+class ScenarioError(FlexaxisError):
+    """A scenario is wrong; the message has one line for each problem.
+
+    Attributes
+    ----------
+    problems : tuple of str
+        The lines of the message, one for each problem found.
+    """
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = problems
+
+
+class RecordError(FlexaxisError):
+    """A record cannot be read, written or trusted."""
+
+
+class SimulationError(FlexaxisError):
+    """The physics engine gave a warning or a state that is not finite.
+
+    Attributes
+    ----------
+    run : int
+        Row of the batch in which it happened.
+    time : float
+        Simulated time at the end of the failed step [s].
+    reason : str
+        What the engine said.
+    """
+
+    def __init__(self, message: str, *, run: int, time: float, reason: str) -> None:
+        super().__init__(message)
+        self.run, self.time, self.reason = run, time, reason
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # Exceptions travel between worker processes by pickle, which by default would
+        # call the class with the message alone.
+        return _rebuild, (str(self), self.run, self.time, self.reason)
+
+
+def _rebuild(message: str, run: int, time: float, reason: str) -> SimulationError:
+    return SimulationError(message, run=run, time=time, reason=reason)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a hint naming the known word nearest to a wrong one, or nothing.
+
+    Examples
+    --------
+    >>> did_you_mean("k_t", ["k_T", "J_m"])
+    " Did you mean 'k_T'?"
+    >>> did_you_mean("apple", ["k_T", "J_m"])
+    ''
+    """
+    spelt = {name.lower(): name for name in known}
+    near = get_close_matches(word.lower(), spelt, n=1)
+    return f" Did you mean {spelt[near[0]]!r}?" if near else ""
+
+
+def unknown(kind: str, word: str, known: Iterable[str]) -> str:
+    """Return the message for a word that is none of the known ones.
+
+    Examples
+    --------
+    >>> unknown("preset", "N1", ["n1", "n2"])
+    "unknown preset 'N1'; known are n1, n2. Did you mean 'n1'?"
+    """
+    known = list(known)
+    return f"unknown {kind} {word!r}; known are {', '.join(known)}.{did_you_mean(word, known)}"

@@ -1,0 +1,115 @@
+"""What the motor angle is asked to do: reference signals of a run."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+
+from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim.timing import RATE, sample_index, sample_indices
+
+Array = NDArray[np.float64]
+
+
+# TOML has arrays where we keep tuples.
+Interval = Annotated[tuple[NotNegative, float], Field(strict=False)]
+
+
+class Multisine(Config):
+    """Sum of sinusoids: all lines of the DFT in a band, of equal size and random phase.
+
+    In a pause the reference keeps its last value and the signal's clock stands still, so that
+    it goes on without a jump.
+
+    Attributes
+    ----------
+    low, high : float
+        Band, ends included [Hz].
+    period : float
+        Period of the signal [s]; its inverse is the distance of the lines.
+    rms : float
+        Root mean square of the reference over one period [rad of the motor].
+    pause : tuple of (float, float)
+        Pauses from ... to [s].
+    """
+
+    kind: Literal["multisine"] = "multisine"
+    low: NotNegative = 0.1
+    high: Positive = 30.0
+    period: Positive = 10.0
+    rms: Annotated[float, Field(gt=0, le=10)] = 0.0511
+    pause: Annotated[tuple[Interval, ...], Field(strict=False)] = ()
+
+    @field_validator("pause")
+    @classmethod
+    def _pauses_in_order(
+        cls, pause: tuple[tuple[float, float], ...]
+    ) -> tuple[tuple[float, float], ...]:
+        ends = [end for interval in pause for end in interval]
+        if any(later <= earlier for earlier, later in pairwise(ends)):
+            raise ValueError("pauses must be [from, to] with from < to, in order of time")
+        return pause
+
+    @model_validator(mode="after")
+    def _has_lines(self) -> Multisine:
+        if self.high >= RATE / 2:
+            raise ValueError(f"high must be below half the sampling rate, {RATE / 2:g} Hz")
+        if abs(self.period * RATE - sample_index(self.period)) > 1e-6:
+            raise ValueError(f"period must be a whole number of samples of {1000 / RATE:g} ms")
+        if not self._lines().size:
+            raise ValueError(
+                f"no line of the period {self.period:g} s (a multiple of {1 / self.period:g} Hz) "
+                f"lies between low = {self.low:g} Hz and high = {self.high:g} Hz"
+            )
+        return self
+
+    def _lines(self) -> NDArray[np.int64]:
+        """Return the numbers of the DFT lines in the band, without the mean."""
+        slack = 1e-9  # so that 0.1 Hz at 10 s is line 1 and not line 1.0000000000000002
+        first = max(1, int(np.ceil(self.low * self.period - slack)))
+        return np.arange(first, int(np.floor(self.high * self.period + slack)) + 1)
+
+    def one_period(self, rng: np.random.Generator) -> Array:
+        """Return one period of the signal (period/T,) [rad], phases drawn from `rng`."""
+        lines = self._lines()
+        spectrum = np.zeros(sample_index(self.period) // 2 + 1, dtype=complex)
+        spectrum[lines] = np.exp(2j * np.pi * rng.random(lines.size))
+        signal = np.fft.irfft(spectrum, sample_index(self.period))
+        return signal * (self.rms / np.sqrt(np.mean(signal**2)))
+
+    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+        """Return the reference (N,) [rad] at the samples; before its first sample it is 0."""
+        signal = self.one_period(rng)
+        clock = np.cumsum(self.excited(times)) - 1
+        return np.where(clock < 0, 0.0, signal[clock % signal.size])
+
+    def excited(self, times: Array) -> NDArray[np.bool_]:
+        """Return at which samples (N,) the reference moves."""
+        k = sample_indices(times)
+        moves = np.ones(k.size, dtype=bool)
+        for begin, end in self.pause:
+            moves &= (k < sample_index(begin)) | (k >= sample_index(end))
+        return moves
+
+
+class Standstill(Config):
+    """A reference of zero: the axis is held where it is."""
+
+    kind: Literal["standstill"] = "standstill"
+
+    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+        """Return the reference (N,), all zero [rad]."""
+        del rng
+        return np.zeros(len(times))
+
+    def excited(self, times: Array) -> NDArray[np.bool_]:
+        """Return at which samples (N,) the reference moves: at none."""
+        return np.zeros(len(times), dtype=bool)
+
+
+# A new excitation is a class with `kind`, `reference` and `excited`, and its name here.
+Excitation = Annotated[Multisine | Standstill, Field(discriminator="kind")]

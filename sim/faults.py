@@ -1,0 +1,140 @@
+"""Faults: how the true parameters change over time, as factors on their nominal values."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
+
+from flexaxis.sim.config import Config, Positive
+from flexaxis.sim.errors import unknown
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.timing import PERIOD, sample_index, sample_indices
+
+Array = NDArray[np.float64]
+
+
+def _can_fail(parameter: str) -> str:
+    if parameter not in PARAMETER_NAMES:
+        raise ValueError(unknown("parameter", parameter, PARAMETER_NAMES))
+    if parameter == "r":
+        raise ValueError("the gear ratio r is a count of teeth and cannot change in a run")
+    return parameter
+
+
+Parameter = Annotated[str, AfterValidator(_can_fail)]
+# Above that a percentage was meant, or a value instead of a factor.
+Factor = Annotated[float, Field(ge=0, le=100)]
+# What is shorter than a sample would round to nothing; at sample 0 there is no value before.
+Span = Annotated[float, Field(ge=PERIOD)]
+
+
+class Step(Config):
+    """A parameter jumps and stays.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter, any but ``r``.
+    at : float
+        Time of the onset [s], rounded to a sample; that sample has the new value.
+    factor : float
+        New value over the value before.
+    """
+
+    kind: Literal["step"] = "step"
+    parameter: Parameter
+    at: Span
+    factor: Factor
+
+    def factor_at(self, times: Array) -> Array:
+        """Return the factor (N,) at the samples."""
+        return np.where(sample_indices(times) >= sample_index(self.at), self.factor, 1.0)
+
+    def onsets(self, times: Array) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each change."""
+        del times
+        return [(sample_index(self.at), sample_index(self.at))]
+
+
+class Ramp(Config):
+    """A parameter changes evenly over a time, and stays.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter, any but ``r``.
+    at : float
+        Time of the onset [s], rounded to a sample; that sample has the first changed value.
+    over : float
+        Time from the onset to the final value [s].
+    factor : float
+        Final value over the value before.
+    """
+
+    kind: Literal["ramp"] = "ramp"
+    parameter: Parameter
+    at: Span
+    over: Span
+    factor: Factor
+
+    def factor_at(self, times: Array) -> Array:
+        """Return the factor (N,) at the samples: the mean of the ramp until the next sample."""
+        k = sample_indices(times) - sample_index(self.at)
+        done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / sample_index(self.over), 1.0))
+        return 1.0 + done * (self.factor - 1.0)
+
+    def onsets(self, times: Array) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each change."""
+        del times
+        first = sample_index(self.at)
+        return [(first, first + sample_index(self.over))]
+
+
+class Intermittent(Config):
+    """A parameter jumps to and fro, as with a loose contact.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter, any but ``r``.
+    at : float
+        Time of the first onset [s], rounded to a sample.
+    on, off : float
+        Time with the fault and time without it, in turn [s], rounded to samples.
+    factor : float
+        Value during the fault over the value without.
+    until : float, optional
+        Time from which there is no fault any more [s]; without it, to the end of the run.
+    """
+
+    kind: Literal["intermittent"] = "intermittent"
+    parameter: Parameter
+    at: Span
+    on: Span
+    off: Span
+    factor: Factor
+    until: Positive | None = None
+
+    def factor_at(self, times: Array) -> Array:
+        """Return the factor (N,) at the samples."""
+        return np.where(self._faulty(sample_indices(times)), self.factor, 1.0)
+
+    def onsets(self, times: Array) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each change in `times`."""
+        k = sample_indices(times)
+        switched = self._faulty(k) != self._faulty(k - 1)
+        return [(int(index), int(index)) for index in k[switched]]
+
+    def _faulty(self, k: NDArray[np.int64]) -> NDArray[np.bool_]:
+        since = k - sample_index(self.at)
+        on, off = sample_index(self.on), sample_index(self.off)
+        faulty = (since >= 0) & (since % (on + off) < on)
+        return faulty if self.until is None else faulty & (k < sample_index(self.until))
+
+
+# A new fault is a class with `kind`, `parameter`, `at`, `factor_at` and `onsets`, and its name
+# here.
+Fault = Annotated[Step | Ramp | Intermittent, Field(discriminator="kind")]

@@ -1,0 +1,230 @@
+"""The axis in MuJoCo: a batch of runs, stepped at the sampling rate, parameters settable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from flexaxis.models_mjcf import model_files
+from flexaxis.sim.errors import ParameterError, SimulationError
+from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
+from flexaxis.sim.timing import PERIOD
+
+Array = NDArray[np.float64]
+
+# Where the engine keeps each parameter: field of the model, named object it belongs to.
+_PLACES = {
+    "k_T": ("actuator_gear", "motor"),
+    "J_m": ("body_inertia", "motor"),
+    "J_g": ("body_inertia", "gear"),
+    "J_a": ("body_inertia", "arm"),
+    "k_g": ("tendon_stiffness", "gear"),
+    "k_a": ("tendon_stiffness", "arm"),
+    "d_g": ("tendon_damping", "gear"),
+    "d_a": ("tendon_damping", "arm"),
+    "f_m": ("dof_damping", "motor"),
+    "f_g": ("dof_damping", "gear"),
+    "f_a": ("dof_damping", "arm"),
+    "r": ("wrap_prm", "gear"),
+}
+_KINDS = {"body": "body", "tendon": "tendon", "dof": "joint", "actuator": "actuator"}
+
+# The engine derives constants from these; after a change it has to derive them again.
+_DERIVED_FROM = frozenset({"J_m", "J_g", "J_a", "r"})
+
+
+class Plant:
+    """A batch of simulated axes, held torque in, angles and speeds out.
+
+    All runs start at rest at angle zero. Each run gives the same bits whatever the number of
+    runs or threads.
+
+    Parameters
+    ----------
+    parameters : sequence of AxisParameters, or ndarray (R, 12)
+        Parameters of each run.
+    period : float
+        Time between two calls of `step` [s].
+    substeps : int
+        Steps of the fourth-order Runge-Kutta method in one period.
+    threads : int
+        Threads that share the runs.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not physical.
+    """
+
+    def __init__(
+        self,
+        parameters: Sequence[AxisParameters] | Array,
+        *,
+        period: float = PERIOD,
+        substeps: int = 5,
+        threads: int = 1,
+    ) -> None:
+        values = _as_rows(parameters)
+        model = _compile(period / substeps)
+        self._batch = Batch(model, len(values), threads)
+        self._substeps = substeps
+        self._places = _places(self._batch, model)
+        self._values = np.full_like(values, np.nan)
+        self._angle: Array = self._batch.bind("qpos")
+        self._speed: Array = self._batch.bind("qvel")
+        self._torque: Array = self._batch.bind("ctrl")[:, 0]
+        self._time: Array = self._batch.bind("time")
+        self.set_parameters(values)
+
+    def set_parameters(self, parameters: Sequence[AxisParameters] | Array) -> None:
+        """Change the parameters of the runs from now on; angles and speeds stay.
+
+        An inertia that changes keeps its speed, and so not its momentum, as when a load that
+        moves along is taken up or let go.
+
+        Parameters
+        ----------
+        parameters : sequence of AxisParameters, or ndarray (R, 12)
+            New parameters of each run. Only what differs is touched.
+
+        Raises
+        ------
+        ParameterError
+            If a parameter is not physical; then nothing has changed.
+        """
+        values = _as_rows(parameters)
+        if values.shape != self._values.shape:
+            raise ParameterError(
+                f"expected parameters of shape {self._values.shape}, got {values.shape}."
+            )
+        changed = np.flatnonzero((values != self._values).any(axis=0))
+        _check_columns(values, changed)
+        for column in changed:
+            self._places[column][...] = values[:, column].reshape(
+                -1, *[1] * (self._places[column].ndim - 1)
+            )
+        if any(PARAMETER_NAMES[column] in _DERIVED_FROM for column in changed):
+            self._batch.set_const()
+        self._values = values
+
+    def step(self, torque: Array) -> None:
+        """Hold a torque command for one period.
+
+        Parameters
+        ----------
+        torque : ndarray (R,)
+            Command of each run [N m].
+
+        Raises
+        ------
+        SimulationError
+            If the engine warns, or a state is no longer finite.
+        """
+        self._torque[:] = torque
+        with _quiet():
+            self._batch.step(nstep=self._substeps)
+        if self._batch.warning.any() or not np.isfinite(self._batch.state).all():
+            self._fail()
+
+    def model(self, run: int) -> mujoco.MjModel:
+        """Return a copy of the engine's model of one run, to look into."""
+        return self._batch.get_model(run)
+
+    @property
+    def speed_m(self) -> Array:
+        """Motor speed (R,) [rad/s], now; a live view, to be copied if it is to be kept."""
+        return self._speed[:, 0]
+
+    @property
+    def angles(self) -> Array:
+        """Motor, gear and arm angle (R, 3) [rad], now; a live view."""
+        return self._angle
+
+    @property
+    def angle_m(self) -> Array:
+        """Motor angle (R,) [rad], now; a live view."""
+        return self._angle[:, 0]
+
+    @property
+    def angle_g(self) -> Array:
+        """Gear angle (R,) on the arm side [rad], now; a live view."""
+        return self._angle[:, 1]
+
+    @property
+    def angle_a(self) -> Array:
+        """Arm angle (R,) [rad], now; a live view."""
+        return self._angle[:, 2]
+
+    def _fail(self) -> None:
+        """Raise the error of the first run that has gone wrong."""
+        counts = self._batch.warning[:, :, 1]
+        bad = counts.any(axis=1) | ~np.isfinite(self._batch.state).all(axis=1)
+        run = int(np.flatnonzero(bad)[0])
+        kinds = [mujoco.mjtWarning(kind).name for kind in np.flatnonzero(counts[run])]
+        reason = f"MuJoCo warning {', '.join(kinds)}" if kinds else "state is not finite"
+        time = float(self._time[run])
+        message = f"run {run} failed at t = {time:.3f} s: {reason}."
+        raise SimulationError(message, run=run, time=time, reason=reason)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the engine from printing warnings, and from writing them into the user's folder.
+
+    Its counters still count them, and they become errors.
+    """
+    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    silent.logto_console = silent.logto_file = False
+    silent.set()
+    try:
+        yield
+    finally:
+        before.set()
+
+
+def _compile(timestep: float) -> mujoco.MjModel:
+    xml, _ = model_files("three_mass")
+    spec = mujoco.MjSpec.from_string(xml)
+    spec.option.timestep = timestep
+    spec.compiler.discardvisual = True  # shapes only cost time here
+    return spec.compile()
+
+
+def _as_rows(parameters: Sequence[AxisParameters] | Array) -> Array:
+    """Return parameters as a new array (R, 12)."""
+    rows = [p.as_array() if isinstance(p, AxisParameters) else p for p in parameters]
+    values = np.array(rows, dtype=float)
+    if values.ndim != 2 or values.shape[1] != len(PARAMETER_NAMES) or not len(values):
+        raise ParameterError(
+            f"parameters must have shape (runs, {len(PARAMETER_NAMES)}) with at least one run, "
+            f"not {values.shape}."
+        )
+    return values
+
+
+def _check_columns(values: Array, columns: NDArray[np.int64]) -> None:
+    for column in columns:
+        name = PARAMETER_NAMES[column]
+        for run, value in enumerate(values[:, column].tolist()):
+            if problem := parameter_problem(name, value):
+                raise ParameterError(f"{name} of run {run} {problem}.")
+
+
+def _places(batch: Batch, model: mujoco.MjModel) -> list[Array]:
+    """Return, for each parameter, the live array (R, ...) of the engine that holds it."""
+    return [_place(batch, model, *_PLACES[name]) for name in PARAMETER_NAMES]
+
+
+def _place(batch: Batch, model: mujoco.MjModel, field: str, name: str) -> Array:
+    values: Array = batch.expand(field)
+    if field == "wrap_prm":  # the coefficient of the motor in the gear tendon
+        return values[:, model.tendon_adr[model.tendon(name).id]]
+    rows = values[:, getattr(model, _KINDS[field.split("_", maxsplit=1)[0]])(name).id]
+    # Of the six transmission ratios of an actuator only the first acts on a hinge; of the
+    # inertias all three stay equal, so that they belong to a possible body.
+    return rows[:, 0] if field == "actuator_gear" else rows

@@ -1,0 +1,154 @@
+"""What is wrong with a scenario, in words a user can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from flexaxis.sim.config import kinds
+from flexaxis.sim.errors import did_you_mean, unknown
+from flexaxis.sim.excitation import Excitation
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.parameters import MAY_BE_ZERO, PARAMETER_NAMES, PRESETS, parameter_problem
+from flexaxis.sim.timing import sample_index
+
+Problem = tuple[str, str]
+"""Key, such as ``fault[0].at``, and what is wrong with it."""
+
+_KINDS = {"fault": kinds(Fault), "excitation": kinds(Excitation)}
+
+# Where pydantic speaks Python, TOML's words.
+_WORDS = {
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "tuple_type": "must be an array",
+    "too_short": "must have at least one entry",
+    "string_pattern_mismatch": "must be one word, without blanks and slashes",
+}
+
+
+def explain(error: ValidationError, top: type[BaseModel]) -> Iterator[Problem]:
+    """Yield what pydantic found wrong with single keys of a table of type `top`."""
+    for item in error.errors():
+        if item["loc"]:  # without a place it is from `conflicts`, which the caller asks itself
+            yield _key(item["loc"]), _text(item, top)
+
+
+def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield values of the right type that do not go together, or not with this plant.
+
+    Values of a wrong type are passed over: `explain` tells them.
+    """
+    duration = _number(content.get("duration"))
+    yield from _parameter_problems(content)
+    yield from _identify_problems(content.get("identify"))
+    for index, fault in enumerate(_items(content.get("fault"))):
+        if isinstance(fault, Mapping):
+            for key, text in _fault_problems(fault, duration):
+                yield f"fault[{index}].{key}", text
+    excitation = content.get("excitation")
+    if isinstance(excitation, Mapping):
+        yield from _pause_problems(excitation.get("pause"), duration)
+
+
+def _key(loc: Iterable[int | str]) -> str:
+    """Return ``fault[0].at`` for the place ``("fault", 0, "step", "at")``."""
+    key = ""
+    for part in loc:
+        if isinstance(part, int):
+            key += f"[{part}]"
+        elif part not in _KINDS.get(key.split("[", maxsplit=1)[0], ()):
+            key += f".{part}" if key else part
+    return key
+
+
+def _text(item: Any, top: type[BaseModel]) -> str:
+    """Return the message for one of pydantic's errors."""
+    words = [part for part in item["loc"] if isinstance(part, str)]
+    match item["type"]:
+        case "missing":
+            return "is missing"
+        case "extra_forbidden":
+            return unknown("key", words[-1], _known_keys(words[:-1], top))
+        case "union_tag_not_found":
+            return f"kind is missing; known are {', '.join(_KINDS[words[0]])}"
+        case "union_tag_invalid":
+            return unknown("kind", item["ctx"]["tag"], _KINDS[words[0]])
+        case "value_error":
+            return str(item["ctx"]["error"])
+    message = _WORDS.get(item["type"], item["msg"].replace("Input should", "must"))
+    return f"{message}, not {item['input']!r}"
+
+
+def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
+    """Return the keys of the table at a place such as ``["fault", "step"]``."""
+    if not words:
+        return top.model_fields
+    if words[0] in _KINDS:
+        return _KINDS[words[0]][words[1]].model_fields
+    table = top.model_fields[words[0]].annotation
+    return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
+
+
+def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+    name, parameters = content.get("preset"), content.get("parameters")
+    if isinstance(name, str) and name not in PRESETS:
+        yield "preset", unknown("preset", name, PRESETS)
+    for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
+        if key not in PARAMETER_NAMES:
+            yield f"parameters.{key}", unknown("parameter", key, PARAMETER_NAMES)
+        elif _number(value) is not None and (problem := parameter_problem(key, value)):
+            yield f"parameters.{key}", problem
+
+
+def _identify_problems(identify: Any) -> Iterator[Problem]:
+    seen: dict[str, str] = {}
+    for index, name in enumerate(_items(identify)):
+        if not isinstance(name, str):
+            continue
+        parameter = name.removeprefix("1/")
+        if parameter not in PARAMETER_NAMES:
+            known = [*PARAMETER_NAMES, *(f"1/{parameter}" for parameter in PARAMETER_NAMES)]
+            yield (
+                f"identify[{index}]",
+                f"unknown parameter {name!r}; known are {', '.join(PARAMETER_NAMES)} and the "
+                f"inverse of each, such as '1/J_a'.{did_you_mean(name, known)}",
+            )
+        elif parameter in seen:
+            yield f"identify[{index}]", f"{name!r} after {seen[parameter]!r}: name each once"
+        seen.setdefault(parameter, name)
+
+
+def _fault_problems(fault: Mapping[str, Any], duration: float | None) -> Iterator[Problem]:
+    at, until, factor = (_number(fault.get(key)) for key in ("at", "until", "factor"))
+    if at is not None and duration is not None and sample_index(at) >= sample_index(duration):
+        yield "at", f"the onset at {at:g} s is not before the end of the run at {duration:g} s"
+    if at is not None and until is not None and sample_index(until) <= sample_index(at):
+        yield "until", f"the end at {until:g} s is not after the onset at {at:g} s"
+    parameter = fault.get("parameter")
+    if factor == 0 and parameter in PARAMETER_NAMES and parameter not in MAY_BE_ZERO:
+        yield "factor", f"must be above 0, for {parameter} must stay positive"
+
+
+def _pause_problems(pauses: Any, duration: float | None) -> Iterator[Problem]:
+    for index, pause in enumerate(_items(pauses)):
+        begin = _number(next(iter(_items(pause)), None))
+        if begin is not None and duration is not None and begin >= duration:
+            yield (
+                f"excitation.pause[{index}]",
+                f"the pause from {begin:g} s begins after the end of the run at {duration:g} s",
+            )
+
+
+def _items(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else []
+
+
+def _number(value: Any) -> float | None:
+    """Return a finite number as it is, and None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value) if abs(value) < float("inf") else None

@@ -1,0 +1,201 @@
+"""A record: what was measured in one run, the truth where it is known, and where it is from."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.record_file import SIGNALS, read_netcdf, write_netcdf
+from flexaxis.sim.timing import PERIOD
+
+Array = NDArray[np.float64]
+
+OUTPUTS = ("speed", "increment", "angle")
+"""The signals of which a record needs one."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """One run, sampled at times t_k: torque in, motor angle out.
+
+    The output k is measured at t_k, before the torque k acts on [t_k, t_{k+1}). Whatever is not
+    known of a log from outside is None: only time, torque and one of speed, increment and angle
+    must be there.
+
+    Attributes
+    ----------
+    time : ndarray (N,)
+        Sample times, evenly spaced [s].
+    torque : ndarray (N,)
+        Torque command [N m].
+    angle, speed, increment : ndarray (N,), optional
+        Motor angle [rad], motor speed [rad/s] and difference of motor angles over the period
+        [rad/s], as measured.
+    true_speed, true_angle_m, true_angle_g, true_angle_a : ndarray (N,), optional
+        True motor speed [rad/s], and true motor, gear and arm angle [rad].
+    true_parameters : ndarray (N, 12), optional
+        True parameters that act on [t_k, t_{k+1}), in the order of `PARAMETER_NAMES`.
+    valid : ndarray (N,) of bool, optional
+        False where a sample is missing; without it all are there.
+    scenario : dict
+        The scenario with all its values written out, its name included; empty if unknown.
+    hash : str
+        Content hash of the scenario.
+    seed : int, optional
+        Number of the run.
+    burn_in : float
+        Time from the start that is not to be scored [s].
+    versions : dict
+        Versions of the programs that made it.
+
+    Raises
+    ------
+    RecordError
+        If a needed array is missing, shapes differ, a value is not finite, or time does not
+        advance evenly.
+    """
+
+    time: Array
+    torque: Array
+    angle: Array | None = None
+    speed: Array | None = None
+    increment: Array | None = None
+    true_speed: Array | None = None
+    true_angle_m: Array | None = None
+    true_angle_g: Array | None = None
+    true_angle_a: Array | None = None
+    true_parameters: Array | None = None
+    valid: NDArray[np.bool_] | None = None
+    scenario: dict[str, Any] = field(default_factory=dict)
+    hash: str = ""
+    seed: int | None = None
+    burn_in: float = 0.0
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    @property
+    def period(self) -> float:
+        """Sampling period [s]."""
+        span = self.time[-1] - self.time[0]
+        # The simulated grid is exact; a mean over it would be off by rounding.
+        mean = float(span / (len(self.time) - 1))
+        return PERIOD if abs(mean - PERIOD) < 1e-9 else mean
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the record as NetCDF-4; a file of that name is replaced at once or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write; by custom it ends in ``.nc``.
+
+        Returns
+        -------
+        Path
+            The file written.
+
+        Raises
+        ------
+        RecordError
+            If the folder does not exist or cannot be written.
+        """
+        path = Path(path)
+        if not path.parent.is_dir():
+            raise RecordError(f"{path}: there is no folder {path.parent}.")
+        temporary = path.with_name(f".{path.name}.{uuid4().hex}")
+        try:
+            write_netcdf(self, temporary)
+            os.replace(temporary, path)
+        except OSError as error:
+            raise RecordError(f"{path}: cannot be written: {error}.") from error
+        finally:
+            temporary.unlink(missing_ok=True)
+        return path
+
+
+def load_record(path: str | os.PathLike[str]) -> Record:
+    """Read a record from a NetCDF-4 file, and check it.
+
+    Parameters
+    ----------
+    path : path-like
+        File written by `Record.save`, or one of your own with variables ``time``, ``torque`` and
+        ``speed``, ``increment`` or ``angle`` on a dimension ``time``.
+
+    Returns
+    -------
+    Record
+        The record; what the file does not have is None.
+
+    Raises
+    ------
+    RecordError
+        If the file is missing, broken, no record, or holds impossible values.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordError(f"{path}: no such file.")
+    try:
+        return Record(**read_netcdf(path))
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
+    except Exception as error:
+        # The HDF5 stack has many exceptions for a broken file, and no common one.
+        raise RecordError(f"{path}: no NetCDF-4 file, or a broken one ({error}).") from error
+
+
+def _check(record: Record) -> None:
+    """Raise a RecordError for what would make a record useless or misleading."""
+    if all(getattr(record, name) is None for name in OUTPUTS):
+        raise RecordError(f"a record needs one of {', '.join(OUTPUTS)}; there is none of them.")
+    samples = np.size(record.time)
+    if samples < 2:
+        raise RecordError(f"a record needs at least 2 samples; time has {samples}.")
+    for name in (*SIGNALS, "valid"):
+        _check_array(record, name, (samples,))
+    _check_array(record, "true_parameters", (samples, len(PARAMETER_NAMES)))
+    _check_grid(record.time)
+
+
+def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
+    values = getattr(record, name)
+    if values is None:
+        return
+    if np.shape(values) != shape:
+        raise RecordError(
+            f"{name} has shape {np.shape(values)}; with {shape[0]} samples of time it must be "
+            f"{shape}."
+        )
+    bad = ~np.isfinite(values)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        where = f"sample {index[0]}"
+        if len(index) > 1:
+            where += f", {PARAMETER_NAMES[index[1]]}"
+        raise RecordError(
+            f"{name} is {values[index]} at {where} ({bad.sum()} such values); mark missing "
+            "samples with valid = False and give them any finite value."
+        )
+
+
+def _check_grid(time: Array) -> None:
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        raise RecordError(f"time does not advance at sample {int(np.argmax(steps <= 0)) + 1}.")
+    uneven = np.abs(steps / np.median(steps) - 1) > 0.01
+    if uneven.any():
+        k = int(np.argmax(uneven))
+        raise RecordError(
+            f"time is not even: {steps[k]:.6g} s from sample {k} to {k + 1}, but "
+            f"{np.median(steps):.6g} s mostly; resample, or mark gaps with valid = False."
+        )

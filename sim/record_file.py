@@ -1,0 +1,121 @@
+"""Records as NetCDF-4 files: the layout, in and out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5netcdf
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.parameters import PARAMETER_NAMES
+
+if TYPE_CHECKING:
+    from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+SIGNALS = {
+    "time": ("s", "time of the sample"),
+    "torque": ("N m", "torque command, held from this sample to the next"),
+    "angle": ("rad", "motor angle as measured"),
+    "speed": ("rad/s", "motor speed as measured"),
+    "increment": ("rad/s", "difference of measured motor angles over the period"),
+    "true_speed": ("rad/s", "motor speed"),
+    "true_angle_m": ("rad", "motor angle"),
+    "true_angle_g": ("rad", "gear angle, arm side"),
+    "true_angle_a": ("rad", "arm angle"),
+}
+"""Unit and meaning of each signal (N,), by name."""
+
+_ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
+    "scenario": json.loads,
+    "versions": json.loads,
+    "hash": str,
+    "seed": int,
+    "burn_in": float,
+}
+
+
+def write_netcdf(record: Record, path: Path) -> None:
+    """Write a record to a file; the folder must exist."""
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"time": len(record.time)}
+        for name, (unit, meaning) in SIGNALS.items():
+            values = getattr(record, name)
+            if values is not None:
+                variable = file.create_variable(name, ("time",), data=np.asarray(values, float))
+                variable.attrs.update({"units": unit, "long_name": meaning})
+        if record.valid is not None:
+            file.create_variable("valid", ("time",), data=np.asarray(record.valid, np.int8))
+        if record.true_parameters is not None:
+            _write_parameters(file, record.true_parameters)
+        file.attrs["burn_in"] = record.burn_in
+        file.attrs["hash"] = record.hash
+        file.attrs["scenario"] = json.dumps(record.scenario)
+        file.attrs["versions"] = json.dumps(record.versions)
+        if record.seed is not None:
+            file.attrs["seed"] = record.seed
+
+
+def _write_parameters(file: Any, values: Array) -> None:
+    file.dimensions["parameter"] = len(PARAMETER_NAMES)
+    names = file.create_variable("parameter", ("parameter",), dtype=h5py.string_dtype())
+    names[:] = np.array(PARAMETER_NAMES, dtype=object)
+    # Twelve columns that hardly ever change: compression makes them vanish.
+    variable = file.create_variable(
+        "true_parameters",
+        ("time", "parameter"),
+        data=np.asarray(values, float),
+        compression="gzip",
+        compression_opts=1,
+        shuffle=True,
+    )
+    variable.attrs["long_name"] = "true parameters that act from this sample to the next"
+
+
+def read_netcdf(path: Path) -> dict[str, Any]:
+    """Return the fields of a record as they stand in a file."""
+    with h5netcdf.File(path, "r") as file:
+        content: dict[str, Any] = {
+            name: np.asarray(file.variables[name][...], dtype=float)
+            for name in SIGNALS
+            if name in file.variables
+        }
+        _check_needed(content, file.variables)
+        if "valid" in file.variables:
+            content["valid"] = np.asarray(file.variables["valid"][...], dtype=bool)
+        if "true_parameters" in file.variables:
+            content["true_parameters"] = _read_parameters(file)
+        attributes: Mapping[str, Any] = dict(file.attrs)
+    for name, kind in _ATTRIBUTES.items():
+        if name in attributes:
+            try:
+                content[name] = kind(attributes[name])
+            except (TypeError, ValueError) as error:
+                raise RecordError(f"attribute {name!r} cannot be read: {error}.") from error
+    return content
+
+
+def _check_needed(content: Mapping[str, Any], present: Mapping[str, Any]) -> None:
+    for name in ("time", "torque"):
+        if name not in content:
+            raise RecordError(
+                f"variable {name!r} is missing; there are {', '.join(present) or 'none'}."
+            )
+
+
+def _read_parameters(file: Any) -> Array:
+    """Return the true parameters with their columns in our order."""
+    values = np.asarray(file.variables["true_parameters"][...], dtype=float)
+    if "parameter" not in file.variables:
+        raise RecordError("variable 'parameter', the names of the columns, is missing.")
+    names = [n.decode() if isinstance(n, bytes) else str(n) for n in file.variables["parameter"]]
+    if sorted(names) != sorted(PARAMETER_NAMES):
+        raise RecordError(f"parameter must name {', '.join(PARAMETER_NAMES)}; it has {names}.")
+    return values[:, [names.index(name) for name in PARAMETER_NAMES]]

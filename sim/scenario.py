@@ -1,0 +1,266 @@
+"""A scenario: everything that defines a run but its seed, as TOML and as a frozen object."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim.controller import ControllerConfig
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.excitation import Excitation, Multisine
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
+from flexaxis.sim.problems import conflicts, explain
+from flexaxis.sim.sensors import DelayConfig, EncoderConfig, NoiseConfig
+from flexaxis.sim.timing import PERIOD, sample_index, sample_times
+from flexaxis.sim.toml_text import toml_text
+
+Array = NDArray[np.float64]
+Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change of a true parameter.
+
+    Attributes
+    ----------
+    parameter : str
+        Name of the parameter.
+    index : int
+        First sample with a changed value.
+    before, after : float
+        Value before the change, and when it is complete.
+    """
+
+    parameter: str
+    index: int
+    before: float
+    after: float
+
+
+class Scenario(Config):
+    """Definition of a run: axis, excitation, loop, sensors and faults over time.
+
+    Make one with `load_scenario`, `parse_scenario` or `Scenario.override`, which report all
+    problems at once; docs/scenarios.md explains each key.
+
+    Attributes
+    ----------
+    name : str
+        Frozen with the content: change the content, and it is another name.
+    duration : float
+        Length of the run [s].
+    card : str
+        What the scenario tests, in words.
+    preset : str
+        Named parameter set.
+    parameters : dict of str to float
+        Values that replace those of the preset (SI).
+    identify : tuple of str
+        Parameters to estimate, inverses such as ``"1/J_a"`` included.
+    start : float
+        Where the estimates of these start, over nominal.
+    output : {"speed", "increment"}
+        What the estimators read.
+    burn_in : float
+        Time from the start that is not to be scored [s].
+    feedback : {"clean", "measured"}
+        Whether the controller sees the true motor angle or the measured one.
+    noise, encoder, delay, controller, excitation, fault
+        Tables of their own.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
+    duration: Annotated[float, Field(ge=2 * PERIOD, le=86400)]
+    card: str = ""
+    preset: str = "n1"
+    parameters: dict[str, float] = Field(default_factory=dict)
+    identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = ("k_T", "1/J_a", "f_m")
+    start: Positive = 1.0
+    output: Literal["speed", "increment"] = "speed"
+    burn_in: NotNegative = 5.0
+    feedback: Literal["clean", "measured"] = "clean"
+    noise: NoiseConfig = NoiseConfig()
+    encoder: EncoderConfig = EncoderConfig()
+    delay: DelayConfig = DelayConfig()
+    controller: ControllerConfig = ControllerConfig()
+    excitation: Excitation = Multisine()
+    fault: Annotated[tuple[Fault, ...], Tuple] = ()
+
+    @model_validator(mode="after")
+    def _keys_agree(self) -> Scenario:
+        problems = [f"{key}: {text}" for key, text in conflicts(self.model_dump())]
+        if problems:
+            raise ValueError("\n".join(problems))
+        return self
+
+    @property
+    def period(self) -> float:
+        """Sampling period [s]."""
+        return PERIOD
+
+    @property
+    def samples(self) -> int:
+        """Number of samples N."""
+        return sample_index(self.duration)
+
+    @property
+    def times(self) -> Array:
+        """Sample times (N,) [s]."""
+        return sample_times(self.samples)
+
+    @property
+    def nominal(self) -> AxisParameters:
+        """Parameters before any fault."""
+        return preset(self.preset).replace(**self.parameters)
+
+    def true_parameters(self) -> Array:
+        """Return the parameters (N, 12) that act from each sample to the next."""
+        return self._parameters_at(self.times)
+
+    def excited(self) -> NDArray[np.bool_]:
+        """Return at which samples (N,) the reference moves."""
+        return self.excitation.excited(self.times)
+
+    def events(self) -> tuple[Event, ...]:
+        """Return the changes of the true parameters, in order of time.
+
+        A ramp is one event at its onset; an intermittent fault is one at each switch.
+        """
+        times = self.times
+        changes: dict[tuple[int, str], int] = {}
+        for fault in self.fault:
+            for first, settled in fault.onsets(times):
+                key = first, fault.parameter
+                changes[key] = max(settled, changes.get(key, settled))
+        events = [self._event(name, first, last) for (first, name), last in changes.items()]
+        return tuple(
+            sorted(
+                (event for event in events if event.before != event.after),
+                key=lambda event: (event.index, PARAMETER_NAMES.index(event.parameter)),
+            )
+        )
+
+    @cached_property
+    def hash(self) -> str:
+        """Identity: SHA-256 of the content, that is without name, card and name of the preset."""
+        content = {k: v for k, v in self.resolved().items() if k not in {"name", "card", "preset"}}
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return sha256(text.encode()).hexdigest()
+
+    def resolved(self) -> dict[str, Any]:
+        """Return the definition with all defaults and all twelve parameters written out.
+
+        What is off is left out (None), so that a feature added later does not change the
+        identity of a scenario that does not use it.
+        """
+        content = self.model_dump(mode="json", exclude_none=True)
+        return content | {"parameters": self.nominal.as_dict()}
+
+    def to_toml(self) -> str:
+        """Return `resolved` as TOML; read again, it is the same scenario."""
+        return toml_text(self.resolved())
+
+    def override(self, changes: Mapping[str, Any]) -> Scenario:
+        """Return the scenario with some keys changed, the changes added to its name.
+
+        Parameters
+        ----------
+        changes : mapping of str to value
+            New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
+
+        Raises
+        ------
+        ScenarioError
+            If a key is unknown or a value is not allowed.
+        """
+        content = self.model_dump(mode="json", exclude_none=True)
+        for key, value in changes.items():
+            try:
+                _set(content, key, value)
+            except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+                raise ScenarioError(f"{self.name}: {key}: no such key to override") from None
+        if "name" not in changes:
+            suffix = "".join(f"+{key}={_compact(value)}" for key, value in changes.items())
+            content["name"] = self.name + suffix
+        return scenario_from(content, source=self.name)
+
+    def _parameters_at(self, times: Array) -> Array:
+        values = np.tile(self.nominal.as_array(), (len(times), 1))
+        for fault in self.fault:
+            values[:, PARAMETER_NAMES.index(fault.parameter)] *= fault.factor_at(times)
+        return values
+
+    def _event(self, parameter: str, first: int, settled: int) -> Event:
+        times = np.array([first - 1, settled]) * PERIOD
+        before, after = self._parameters_at(times)[:, PARAMETER_NAMES.index(parameter)].tolist()
+        return Event(parameter, first, before, after)
+
+
+def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
+    """Return a scenario from nested keys and values.
+
+    Parameters
+    ----------
+    content : mapping
+        As from a TOML file.
+    source : str
+        What to call it in messages.
+
+    Raises
+    ------
+    ScenarioError
+        With one line for each problem, naming source and key.
+    """
+    try:
+        return Scenario.model_validate(dict(content))
+    except ValidationError as error:
+        problems = [*explain(error, Scenario), *conflicts(content)]
+        raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
+
+
+def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
+    """Return a scenario from TOML text; errors as from `scenario_from`."""
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(f"{source}: not valid TOML: {error}.") from error
+    return scenario_from(content, source=source)
+
+
+def load_scenario(path: str | os.PathLike[str]) -> Scenario:
+    """Return a scenario from a TOML file; errors as from `scenario_from`."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: not valid TOML: not UTF-8 text.") from error
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}.") from error
+    return parse_scenario(text, source=str(path))
+
+
+def _compact(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+
+
+def _set(content: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key such as ``fault[0].factor`` in nested content."""
+    *path, last = [int(i) if i else word for word, i in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)]
+    place: Any = content
+    for step in path:
+        place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
+    place[last] = value

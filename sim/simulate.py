@@ -1,0 +1,196 @@
+"""Running a scenario: the plant in its closed loop, for a batch of seeds at once."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.controller import Controller
+from flexaxis.sim.errors import ScenarioError, SimulationError
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.sensors import angle_increment, delayed, measured_angle
+from flexaxis.sim.streams import stream
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+_REPORT_EVERY = 200  # samples between two calls of progress
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """What really happened: torque (N, R), speed (N, R) and the three angles (N, R, 3)."""
+
+    torque: Array
+    speed: Array
+    angles: Array
+
+
+def simulate(
+    scenario: Scenario,
+    seeds: Sequence[int],
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> list[Record]:
+    """Run a scenario once for each seed, all in one batch.
+
+    A record depends on scenario and seed alone: not on the other seeds, their order or the
+    number of threads.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        What to run.
+    seeds : sequence of int
+        Numbers of the runs, from 0.
+    threads : int
+        Threads that share the runs.
+    progress : callable, optional
+        Called now and then with the fraction done.
+
+    Returns
+    -------
+    list of Record
+        One for each seed.
+
+    Raises
+    ------
+    SimulationError
+        If the engine warns or a state is not finite; names scenario, seed and time.
+    """
+    seeds = _checked(seeds)
+    times = scenario.times
+    reference = np.column_stack(
+        [scenario.excitation.reference(times, _stream(scenario, s, "excitation")) for s in seeds]
+    )
+    angle_noise = _white(scenario, seeds, "angle", scenario.noise.angle)
+    truth = _closed_loop(
+        scenario,
+        seeds,
+        reference=reference,
+        angle_noise=angle_noise,
+        threads=threads,
+        progress=progress,
+    )
+    late = scenario.delay.measurement
+    angle = measured_angle(
+        delayed(truth.angles[:, :, 0], late), angle_noise, counts=scenario.encoder.counts
+    )
+    speed = delayed(truth.speed, late) + _white(scenario, seeds, "speed", scenario.noise.speed)
+    return _records(scenario, seeds, truth, angle, speed)
+
+
+def _checked(seeds: Sequence[int]) -> list[int]:
+    numbers = [int(seed) for seed in seeds]
+    if not numbers or min(numbers) < 0:
+        raise ScenarioError(f"seeds: expected at least one number from 0 on, got {numbers}.")
+    return numbers
+
+
+def _stream(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
+    return stream(scenario.hash, seed, purpose)
+
+
+def _white(scenario: Scenario, seeds: list[int], signal: str, deviation: float) -> Array:
+    """Return white noise (N, R) for a measured signal."""
+    shape = scenario.samples, len(seeds)
+    if not deviation:
+        return np.zeros(shape)
+    columns = [
+        _stream(scenario, seed, f"noise.{signal}").standard_normal(scenario.samples)
+        for seed in seeds
+    ]
+    return deviation * np.column_stack(columns)
+
+
+def _closed_loop(
+    scenario: Scenario,
+    seeds: list[int],
+    *,
+    reference: Array,
+    angle_noise: Array,
+    threads: int,
+    progress: Progress | None,
+) -> _Truth:
+    """Simulate the loop around the plant; all arrays are time first, runs second."""
+    samples, runs = reference.shape
+    plant = Plant([scenario.nominal] * runs, threads=threads)
+    controller = Controller(scenario.controller, runs)
+    changes = _parameter_changes(scenario)
+    measured, counts = scenario.feedback == "measured", scenario.encoder.counts
+    late = scenario.delay.measurement if measured else 0
+    torque, speed = np.empty((2, samples, runs))
+    angles = np.zeros((late + samples, runs, 3))  # shifted: row k is what is seen at k
+    for k in range(samples):
+        if k in changes:
+            plant.set_parameters(np.tile(changes[k], (runs, 1)))
+        speed[k], angles[late + k] = plant.speed_m, plant.angles
+        angle = angles[k, :, 0]
+        if measured:
+            angle = measured_angle(angle, angle_noise[k], counts=counts)
+        torque[k] = controller.torque(reference[k], angle)
+        try:
+            plant.step(torque[k])
+        except SimulationError as error:
+            raise _named(error, scenario, seeds) from None
+        if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
+            progress((k + 1) / samples)
+    return _Truth(torque, speed, angles[late:])
+
+
+def _parameter_changes(scenario: Scenario) -> dict[int, Array]:
+    """Return the new parameters (12,) at the samples at which some change."""
+    parameters = scenario.true_parameters()
+    changed = (np.diff(parameters, axis=0) != 0).any(axis=1)
+    return {int(k): parameters[k] for k in np.flatnonzero(changed) + 1}
+
+
+def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> SimulationError:
+    message = (
+        f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
+        f"t = {error.time:.3f} s ({error.reason}). The axis is unstable: look at the gains, the "
+        "parameters and the faults, or it is too stiff for the step of the integrator."
+    )
+    return SimulationError(message, run=error.run, time=error.time, reason=error.reason)
+
+
+def _records(
+    scenario: Scenario, seeds: list[int], truth: _Truth, angle: Array, speed: Array
+) -> list[Record]:
+    increment = angle_increment(angle)
+    parameters = scenario.true_parameters()
+    parameters.flags.writeable = False  # all records of the batch share it
+    return [
+        Record(
+            time=scenario.times,
+            torque=truth.torque[:, run].copy(),
+            angle=angle[:, run].copy(),
+            speed=speed[:, run].copy(),
+            increment=increment[:, run].copy(),
+            true_speed=truth.speed[:, run].copy(),
+            true_angle_m=truth.angles[:, run, 0].copy(),
+            true_angle_g=truth.angles[:, run, 1].copy(),
+            true_angle_a=truth.angles[:, run, 2].copy(),
+            true_parameters=parameters,
+            scenario=scenario.resolved(),
+            hash=scenario.hash,
+            seed=seed,
+            burn_in=scenario.burn_in,
+            versions=dict(_versions()),
+        )
+        for run, seed in enumerate(seeds)
+    ]
+
+
+@cache
+def _versions() -> dict[str, str]:
+    packages = ("flexaxis", "mujoco", "numpy")
+    return {"python": platform.python_version()} | {name: version(name) for name in packages}
