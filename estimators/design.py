@@ -139,7 +139,7 @@ def _covariance(name: str, value: ArrayLike, p: int) -> Array:
         or np.linalg.eigvalsh(correlation)[0] <= 0
     ):
         raise EstimatorError(
-            f"{name} must be symmetric positive definite; given: {np.array2string(matrix)}"
+            f"{name} must be symmetric positive definite; given: {matrix.tolist()}"
         )
     return (matrix + matrix.T) / 2
 

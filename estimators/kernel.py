@@ -69,9 +69,9 @@ def rpem_loop(pattern: Pattern) -> Callable:
         for k in range(len(u)):
             measure(tuning, state, y[k], valid[k])
             predict(tuning, state)
-            evaluate(flat, tuning.coefficients, state.theta, state.M)
-            advance(flat, state.M, state.X, u[k], tuning.weights, tuning.order, tuning.substeps)
-            estimates[k] = state.theta
+            evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
+            advance(flat, state["M"], state["X"], u[k], tuning["weights"], tuning["order"], tuning["substeps"])
+            estimates[k] = state["theta"]
 
     return compile_loop(run, flat, tuning_type(pattern), state_type(pattern))
 
@@ -79,13 +79,13 @@ def rpem_loop(pattern: Pattern) -> Callable:
 @njit(**OPTIONS)
 def measure(tuning, state, y, valid):
     """Measurement update of θ and P, eq. (5)–(7), and projection of θ on the box."""
-    theta, P, psi, gain = state.theta, state.P, state.psi, state.gain
+    theta, P, psi, gain = state["theta"], state["P"], state["psi"], state["gain"]
     p = len(theta)
     for i in range(p):
-        psi[i] = state.X[-1, 1 + i]
-    state.epsilon = np.nan
+        psi[i] = state["X"][-1, 1 + i]
+    state["epsilon"] = np.nan
     if valid:
-        state.epsilon = y - state.X[-1, 0]
+        state["epsilon"] = y - state["X"][-1, 0]
         s = 1.0
         for i in range(p):
             gain[i] = 0.0
@@ -93,27 +93,27 @@ def measure(tuning, state, y, valid):
                 gain[i] += P[i, j] * psi[j]
             s += psi[i] * gain[i]
         for i in range(p):
-            theta[i] += gain[i] / s * state.epsilon
+            theta[i] += gain[i] / s * state["epsilon"]
         subtract(P, gain, 1.0 / s)
-        state.samples = min(state.samples + 1.0, tuning.memory)
-        state.noise += (state.epsilon**2 / s - state.noise) / state.samples
+        state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
+        state["noise"] += (state["epsilon"]**2 / s - state["noise"]) / state["samples"]
     for i in range(p):
-        if theta[i] < tuning.lower[i]:  # not min and max, which would hide a NaN
-            theta[i] = tuning.lower[i]
-        elif theta[i] > tuning.upper[i]:
-            theta[i] = tuning.upper[i]
+        if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
+            theta[i] = tuning["lower"][i]
+        elif theta[i] > tuning["upper"][i]:
+            theta[i] = tuning["upper"][i]
 
 
 @njit(**OPTIONS)
 def predict(tuning, state):
     """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
-    P, column = state.P, state.gain  # the gain has done its work and lends its place
+    P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
     p = len(P)
-    growth = 1.0 / tuning.forgetting
+    growth = 1.0 / tuning["forgetting"]
     for i in range(p):
         for j in range(p):
-            P[i, j] = growth * P[i, j] + tuning.drift[i, j]
-    mu = tuning.regularization
+            P[i, j] = growth * P[i, j] + tuning["drift"][i, j]
+    mu = tuning["regularization"]
     if mu > 0.0:
         for axis in range(p):  # (12) measures every parameter once, with weight μ
             for i in range(p):

@@ -1,5 +1,7 @@
 """Choose order and substeps of the Taylor series from the box that the parameters stay in."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +21,8 @@ def plan(
     |A(θ)| is bounded entry by entry over the box, each monomial at its worst corner. The Perron
     root ρ of that nonnegative matrix is the least norm that any choice of units can give it, so
     x = ρT/s is the size of a substep whatever the units, and the remainder of the series after m
-    terms is below Σ_{k>m} k·x^(k−1)/k! for the sensitivities and less for the states.
+    terms is below Σ_{k>m} k·x^(k−1)/k! = Σ_{k≥m} x^k/k! for the sensitivities, which is the most.
+    Chains of integrators, which units can make as small as one likes, end after 2(n+1) terms.
 
     Parameters
     ----------
@@ -32,19 +35,20 @@ def plan(
     Returns
     -------
     order, substeps : int
-        At most 40 and at least 1.
+        The order is at most `MAX_ORDER`.
     """
     size = perron_root(model, lower, upper) * period
-    least = int(np.ceil(size / MAX_SIZE)) or 1
-    candidates = [(order(size / s), s) for s in range(least, 4 * least + 1)]
-    return min(candidates, key=lambda candidate: candidate[0] * candidate[1])
+    fewest = max(1, math.ceil(size / MAX_SIZE))
+    least = min(2 * (model.n + 1), MAX_ORDER)
+    choices = [(max(least, order(size / s)), s) for s in range(fewest, 4 * fewest + 1)]
+    return min(choices, key=math.prod)
 
 
 def order(x: float) -> int:
     """Return the least order whose remainder is below the tolerance for a substep of size x."""
-    powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 3 * MAX_ORDER)])  # x^k/k!
+    powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
-    return max(1, int(np.argmax(remainders <= TOLERANCE)))
+    return int(np.argmax(remainders <= TOLERANCE))
 
 
 def perron_root(

@@ -9,7 +9,7 @@ from flexaxis.estimators.design import Design, make_design
 from flexaxis.estimators.kernel import rpem_loop, state_type, tuning_type
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.noise import MEMORY
-from flexaxis.estimators.pattern import split
+from flexaxis.estimators.pattern import Pattern, split
 from flexaxis.estimators.plan import MAX_ORDER, plan
 from flexaxis.estimators.signals import check_sample, check_signals
 from flexaxis.estimators.trace import Trace, trace
@@ -104,8 +104,9 @@ class Rpem:
         )
         self.names, self.output = self._design.model.names, output
         self.bounds = self._design.lower, self._design.upper
-        self._tuning, self._start = _records(self._design)
-        self._loop = rpem_loop(split(self._design.model)[0])
+        pattern, coefficients = split(self._design.model)
+        self._tuning, self._start = _records(self._design, pattern, coefficients)
+        self._loop = rpem_loop(pattern)
         self._sample = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(self.names)))
         self.reset()
 
@@ -115,11 +116,11 @@ class Rpem:
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._state["theta"].copy()
+        return self._state["theta"][0].copy()
 
     @property
     def P(self) -> Array:  # noqa: D102
-        return self._state["P"].copy()
+        return self._state["P"][0].copy()
 
     @property
     def psi(self) -> Array:  # noqa: D102
@@ -127,11 +128,11 @@ class Rpem:
 
     @property
     def epsilon(self) -> float:  # noqa: D102
-        return float(self._state["epsilon"])
+        return float(self._state["epsilon"][0])
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._state["noise"] * self._state["P"] / 2
+        return self._state["noise"][0] * self._state["P"][0] / 2
 
     def step(self, u: float, y: float | None) -> Array:
         """
@@ -182,8 +183,9 @@ class Rpem:
         return trace(self, u, y, valid)
 
 
-def _records(design: Design) -> tuple[np.record, np.record]:
-    pattern, coefficients = split(design.model)
+def _records(
+    design: Design, pattern: Pattern, coefficients: Array
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
     order, substeps = plan(design.model, design.lower, design.upper, design.period)
     row, column, _ = np.array(pattern.entries).T
     scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run

@@ -67,19 +67,20 @@ def benchmark(
     EstimatorError, SimulationError
         As from `flexaxis.experiments.harness.run`; the rows so far are in scores.part.jsonl.
     """
-    results.prepare(folder)
-    writer = results.RowWriter(folder)
     cases: list[harness.Case] = []
-    for done in harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs):
-        writer.write([row for case in done for row in case.rows])
-        cases += done
-        if advance:
-            advance(len(done))
-    rows, curves = pool(cases, plan.scenarios)
-    found = results.Results(_summary(plan, rows), curves)
-    results.save(folder, found)
-    results.write_text(folder / results.REPORT, render(found))
-    writer.finish()
+    # Wrong estimators are found here, before the folder is touched.
+    tasks = harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs)
+    with results.RowWriter(folder) as writer:
+        for done in tasks:
+            writer.write([row for case in done for row in case.rows])
+            cases += done
+            if advance:
+                advance(len(done))
+        rows, curves = pool(cases, plan.scenarios)
+        found = results.Results(_summary(plan, rows), curves)
+        results.save(folder, found)
+        results.write_text(folder / results.REPORT, render(found))
+        writer.finish()
     return found
 
 

@@ -79,7 +79,10 @@ def run(
     jobs: int = 1,
     executor: Executor | None = None,
 ) -> Iterator[list[Case]]:
-    """Run every estimator on every record, and yield the cases of each task, in order.
+    """Run every estimator on every record, and give the cases of each task, in order.
+
+    The call itself checks that every estimator can be built; the cases are computed as they are
+    asked for.
 
     Parameters
     ----------
@@ -94,14 +97,20 @@ def run(
 
     Raises
     ------
-    EstimatorError, SimulationError
-        If an estimator cannot be built or raises, or a simulation fails. What was yielded
-        before stays valid.
+    EstimatorError
+        If an estimator cannot be built, at once; or when it raises on a record.
+    SimulationError
+        If a simulation fails. What came before stays valid.
     """
-    for spec in parse_all(estimators):
+    names = tuple(dict.fromkeys(estimators))
+    for spec in parse_all(names):
         for scenario in scenarios:
             build(spec, scenario)  # wrong options are found before anything is computed
-    todo = list(tasks(scenarios, tuple(dict.fromkeys(estimators)), seeds, jobs=jobs))
+    todo = list(tasks(scenarios, names, seeds, jobs=jobs))
+    return _spread(todo, jobs, executor)
+
+
+def _spread(todo: list[Task], jobs: int, executor: Executor | None) -> Iterator[list[Case]]:
     if executor is not None:
         yield from executor.map(run_task, todo)
     elif jobs == 1 or len(todo) == 1:
@@ -165,16 +174,15 @@ def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
         rows = score(scenario, names, theta, truth, getattr(estimator, "bounds", None))
         curve = theta[::CURVE_STEP] / true_theta(names, scenario.nominal.as_array())
         relative = relative_error(scenario, names, theta, truth)
-        kept = {name: error.astype(np.float32) for name, error in relative.items()}
-    return Case(
-        scenario=scenario.name,
-        estimator=spec.text,
-        seed=record.seed or 0,
-        names=names,
-        rows=[identity | asdict(row) | {"cost": cost} for row in rows],
-        curve=curve.astype(np.float32),
-        relative=kept,
-    )
+        return Case(
+            scenario=scenario.name,
+            estimator=spec.text,
+            seed=record.seed or 0,
+            names=names,
+            rows=[identity | asdict(row) | {"cost": cost} for row in rows],
+            curve=curve.astype(np.float32),
+            relative={name: error.astype(np.float32) for name, error in relative.items()},
+        )
 
 
 def _estimates(

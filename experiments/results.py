@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 import numpy as np
 
@@ -65,27 +65,30 @@ def writing(path: Path) -> Iterator[None]:
         ) from error
 
 
-def prepare(folder: Path) -> None:
-    """Make the folder of a run and check that it can be written to, before anything is computed."""
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / PART).write_text("", encoding="utf-8")
-
-
 class RowWriter:
-    """Append rows to scores.part.jsonl; `finish` makes it scores.jsonl."""
+    """Append rows to scores.part.jsonl; once all are there, `finish` makes it scores.jsonl.
+
+    The folder is made if it is missing. A context manager: leaving it closes the file, and
+    whatever was written stays.
+    """
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.rows = folder, 0
+        self.folder = folder
         with writing(folder):
+            folder.mkdir(parents=True, exist_ok=True)
             self._file: IO[str] = (folder / PART).open("w", encoding="utf-8")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
 
     def write(self, rows: Sequence[dict[str, Any]]) -> None:
         """Append rows and hand them to the system, so that a kill loses nothing."""
         with writing(self.folder / PART):
             self._file.write("".join(dumps(row) + "\n" for row in rows))
             self._file.flush()
-        self.rows += len(rows)
 
     def finish(self) -> None:
         """Close the file and give it its final name."""

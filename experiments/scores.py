@@ -143,7 +143,7 @@ def score(
                 lag=_mean([lag for lag, _ in tracked]),
                 t10=None if None in times else _mean(times),
                 std=_rms(percent[at_rest]),
-                bias=_finite(percent[at_rest].mean()) if at_rest.size else None,
+                bias=finite(percent[at_rest].mean()) if at_rest.size else None,
                 cross_talk=None
                 if mine
                 else _rms(np.concatenate([percent[w.start : w.stop] for w in others] or [[]])),
@@ -156,7 +156,7 @@ def score(
 
 def _track(relative: Array, period: float) -> tuple[float | None, float | None]:
     """Return lag and t10 [s] of θ̃/D in one window; t10 is None if it ends outside ±10 %."""
-    lag = _finite(period * np.abs(relative).sum())
+    lag = finite(period * np.abs(relative).sum())
     outside = np.flatnonzero(~(np.abs(relative) <= 0.1))  # a NaN is outside
     settled = 0 if not outside.size else int(outside[-1]) + 1
     return lag, None if settled == len(relative) else settled * period
@@ -200,7 +200,8 @@ def relative_error(
     }
 
 
-def _finite(value: float) -> float | None:
+def finite(value: float) -> float | None:
+    """Return a number, or None where it is not finite: not defined, as it stands in the files."""
     return float(value) if np.isfinite(value) else None
 
 
@@ -211,4 +212,4 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def _rms(values: Array) -> float | None:
-    return _finite(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+    return finite(np.sqrt(np.mean(np.square(values)))) if len(values) else None

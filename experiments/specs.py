@@ -23,10 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.theta import started_nominal
+from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate
 

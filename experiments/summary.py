@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.harness import CURVE_STEP, Case
+from flexaxis.experiments.scores import finite
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
@@ -63,7 +64,8 @@ def pool(
     curves = []
     for (name, _), group in groups.items():
         columns = range(len(group[0].names))
-        rows += [_pooled(group, i, by_name[name].period) for i in columns]
+        with np.errstate(over="ignore", invalid="ignore"):  # runs that are all but lost
+            rows += [_pooled(group, i, by_name[name].period) for i in columns]
         curves.append(_curve(group, by_name[name]))
     return rows, curves
 
@@ -72,11 +74,8 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
     rows = [case.rows[i] for case in group]
     kept = [row for row in rows if not row["diverged"]]
     first = rows[0]
-    relative = (
-        [case.relative[first["parameter"]] for case in group if not rows_lost(case)]
-        if (first["parameter"] in group[0].relative)
-        else []
-    )
+    alive = [case.relative for case in group if not case.rows[i]["diverged"]]
+    relative = [errors[first["parameter"]] for errors in alive if first["parameter"] in errors]
     lags = [row["lag"] for row in kept if row["lag"] is not None]
     return {
         "scenario": first["scenario"],
@@ -85,7 +84,7 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
         "parameter": first["parameter"],
         "changed": first["changed"],
         "seeds": len(rows),
-        "lag": float(np.mean(lags)) if lags else None,
+        "lag": finite(np.mean(lags)) if lags else None,
         "lag_interval": interval(lags),
         "t10": _median_time([row["t10"] for row in kept]) if first["changed"] else None,
         "t63": settling(relative, 0.37, period),
@@ -101,11 +100,6 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
     }
 
 
-def rows_lost(case: Case) -> bool:
-    """Whether the run of a case diverged."""
-    return bool(case.rows[0]["diverged"])
-
-
 def interval(values: Sequence[float], statistic: Any = np.mean) -> list[float] | None:
     """Return the 95 % bootstrap interval over seeds, or None for fewer than two of them.
 
@@ -113,7 +107,7 @@ def interval(values: Sequence[float], statistic: Any = np.mean) -> list[float] |
     """
     from scipy.stats import bootstrap
 
-    if len(values) < 2:
+    if len(values) < 2 or not np.isfinite(values).all():
         return None
     if np.ptp(values) == 0:  # a bootstrap of equal values is that value
         return [float(values[0])] * 2
@@ -158,12 +152,12 @@ def _values(rows: list[dict[str, Any]], key: str) -> Array:
 
 def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
     values = _values(rows, key)
-    return float(values.mean()) if values.size else None
+    return finite(values.mean()) if values.size else None
 
 
 def _root_mean_square(rows: list[dict[str, Any]], key: str) -> float | None:
     values = _values(rows, key)
-    return float(np.sqrt(np.mean(values**2))) if values.size else None
+    return finite(np.sqrt(np.mean(values**2))) if values.size else None
 
 
 def _spread(rows: list[dict[str, Any]]) -> float | None:
@@ -171,7 +165,7 @@ def _spread(rows: list[dict[str, Any]]) -> float | None:
     std, bias = _values(rows, "std"), _values(rows, "bias")
     if not std.size:
         return None
-    return float(np.sqrt(np.maximum(0.0, np.mean(std**2) - np.mean(bias**2))))
+    return finite(np.sqrt(np.maximum(0.0, np.mean(std**2) - np.mean(bias**2))))
 
 
 def _std_interval(rows: list[dict[str, Any]]) -> list[float] | None:
@@ -186,7 +180,7 @@ def _curve(group: list[Case], scenario: Scenario) -> Curve:
     truth = true_theta(names, scenario.true_parameters()) / nominal
     runs = np.stack([case.curve for case in group]).astype(float)
     with np.errstate(all="ignore"):  # a lost run may hold anything
-        low, median, high = np.percentile(np.nan_to_num(runs, nan=np.inf), BAND, axis=0)
+        low, median, high = np.percentile(np.where(np.isnan(runs), np.inf, runs), BAND, axis=0)
     return Curve(
         scenario=scenario.name,
         estimator=group[0].estimator,

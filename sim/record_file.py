@@ -81,7 +81,8 @@ def _write_parameters(file: Any, values: Array) -> None:
 
 def read_netcdf(path: Path) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file."""
-    with h5netcdf.File(path, "r") as file:
+    # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
+    with h5netcdf.File(path, "r", phony_dims="sort") as file:
         content: dict[str, Any] = {
             name: np.asarray(file.variables[name][...], dtype=float)
             for name in SIGNALS

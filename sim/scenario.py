@@ -254,7 +254,8 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def _compact(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+    return re.sub(r"[\s/\\]", "|", text)  # a name is one word, and may become a file name
 
 
 def _set(content: dict[str, Any], key: str, value: Any) -> None:

@@ -1,0 +1,159 @@
+"""Runs do not depend on how they are spread; what fails says where, and loses nothing."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments import harness, results
+from flexaxis.experiments.benchmark import Plan, benchmark
+from flexaxis.experiments.specs import build, parse
+
+ESTIMATORS = ["rpem-forgetting", "frozen"]
+
+
+def plan(short, **changes):
+    given = {
+        "title": "t",
+        "scenarios": [short],
+        "estimators": ESTIMATORS,
+        "seeds": range(1000, 1003),
+    }
+    return Plan(**(given | {"command": "flexaxis run short"} | changes))
+
+
+def without_cost(folder: Path):
+    lines = (folder / results.SCORES).read_text(encoding="utf-8").splitlines()
+    return [{k: v for k, v in json.loads(line).items() if k != "cost"} for line in lines]
+
+
+def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
+    for jobs in (1, 2):
+        benchmark(plan(short), tmp_path / str(jobs), jobs=jobs)
+    rows = without_cost(tmp_path / "1")
+    assert rows == without_cost(tmp_path / "2")
+    assert len(rows) == 2 * 3 * 3
+    assert len({(r["case"], r["parameter"]) for r in rows}) == len(rows)
+
+
+def test_any_executor_will_do(short):
+    with ThreadPoolExecutor(2) as executor:
+        done = list(harness.run([short], ["frozen"], range(4), jobs=2, executor=executor))
+    assert [case.seed for task in done for case in task] == [0, 1, 2, 3]
+
+
+def test_a_folder_holds_what_the_report_needs(short, tmp_path):
+    made = benchmark(plan(short), tmp_path)
+    read = results.load(tmp_path)
+    assert read.summary == json.loads(json.dumps(made.summary))
+    np.testing.assert_allclose(read.curves[0].median, made.curves[0].median, rtol=1e-6)
+    assert {f.name for f in tmp_path.iterdir()} == {
+        "scores.jsonl",
+        "summary.json",
+        "curves.nc",
+        "report.html",
+    }
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "<svg" in page and "src=" not in page and "rpem-forgetting" in page
+
+
+class Wild:
+    """Runs away, as a filter with a wrong sign would."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.theta = nominal["f_m"]
+
+    def step(self, u, y):
+        self.theta *= 2.0
+        return [self.theta]
+
+
+class Broken:
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.count = 0
+
+    def step(self, u, y):
+        self.count += 1
+        if self.count > 100:
+            raise ZeroDivisionError("no luck")
+        return [0.05]
+
+
+def own(name):
+    return f"{Path(__file__)}:{name}"
+
+
+def test_a_diverging_estimator_is_counted_and_the_others_stay(short, tmp_path):
+    made = benchmark(plan(short, estimators=[own("Wild"), "frozen"]), tmp_path)
+    wild, *frozen = made.summary["rows"]
+    assert wild["diverged"] == 3 and wild["lag"] is None
+    assert all(row["diverged"] == 0 for row in frozen)
+    for line in (tmp_path / "scores.jsonl").read_text().splitlines():
+        json.loads(line, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
+
+
+def test_an_estimator_that_raises_is_named_with_its_record(short, tmp_path):
+    other = short.override({"name": "other", "burn_in": 2.0})
+    wanted = plan(short, scenarios=[short, other], estimators=["frozen"], seeds=[7])
+    benchmark(wanted, tmp_path)
+    with pytest.raises(EstimatorError, match=r"Broken failed on short, seed 7: ZeroDivisionError"):
+        benchmark(plan(short, estimators=[own("Broken")], seeds=[7]), tmp_path)
+    # the complete result from before is still there
+    assert len(results.load(tmp_path).summary["rows"]) == 6
+
+
+def test_rows_before_a_failure_are_kept(short, tmp_path):
+    late = short.override({"name": "late", "controller.Kv": 50.0})  # unstable: the engine warns
+    with pytest.raises(ValueError, match=r"late, seed 5: .* t = "):
+        benchmark(plan(short, scenarios=[short, late], estimators=["frozen"], seeds=[5]), tmp_path)
+    assert len((tmp_path / results.PART).read_text().splitlines()) == 3
+
+
+def test_a_folder_that_cannot_be_written_is_found_first(short, tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(results.OutputError, match="cannot be written"):
+        benchmark(plan(short), tmp_path / "file" / "out")
+
+
+def test_a_full_disk_is_said_in_one_line(short):
+    with pytest.raises(results.OutputError, match="/dev/full: cannot be written: No space left"), \
+            results.writing(Path("/dev/full")), open("/dev/full", "w") as file:  # fmt: skip
+        file.write("x")
+
+
+def test_specs(short):
+    estimator = build(parse("rpem-forgetting[forgetting=0.99, regularization=1e-6]"), short)
+    assert estimator.names == ("k_T", "1/J_a", "f_m")
+    with pytest.raises(EstimatorError, match="Did you mean 'rpem-drift'"):
+        parse("rpem-drft")
+    with pytest.raises(EstimatorError, match=r"no option 'forgeting'.*'forgetting'"):
+        parse("rpem-forgetting[forgeting=0.99]")
+    with pytest.raises(EstimatorError, match="write options as in"):
+        parse("rpem-forgetting[0.99]")
+    with pytest.raises(EstimatorError, match=r"forgetting is 1\.5"):
+        build(parse("rpem-forgetting[forgetting=1.5]"), short)
+    with pytest.raises(EstimatorError, match="has no 'Nobody'"):
+        parse(own("Nobody"))
+    with pytest.raises(EstimatorError, match="no file"):
+        parse("missing.py:Mine")
+    with pytest.raises(EstimatorError, match="reads 'speed'"):
+        build(parse(own("Wild")), short.override({"output": "increment"}))
+
+
+def test_other_parameters_get_their_P0_from_a_nominal_run(short):
+    scenario = short.override({"identify": ["k_T", "f_m", "1/J_m"]})
+    estimator = build(parse("rpem-forgetting"), scenario)
+    assert estimator.names == ("k_T", "f_m", "1/J_m")
+    assert (np.diag(estimator.P) > 0).all()
+
+
+def test_start_is_told_through_the_nominal_values(short):
+    estimator = build(parse("frozen"), short.override({"start": 1.2}))
+    np.testing.assert_allclose(estimator.step(0.0, 0.0), [1.2, 1.2 / 0.8, 0.06], rtol=1e-12)

@@ -1,0 +1,131 @@
+"""Scores against hand-made trajectories whose scores are known in closed form."""
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.scores import diverged, quiet, relative_error, score, windows
+
+NAMES = ("k_T", "1/J_a", "f_m")
+T = 0.005
+
+
+def truth_of(scenario):
+    """The true θ (N, 3), written out by hand: columns 0, 3 and 8 of the twelve parameters."""
+    values = scenario.true_parameters()
+    return np.column_stack([values[:, 0], 1 / values[:, 3], values[:, 8]])
+
+
+def rows_of(scenario, theta, **options):
+    rows = score(scenario, NAMES, theta, scenario.true_parameters(), **options)
+    return {row.parameter: row for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter"), [("fm_step-v1", "f_m"), ("ja_step-v1", "1/J_a"), ("kt_step-v1", "k_T")]
+)
+def test_an_estimator_that_never_moves_has_five_seconds_of_lag(name, parameter):
+    scenario = find_scenario(name)
+    theta = np.tile(truth_of(scenario)[0], (scenario.samples, 1))
+    row = rows_of(scenario, theta)[parameter]
+    assert row.changed
+    assert row.lag == pytest.approx(5.0, abs=1e-12)
+    assert row.never_settled and row.t10 is None
+    assert row.std == 0.0
+
+
+def test_exponential_tracking():
+    """θ̃/D = exp(−t/τ) has lag τ (1 − e^(−5/τ)) and leaves ±10 % at τ ln 10."""
+    scenario, tau = find_scenario("fm_step-v1"), 0.8
+    theta = truth_of(scenario)
+    t = np.arange(2000) * T
+    theta[2000:, 2] -= 0.025 * np.exp(-t / tau)
+    row = rows_of(scenario, theta)["f_m"]
+    # The sum of a geometric series is exact; the integral would be T/2 smaller.
+    assert row.lag == pytest.approx(T * (1 - np.exp(-5 / tau)) / (1 - np.exp(-T / tau)), rel=1e-9)
+    assert row.t10 == pytest.approx(tau * np.log(10), abs=T)
+    assert not row.never_settled
+
+
+def test_std_is_about_zero_and_in_per_cent_of_nominal():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    noise = np.random.default_rng(0).standard_normal(scenario.samples)
+    theta[:, 2] += 0.05 * (0.02 * noise + 0.01)
+    row = rows_of(scenario, theta)["f_m"]
+    window = 100 * (0.02 * noise + 0.01)[1000:2000]
+    assert row.std == pytest.approx(np.sqrt(np.mean(window**2)))
+    assert row.bias == pytest.approx(window.mean())
+
+
+def test_cross_talk_is_of_the_parameters_that_did_not_change():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    theta[2000:3000, 0] += 0.03
+    theta[3000:, 0] += 10.0  # outside the window
+    rows = rows_of(scenario, theta)
+    assert rows["k_T"].cross_talk == pytest.approx(3.0)
+    assert rows["1/J_a"].cross_talk == 0.0
+    assert rows["f_m"].cross_talk is None
+    assert rows["k_T"].lag is None and rows["k_T"].t10 is None
+
+
+def test_a_fault_in_a_parameter_that_is_not_estimated_is_cross_talk_only():
+    scenario = find_scenario("fm_step-v1").override({"fault[0].parameter": "k_g"})
+    rows = rows_of(scenario, truth_of(scenario) * 1.01)
+    assert all(row.lag is None and not row.changed for row in rows.values())
+    assert rows["f_m"].cross_talk == pytest.approx(1.0)
+
+
+def test_in_a_pause_the_clock_starts_when_the_excitation_returns():
+    scenario = find_scenario("pause_fm_step-v1")
+    (window,) = windows(scenario, NAMES)
+    assert (window.start, window.stop) == (6000, 7000)
+    assert window.size == pytest.approx(0.025)
+    assert quiet(scenario)[0] == 1000 and quiet(scenario)[-1] == 1999
+
+
+def test_the_next_event_ends_a_window():
+    fault = [
+        {"kind": "step", "parameter": "f_m", "at": 10.0, "factor": 1.5},
+        {"kind": "step", "parameter": "J_a", "at": 11.0, "factor": 1.1},
+    ]
+    scenario = find_scenario("fm_step-v1").override({"fault": fault})
+    first, second = windows(scenario, NAMES)
+    assert (first.start, first.stop, second.start, second.stop) == (2000, 2200, 2200, 3200)
+    assert second.size == pytest.approx(1 / 0.8 - 1 / 0.88)
+
+
+def test_without_a_fault_the_last_ten_seconds_are_scored():
+    scenario = find_scenario("paper_nominal-v1")
+    assert (quiet(scenario)[0], quiet(scenario)[-1]) == (6000, 7999)
+    row = rows_of(scenario, truth_of(scenario))["k_T"]
+    assert row.lag is None and row.never_settled is None and not row.changed
+
+
+def test_convergence_from_a_wrong_start_is_relative_to_the_initial_error():
+    scenario = find_scenario("paper_nominal-v1")
+    theta = truth_of(scenario)
+    theta[0] = [1.2, 1.25 * 1.2, 0.06]
+    relative = relative_error(scenario, NAMES, theta, scenario.true_parameters())
+    assert [relative[name][0] for name in NAMES] == pytest.approx([1.0, 1.0, 1.0])
+
+
+def test_diverged_means_not_finite_or_long_at_a_bound():
+    theta = np.full((1000, 1), 0.5)
+    bounds = (np.array([0.1]), np.array([1.0]))
+    assert not diverged(theta, bounds, T)
+    theta[300:500] = 1.0  # 200 samples, exactly one second
+    assert not diverged(theta, bounds, T)
+    theta[500] = 1.0
+    assert diverged(theta, bounds, T)
+    assert not diverged(theta, None, T)
+    assert diverged(np.array([[np.nan]]), None, T)
+
+
+def test_a_lost_run_has_no_scores_that_are_not_numbers():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    theta[1500:] = np.nan
+    row = rows_of(scenario, theta)["f_m"]
+    assert row.diverged and row.lag is None and row.std is None and row.never_settled

@@ -1,0 +1,68 @@
+"""The plant as data: complete, named, annotated, and equal to the set it claims to be."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexaxis.models_mjcf import MODEL_NAMES, model_files
+from flexaxis.sim.parameters import PARAMETER_NAMES, PARAMETER_UNITS, preset
+
+
+@pytest.mark.parametrize("name", MODEL_NAMES)
+def test_model_and_its_scene_compile(name):
+    xml, assets = model_files(name)
+    plant = mujoco.MjModel.from_xml_string(xml, assets)
+    scene = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)
+    assert plant.nv == scene.nv == 3
+    assert scene.ncam >= 1 and scene.nlight >= 1
+    shown = {scene.body(scene.geom_bodyid[i]).name for i in range(scene.ngeom)}
+    assert {"motor", "gear", "arm"} <= shown
+
+
+def test_unknown_model_names_the_nearest():
+    with pytest.raises(ValueError, match="Did you mean 'three_mass'"):
+        model_files("three_masses")
+
+
+def test_numbers_in_the_file_are_the_set_n1():
+    xml, _ = model_files("three_mass")
+    m = mujoco.MjModel.from_xml_string(xml)
+    tendon, body, joint = m.tendon, m.body, m.joint
+    values = {
+        "k_T": m.actuator_gear[m.actuator("motor").id, 0],
+        "J_m": body("motor").inertia[2],
+        "J_g": body("gear").inertia[2],
+        "J_a": body("arm").inertia[2],
+        "k_g": m.tendon_stiffness[tendon("gear").id],
+        "k_a": m.tendon_stiffness[tendon("arm").id],
+        "d_g": m.tendon_damping[tendon("gear").id],
+        "d_a": m.tendon_damping[tendon("arm").id],
+        "f_m": joint("motor").damping[0],
+        "f_g": joint("gear").damping[0],
+        "f_a": joint("arm").damping[0],
+        "r": m.wrap_prm[m.tendon_adr[tendon("gear").id]],
+    }
+    assert [values[name] for name in PARAMETER_NAMES] == preset("n1").as_array().tolist()
+
+
+def test_engine_settings_that_the_plant_relies_on():
+    m = mujoco.MjModel.from_xml_string(model_files("three_mass")[0])
+    assert m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    assert not m.opt.gravity.any()
+    assert not m.tendon_lengthspring.any()  # rest at length zero, not wherever it was compiled
+
+
+@pytest.mark.parametrize("name", PARAMETER_NAMES)
+def test_every_number_has_symbol_and_unit_beside_it_and_provenance(name):
+    xml, assets = model_files("three_mass")
+    unit = PARAMETER_UNITS[name].replace("1", "no unit") if name == "r" else PARAMETER_UNITS[name]
+    value = "1/118" if name == "r" else f"{preset('n1').as_dict()[name]:g}"
+    lines = [line for line in xml.splitlines() if "<!--" in line and f"{name} " in line]
+    assert any(unit in line for line in lines), f"{name}: no comment with its unit {unit}"
+    readme = assets["README.md"].decode()
+    rows = [line.split("|") for line in readme.splitlines() if line.startswith(f"| {name} |")]
+    assert len(rows) == 1
+    stated = rows[0][2].strip()
+    expected = 1 / 118 if name == "r" else float(value)
+    assert np.isclose(1 / 118 if stated == "1/118" else float(stated), expected, rtol=1e-15)

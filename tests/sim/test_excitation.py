@@ -1,0 +1,75 @@
+"""The reference: its spectrum, its size, and its clock in pauses."""
+
+import numpy as np
+import pytest
+
+from flexaxis.sim.excitation import Multisine, Standstill
+from flexaxis.sim.timing import sample_times
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_of_the_band_have_equal_size_and_no_other_line_exists(seed):
+    signal = Multisine().one_period(rng(seed))
+    size = np.abs(np.fft.rfft(signal)) / signal.size
+    assert signal.size == 2000
+    # 300 lines of amplitude a have rms a sqrt(300/2); a DFT line is half its amplitude.
+    assert np.allclose(size[1:301], 0.0511 / np.sqrt(300 / 2) / 2, rtol=1e-12)
+    assert np.max(np.delete(size, np.s_[1:301])) < 1e-16
+
+
+def test_band_ends_are_included_whatever_the_rounding():
+    signal = Multisine(low=0.3, high=0.7, period=10.0).one_period(rng())
+    lines = np.flatnonzero(np.abs(np.fft.rfft(signal)) > 1e-9)
+    assert lines.tolist() == [3, 4, 5, 6, 7]
+
+
+def test_size_does_not_depend_on_the_phase_and_phases_do_on_the_stream():
+    one, two = Multisine(rms=0.1).one_period(rng(1)), Multisine(rms=0.1).one_period(rng(2))
+    assert np.std(one) == pytest.approx(0.1, rel=1e-12) == pytest.approx(np.std(two), rel=1e-12)
+    assert np.max(np.abs(one - two)) > 0.1
+    assert np.array_equal(one, Multisine(rms=0.1).one_period(rng(1)))
+
+
+def test_phases_are_spread_evenly():
+    signal = Multisine(high=90.0).one_period(rng())
+    phase = np.angle(np.fft.rfft(signal)[1:901])
+    # The mean direction of n random phases is about 1/sqrt(n); five times that is no accident.
+    assert abs(np.exp(1j * phase).mean()) < 5 / np.sqrt(900)
+    assert abs(np.exp(2j * phase).mean()) < 5 / np.sqrt(900)
+
+
+def test_is_periodic():
+    reference = Multisine().reference(sample_times(4500), rng())
+    assert np.array_equal(reference[:2000], reference[2000:4000])
+
+
+def test_a_pause_holds_the_last_value_and_stops_the_clock():
+    times = sample_times(4000)
+    always = Multisine().reference(times, rng())
+    paused = Multisine(pause=((5.0, 12.0), (15.0, 16.0))).reference(times, rng())
+    assert np.array_equal(paused[:1000], always[:1000])
+    assert np.all(paused[1000:2400] == always[999])
+    assert np.array_equal(paused[2400:3000], always[1000:1600])  # on without a jump
+    assert np.all(paused[3000:3200] == always[1599])
+    assert np.array_equal(paused[3200:], always[1600:2400])
+
+
+def test_excited_tells_the_pauses():
+    times = sample_times(2000)
+    excited = Multisine(pause=((5.0, 7.5),)).excited(times)
+    assert np.array_equal(excited, (times < 5.0) | (times >= 7.5))
+    assert Multisine().excited(times).all() and not Standstill().excited(times).any()
+
+
+def test_before_its_first_sample_the_reference_is_at_rest():
+    reference = Multisine(pause=((0.0, 1.0),)).reference(sample_times(400), rng())
+    assert not reference[:200].any()
+    assert np.array_equal(reference[200:], Multisine().reference(sample_times(200), rng()))
+
+
+def test_standstill_asks_for_nothing():
+    assert not Standstill().reference(sample_times(10), rng()).any()

@@ -1,0 +1,50 @@
+"""Faults against their definitions in words, sample by sample."""
+
+import numpy as np
+import pytest
+
+from flexaxis.sim.faults import Intermittent, Ramp, Step
+from flexaxis.sim.timing import PERIOD, sample_index, sample_times
+
+TIMES = sample_times(4000)
+
+
+def test_grid_times_are_the_decimals_that_users_write():
+    assert PERIOD == 0.005
+    assert TIMES.tolist() == [float(f"{5 * k}e-3") for k in range(4000)]
+    assert all(sample_index(time) == k for k, time in enumerate(TIMES))
+
+
+@pytest.mark.parametrize(("at", "k0"), [(10.0, 2000), (10.3, 2060), (10.002, 2000), (10.003, 2001)])
+def test_step_begins_at_the_nearest_sample(at, k0):
+    factor = Step(parameter="f_m", at=at, factor=1.5).factor_at(TIMES)
+    assert np.all(factor[:k0] == 1) and np.all(factor[k0:] == 1.5)
+
+
+@pytest.mark.parametrize("final", [1.5, 0.5])
+def test_ramp_is_the_mean_of_a_straight_line_over_each_sample(final):
+    ramp = Ramp(parameter="f_m", at=10.0, over=5.0, factor=final)
+    fine = np.linspace(0, 20, 4000 * 10, endpoint=False) + 20 / 4000 / 10 / 2
+    line = 1 + (final - 1) * np.clip((fine - 10.0) / 5.0, 0, 1)
+    expected = line.reshape(4000, 10).mean(axis=1)
+    factor = ramp.factor_at(TIMES)
+    assert np.allclose(factor, expected, rtol=1e-12)
+    assert factor[1999] == 1 and factor[2000] != 1  # the onset has the first changed value
+    assert factor[2999] != final and factor[3000] == final
+    assert ramp.onsets(TIMES) == [(2000, 3000)]
+
+
+@pytest.mark.parametrize("until", [None, 12.25])
+def test_intermittent_switches_as_told(until):
+    fault = Intermittent(parameter="f_m", at=10.0, on=0.5, off=1.0, factor=2.0, until=until)
+    expected, state, left = np.ones(4000), False, 0
+    for k in range(2000, 4000 if until is None else round(until * 200)):
+        if left == 0:
+            state = not state
+            left = 100 if state else 200
+        left -= 1
+        expected[k] = 2.0 if state else 1.0
+    factor = fault.factor_at(TIMES)
+    assert np.array_equal(factor, expected)
+    changes = np.flatnonzero(np.diff(factor)) + 1
+    assert fault.onsets(TIMES) == [(k, k) for k in changes]

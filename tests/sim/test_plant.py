@@ -1,0 +1,162 @@
+"""The MuJoCo plant against equations (3) and (4), and against itself in batches."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from flexaxis.sim.errors import ParameterError, SimulationError
+from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.timing import PERIOD
+
+from .conftest import exact_speed, state_space
+
+N1 = preset("n1")
+
+
+def linearised(model):
+    """A (5, 5) and B (5,) of a model, from its accelerations in unit states."""
+    data = mujoco.MjData(model)
+    r = model.wrap_prm[0]
+
+    def rate(x, u):
+        arm, gear = 0.0, x[1]
+        data.qpos[:] = [(x[0] + gear) / r, gear, arm]
+        data.qvel[:] = x[2:]
+        data.ctrl[:] = u
+        mujoco.mj_forward(model, data)
+        lengths = [r * data.qvel[0] - data.qvel[1], data.qvel[1] - data.qvel[2]]
+        return np.array([*lengths, *data.qacc])
+
+    unit = np.eye(5)
+    A = np.column_stack([(rate(e, 0) - rate(-e, 0)) / 2 for e in unit])
+    return A, (rate(np.zeros(5), 1.0) - rate(np.zeros(5), -1.0)) / 2
+
+
+def random_parameters(count):
+    rng = np.random.default_rng(1)
+    values = N1.as_array() * np.exp(rng.normal(0, 0.5, (count, len(PARAMETER_NAMES))))
+    values[:, -1] = rng.uniform(0.005, 0.02, count)
+    return values
+
+
+@pytest.mark.parametrize("theta", [N1.as_array(), preset("n2").as_array(), *random_parameters(5)])
+def test_linearisation_is_equations_3_and_4(theta):
+    A, B = linearised(Plant([AxisParameters.from_array(theta)]).model(0))
+    A0, B0 = state_space(theta)
+    # Row by row, for the entries of different rows differ by 1e8. Rounding alone gives 1e-15.
+    scale = np.abs(A0).max(axis=1, keepdims=True)
+    assert np.max(np.abs(A - A0) / scale) < 1e-12
+    assert np.max(np.abs(B - B0)) < 1e-12 * np.abs(B0).max()
+
+
+def test_integrator_is_of_fourth_order():
+    def error(substeps):
+        plant, speed = Plant([N1], substeps=substeps), []
+        torque = np.random.default_rng(0).normal(0, 1, 200)
+        for u in torque:
+            speed.append(plant.speed_m[0])
+            plant.step(np.array([u]))
+        exact = exact_speed(torque, [N1.as_array()] * 200, PERIOD)
+        return np.linalg.norm(np.array(speed) - exact) / np.linalg.norm(exact)
+
+    errors = [error(substeps) for substeps in (5, 10, 20)]
+    # Halving the step divides the error of a fourth-order method by 16.
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert errors[0] < 3e-4
+    assert np.all((ratios > 12) & (ratios < 20)), (errors, ratios)
+
+
+@pytest.mark.parametrize("name", PARAMETER_NAMES)
+def test_changed_while_running_is_bit_exact_with_made_so(name):
+    changed = N1.replace(**{name: 0.8 * getattr(N1, name)})
+    plant = Plant([N1])
+    plant.step(np.array([0.3]))
+    plant.set_parameters([changed])
+    now, made = plant.model(0), Plant([changed]).model(0)
+    for field in ("dof_damping", "tendon_stiffness", "tendon_damping", "body_inertia", "wrap_prm",
+                  "actuator_gear", "dof_M0", "dof_invweight0", "tendon_invweight0"):  # fmt: skip
+        assert np.array_equal(getattr(now, field), getattr(made, field)), field
+
+
+@pytest.mark.parametrize("name", [name for name in PARAMETER_NAMES if name != "r"])
+def test_a_change_keeps_angles_and_speeds_and_then_acts(name):
+    changed = N1.replace(**{name: 1.5 * getattr(N1, name)})
+    plant, other = Plant([N1]), Plant([N1])
+    for _ in range(50):
+        plant.step(np.array([0.3]))
+        other.step(np.array([0.3]))
+    before = [*plant.angles[0], plant.speed_m[0]]
+    plant.set_parameters([changed])
+    assert [*plant.angles[0], plant.speed_m[0]] == before
+    plant.step(np.array([0.3]))
+    other.step(np.array([0.3]))
+    assert not np.array_equal(plant.angles, other.angles)
+
+
+def test_a_run_does_not_depend_on_the_others_nor_on_threads():
+    values = random_parameters(6)
+    values[:, -1] = N1.r
+    torque = np.random.default_rng(2).normal(0, 1, (100, 6))
+
+    def final(rows, threads=1):
+        plant = Plant(values[rows], threads=threads)
+        for k, u in enumerate(torque[:, rows]):
+            if k == 50:
+                plant.set_parameters(values[rows] * np.where(np.arange(12) < 11, 1.1, 1))
+            plant.step(u)
+        return np.column_stack([plant.angles, plant.speed_m]).copy()
+
+    together = final([0, 1, 2, 3, 4, 5])
+    assert np.array_equal(final([0, 1, 2, 3, 4, 5], threads=2), together)
+    assert np.array_equal(final([4, 1]), together[[4, 1]])
+    assert np.array_equal(final([3]), together[[3]])
+
+
+def test_properties_are_the_named_joints():
+    plant = Plant([N1])
+    for _ in range(20):
+        plant.step(np.array([1.0]))
+    assert plant.angle_m[0] > plant.angle_g[0] > plant.angle_a[0] > 0
+    assert plant.angles[0].tolist() == [plant.angle_m[0], plant.angle_g[0], plant.angle_a[0]]
+
+
+@pytest.fixture
+def clean_folder(tmp_path, monkeypatch, capfd):
+    """Run in an empty folder, which must stay empty, and print nothing."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("clean_folder")
+@pytest.mark.parametrize(
+    ("torque", "parameters", "run"),
+    [
+        ([0.0, np.nan, 0.0], [N1] * 3, 1),
+        ([0.0, 0.1], [N1, N1.replace(k_g=1e9)], 1),  # too stiff for a step of 1 ms
+        ([1e12], [N1], 0),
+    ],
+)
+def test_divergence_is_an_error_and_leaves_no_litter(torque, parameters, run):
+    plant = Plant(parameters)
+    plant.step(np.zeros(len(parameters)))
+    with pytest.raises(SimulationError, match=f"run {run} failed at t = 0.01") as caught:
+        for _ in range(3):
+            plant.step(np.array(torque))
+    assert caught.value.run == run and "MuJoCo warning" in caught.value.reason
+
+
+def test_wrong_parameters_are_refused_and_change_nothing():
+    plant = Plant([N1, N1])
+    bad = np.tile(N1.as_array(), (2, 1))
+    bad[1, PARAMETER_NAMES.index("J_g")] = -7
+    bad[0, PARAMETER_NAMES.index("f_m")] = 0.06
+    with pytest.raises(ParameterError, match=r"J_g of run 1 must be positive \[kg m\^2\], not -7"):
+        plant.set_parameters(bad)
+    assert plant.model(0).dof_damping.tolist() == [0.05, 0.5, 0.1]
+    with pytest.raises(ParameterError, match=r"shape \(2, 12\)"):
+        plant.set_parameters([N1])
+    with pytest.raises(ParameterError, match="at least one run"):
+        Plant([])

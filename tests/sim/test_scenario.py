@@ -1,0 +1,236 @@
+"""Scenarios: what a TOML means, its identity, and its truth over time."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.parameters import PARAMETER_NAMES, preset
+from flexaxis.sim.scenario import Event, load_scenario, parse_scenario
+
+STEP = """
+name = "fm_step-v1"
+duration = 20.0
+[[fault]]
+kind = "step"
+parameter = "f_m"
+at = 10.0
+factor = 1.5
+"""
+FULL = """
+name = "everything-v1"
+card = '''Two lines, "quoted",
+and a \\ backslash.'''
+preset = "n2"
+parameters.J_a = 2.0
+duration = 30
+identify = ["J_m", "1/k_g"]
+start = 1.2
+output = "increment"
+burn_in = 2.5
+feedback = "measured"
+noise = { speed = 0.2, angle = 1e-5 }
+encoder.counts = 65536
+delay.measurement = 2
+controller = { Kp = 5, Kv = 0.3, Ki = 1, tau = 0.001 }
+[excitation]
+kind = "multisine"
+low = 0.5
+high = 20
+period = 4
+rms = 0.03
+pause = [[10, 12], [20, 20.5]]
+[[fault]]
+kind = "ramp"
+parameter = "k_T"
+at = 3
+over = 2
+factor = 0.9
+[[fault]]
+kind = "intermittent"
+parameter = "J_a"
+at = 7
+on = 1
+off = 2
+factor = 1.1
+until = 12
+"""
+K = PARAMETER_NAMES.index
+
+
+def test_defaults_are_the_documented_ones():
+    s = parse_scenario('name = "x"\nduration = 20')
+    assert (s.preset, s.start, s.output, s.burn_in, s.feedback) == ("n1", 1, "speed", 5, "clean")
+    assert s.identify == ("k_T", "1/J_a", "f_m") and s.fault == ()
+    assert (s.noise.speed, s.noise.angle, s.encoder.counts, s.delay.measurement) == (0.1, 0, 0, 0)
+    c, e = s.controller, s.excitation
+    assert (c.Kp, c.Kv, c.Ki, c.tau) == (4, 0.22, 2, 0.0005)
+    assert (e.low, e.high, e.period, e.rms, e.pause) == (0.1, 30, 10, 0.0511, ())
+    assert s.nominal == preset("n1")
+
+
+def test_time_is_the_200_hz_grid():
+    s = parse_scenario(STEP)
+    assert s.period == 0.005 and s.samples == 4000
+    assert s.times[0] == 0 and s.times[-1] == 19.995 and s.times.shape == (4000,)
+    assert s.excited().shape == (4000,)
+
+
+@pytest.mark.parametrize("text", [STEP, FULL])
+def test_toml_out_and_in_is_the_same_scenario(text):
+    s = parse_scenario(text)
+    again = parse_scenario(s.to_toml())
+    assert again.resolved() == s.resolved() and again.hash == s.hash
+    assert again.to_toml() == s.to_toml()
+    assert parse_scenario(text) == s
+
+
+CARDS = ['"', "\\", "\t", "\x7f", "é \U0001f600", 'a\nb """ c\n', "'"]
+
+
+@pytest.mark.parametrize("card", CARDS)
+def test_any_card_survives_toml(card):
+    s = parse_scenario(STEP).override({"card": card, "name": "x"})
+    assert parse_scenario(s.to_toml()).card == card
+
+
+def test_resolved_writes_everything_out():
+    s = parse_scenario(FULL)
+    content = s.resolved()
+    assert content["parameters"] == {**preset("n2").as_dict(), "J_a": 2.0}
+    assert content["fault"][1]["until"] == 12.0 and content["noise"]["angle"] == 1e-5
+    assert content["card"] == 'Two lines, "quoted",\nand a \\ backslash.'
+
+
+def test_hash_pinned():
+    """A change of this number is a change of every record's identity and random streams."""
+    assert parse_scenario(STEP).hash == PINNED
+
+
+PINNED = "4728e23aa5f4f74468f2682bcb7e2fe9b144cc2062cf0196e3c4cef2ba775db9"
+
+
+def test_hash_is_the_same_in_another_process():
+    code = f"from flexaxis.sim.scenario import parse_scenario as p; print(p({FULL!r}).hash)"
+    environment = {**os.environ, "PYTHONHASHSEED": "4711"}
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
+    assert out.stdout.strip() == parse_scenario(FULL).hash
+
+
+@pytest.mark.parametrize(
+    "same",
+    [
+        STEP.replace("fm_step-v1", "other"),
+        STEP.replace("duration = 20.0", "duration = 20"),
+        'card = "words"\npreset = "n1"\nstart = 1\nnoise.speed = 0.1' + STEP,
+        "parameters.J_g = 7" + STEP,
+    ],
+)
+def test_hash_sees_content_only(same):
+    assert parse_scenario(same).hash == parse_scenario(STEP).hash
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["duration", "start", "burn_in", "noise.speed", "noise.angle", "controller.Kp",
+     "controller.tau", "excitation.rms", "fault[0].at", "fault[0].factor", "parameters.k_g",
+     "parameters.r"],
+)  # fmt: skip
+def test_hash_sees_every_number(key):
+    s = parse_scenario(STEP)
+    value = 0.9 if key in ("parameters.r", "excitation.rms") else 12.5
+    assert s.override({key: value}).hash != s.hash
+
+
+def test_true_parameters_are_nominal_times_factors():
+    s = parse_scenario(FULL)
+    truth, nominal = s.true_parameters(), s.nominal.as_array()
+    assert truth.shape == (6000, 12)
+    assert np.array_equal(truth[:600], np.tile(nominal, (600, 1)))
+    assert truth[600, K("k_T")] < 1 and truth[1000, K("k_T")] == pytest.approx(0.9)
+    J_a = truth[:, K("J_a")]
+    assert J_a[1399] == 2.0 and np.all(J_a[1400:1600] == 2.2) and np.all(J_a[1600:2000] == 2.0)
+    others = [k for k in range(12) if k not in (K("k_T"), K("J_a"))]
+    assert np.array_equal(truth[:, others], np.tile(nominal[others], (6000, 1)))
+
+
+def test_events_in_order_of_time():
+    events = parse_scenario(FULL).events()
+    assert [(e.parameter, e.index) for e in events] == [
+        ("k_T", 600), ("J_a", 1400), ("J_a", 1600), ("J_a", 2000), ("J_a", 2200)
+    ]  # fmt: skip
+    assert events[0] == Event("k_T", 600, 1.0, 0.9)
+    assert [e.after for e in events[1:]] == pytest.approx([2.2, 2.0, 2.2, 2.0])
+    assert parse_scenario(STEP).events() == (Event("f_m", 2000, 0.05, 0.05 * 1.5),)
+
+
+def test_faults_on_one_parameter_multiply():
+    double = STEP + '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 15\nfactor = 2\n'
+    s = parse_scenario(double)
+    assert s.true_parameters()[-1, K("f_m")] == pytest.approx(0.05 * 1.5 * 2)
+    assert [(e.index, e.before, e.after) for e in s.events()] == [
+        (2000, 0.05, pytest.approx(0.075)),
+        (3000, pytest.approx(0.075), pytest.approx(0.15)),
+    ]
+    together = parse_scenario(double.replace("at = 15", "at = 10"))
+    assert [(e.index, e.after) for e in together.events()] == [(2000, pytest.approx(0.15))]
+
+
+def test_a_fault_without_effect_is_no_event():
+    assert parse_scenario(STEP.replace("1.5", "1.0")).events() == ()
+
+
+def test_event_of_a_ramp_longer_than_the_run_has_its_final_value():
+    text = STEP.replace('"step"', '"ramp"\nover = 50')
+    assert parse_scenario(text).events() == (Event("f_m", 2000, 0.05, 0.05 * 1.5),)
+
+
+def test_override_changes_value_name_and_hash_only():
+    s = parse_scenario(STEP)
+    t = s.override({"start": 1.2, "fault[0].factor": 2.0, "noise.speed": 0})
+    assert (t.start, t.fault[0].factor, t.noise.speed) == (1.2, 2.0, 0)
+    assert t.name == "fm_step-v1+start=1.2+fault[0].factor=2.0+noise.speed=0"
+    back = t.override({"start": 1.0, "fault[0].factor": 1.5, "noise.speed": 0.1})
+    assert back.hash == s.hash
+    assert s.override({"excitation.rms": 0.02}).excitation.rms == 0.02
+    assert s.override({"excitation": {"kind": "standstill"}}).excitation.kind == "standstill"
+    assert s.override({"name": "mine", "start": 1.1}).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"strat": 1.2}, "fm_step-v1: strat: unknown key 'strat'.*Did you mean 'start'"),
+        ({"noise.sped": 1}, "fm_step-v1: noise.sped: unknown key.*Did you mean 'speed'"),
+        ({"fault[1].factor": 2}, r"fm_step-v1: fault\[1\].factor: no such key"),
+        ({"fault.factor": 2}, "fm_step-v1: fault.factor: no such key"),
+        ({"": 2}, "no such key"),
+        ({"start": "fast"}, "fm_step-v1: start: must be a valid number, not 'fast'"),
+        ({"fault[0].at": 20}, r"fm_step-v1: fault\[0\].at: the onset at 20 s is not before"),
+    ],
+)
+def test_override_is_checked(changes, message):
+    with pytest.raises(ScenarioError, match=message):
+        parse_scenario(STEP).override(changes)
+
+
+def test_scenario_is_frozen():
+    s = parse_scenario(STEP)
+    with pytest.raises(ValueError, match="frozen"):
+        s.start = 2.0
+
+
+def test_load_reads_utf8_and_names_the_file(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('card = "Östring"' + STEP, encoding="utf-8")
+    assert load_scenario(path).card == "Östring"
+    path.write_bytes(b'card = "\xff"' + STEP.encode())
+    with pytest.raises(ScenarioError, match=r"mine.toml: not valid TOML: not UTF-8"):
+        load_scenario(path)
+    with pytest.raises(ScenarioError, match=r"gone.toml: cannot be read: No such file"):
+        load_scenario(tmp_path / "gone.toml")

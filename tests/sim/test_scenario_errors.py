@@ -1,0 +1,139 @@
+"""Every mistake in a scenario, and the one line that answers it."""
+
+import pytest
+from pydantic import ValidationError
+
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.scenario import Scenario, parse_scenario
+
+FAULT = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 10.0\nfactor = 1.5\n'
+TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
+
+# text put into a good scenario (None as first key: instead of it) -> the one line expected
+CASES = [
+    # unknown words, with the nearest right one
+    ("presett = 'n1'", "presett: unknown key 'presett'; known are ", " Did you mean 'preset'?"),
+    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2. Did you mean 'n2'?", ""),
+    ("parameters.Jm = 1.0", f"parameters.Jm: unknown parameter 'Jm'; known are {TWELVE}.",
+     " Did you mean 'J_m'?"),
+    ("identify = ['k_t']", "identify[0]: unknown parameter 'k_t'; ", " Did you mean 'k_T'?"),
+    ("identify = ['k_T', '1/Ja']", "identify[1]: unknown parameter '1/Ja'; ",
+     " Did you mean '1/J_a'?"),
+    ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle.",
+     " Did you mean 'speed'?"),
+    ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau.",
+     " Did you mean 'Kp'?"),
+    ("excitation.kind = 'multisin'",
+     "excitation: unknown kind 'multisin'; known are multisine, standstill.",
+     " Did you mean 'multisine'?"),
+    ("excitation = { kind = 'multisine', hihg = 3 }", "excitation.hihg: unknown key 'hihg'; ",
+     " Did you mean 'high'?"),
+    (FAULT.replace("step", "stepp"),
+     "fault[0]: unknown kind 'stepp'; known are step, ramp, intermittent. Did you mean 'step'?",
+     ""),
+    (FAULT.replace("f_m", "fm"), f"fault[0].parameter: unknown parameter 'fm'; known are {TWELVE}.",
+     " Did you mean 'f_m'?"),
+    (FAULT.replace("factor", "facter"), "fault[0].factor: is missing",
+     "fault[0].facter: unknown key 'facter'; known are kind, parameter, at, factor."
+     " Did you mean 'factor'?"),
+    (FAULT.replace("kind", "#"), "fault[0]: kind is missing; known are step, ramp, ", ""),
+    # wrong types
+    ("start = '1.2'", "start: must be a valid number, not '1.2'", ""),
+    ("start = true", "start: must be a valid number, not True", ""),
+    ("burn_in = [5.0]", "burn_in: must be a valid number, not [5.0]", ""),
+    ("encoder.counts = 65536.0", "encoder.counts: must be a valid integer, not 65536.0", ""),
+    ("identify = 'k_T'", "identify: must be an array, not 'k_T'", ""),
+    ("identify = []", "identify: must have at least one entry, not []", ""),
+    ("noise = 0.1", "noise: must be a table, not 0.1", ""),
+    ("parameters = 3", "parameters: must be a table, not 3", ""),
+    ("fault = 3", "fault: must be an array, not 3", ""),
+    ("excitation = 'multisine'", "excitation: must be a table, not 'multisine'", ""),
+    # impossible values
+    ("parameters.J_m = -1.2e-3", "parameters.J_m: must be positive [kg m^2], not -0.0012", ""),
+    ("parameters.f_m = -1", "parameters.f_m: must be zero or positive [N m s/rad], not -1", ""),
+    ("parameters.r = 118", "parameters.r: must be in (0, 1], arm angle over motor angle "
+     "(1/118, not 118), not 118", ""),
+    ("parameters.k_g = inf", "parameters.k_g: must be a finite number, not inf", ""),
+    ("start = 0", "start: must be greater than 0, not 0", ""),
+    ("start = nan", "start: must be ", ", not nan"),
+    ("output = 'angle'", "output: must be 'speed' or 'increment', not 'angle'", ""),
+    ("noise.speed = -0.1", "noise.speed: must be greater than or equal to 0, not -0.1", ""),
+    ("encoder.counts = 16", "encoder.counts: 16 counts per revolution are too few",
+     "16 bits are 65536 counts"),
+    ("delay.measurement = -1", "delay.measurement: must be greater than or equal to 0, not -1", ""),
+    ("identify = ['k_T', '1/k_T']", "identify[1]: '1/k_T' after 'k_T': name each once", ""),
+    (FAULT.replace("10.0", "20.0"),
+     "fault[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
+    (FAULT.replace("10.0", "10_000.0"),
+     "fault[0].at: the onset at 10000 s is not before the end of the run at 20 s", ""),
+    (FAULT.replace("10.0", "19.999"), "fault[0].at: the onset at 19.999 s is not before ", ""),
+    (FAULT.replace("10.0", "0"), "fault[0].at: must be greater than or equal to 0.005, not 0", ""),
+    (FAULT.replace("f_m", "r"), "fault[0].parameter: the gear ratio r is a count of teeth", ""),
+    (FAULT.replace("f_m", "J_a").replace("1.5", "0"),
+     "fault[0].factor: must be above 0, for J_a must stay positive", ""),
+    (FAULT.replace("1.5", "150"), "fault[0].factor: must be less than or equal to 100, not 150",
+     ""),
+    (FAULT.replace("1.5", "-0.5"), "fault[0].factor: must be greater than or equal to 0", ""),
+    (FAULT.replace("step", "intermittent") + "on = 1\noff = 0.001",
+     "fault[0].off: must be greater than or equal to 0.005, not 0.001", ""),
+    (FAULT.replace("step", "intermittent") + "on = 1\noff = 1\nuntil = 9",
+     "fault[0].until: the end at 9 s is not after the onset at 10 s", ""),
+    ("excitation = { kind = 'multisine', low = 40 }",
+     "excitation: no line of the period 10 s (a multiple of 0.1 Hz) lies between", ""),
+    ("excitation = { kind = 'multisine', high = 100 }",
+     "excitation: high must be below half the sampling rate, 100 Hz", ""),
+    ("excitation = { kind = 'multisine', period = 3.333 }",
+     "excitation: period must be a whole number of samples of 5 ms", ""),
+    ("excitation = { kind = 'multisine', pause = [[5, 4]] }",
+     "excitation.pause: pauses must be [from, to] with from < to", ""),
+    ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
+     "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "begin", "end"), CASES, ids=[case[1][:40] for case in CASES])
+def test_each_mistake_has_its_line(text, begin, end):
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(f'name = "x"\nduration = 20\n{text}\n', source="my.toml")
+    lines = str(caught.value).splitlines()
+    assert lines[0].startswith(f"my.toml: {begin}"), lines
+    assert lines[-1].endswith(end), lines
+    # One line for one mistake; only a key written wrongly is also a key missing.
+    assert len(lines) == (2 if "is missing" in begin and "facter" in text else 1), lines
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("", "my.toml: name: is missing"),
+        ('name = "two words"\nduration = 20', "my.toml: name: must be one word, without blanks"),
+        ('name = "a/b"\nduration = 20', "my.toml: name: must be one word"),
+        ('name = "x"\nduration = -1', "my.toml: duration: must be greater than or equal to 0.01"),
+        ('name = "x"\nduration = 200_000', "my.toml: duration: must be less than or equal to 864"),
+        ('name = "x\nduration = 20', "my.toml: not valid TOML: Illegal character"),
+        ('name = "x"\nname = "y"', "my.toml: not valid TOML: Cannot overwrite a value"),
+    ],
+)
+def test_mistakes_at_the_top(text, line):
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(text, source="my.toml")
+    assert str(caught.value).splitlines()[0].startswith(line)
+
+
+def test_all_mistakes_are_told_at_once():
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(
+            'name = "x"\nduration = 20\nstrat = 1.2\npreset = "n3"\nparameters.J_m = -1\n'
+            f'identify = ["k_T", "k_T"]\nstart = 0\n{FAULT.replace("10.0", "true")}'
+            f"{FAULT.replace('10.0', '25')}",
+            source="my.toml",
+        )
+    keys = [line.split(": ")[1] for line in caught.value.problems]
+    assert sorted(keys) == sorted(
+        ["strat", "preset", "parameters.J_m", "identify[1]", "start", "fault[0].at", "fault[1].at"]
+    )
+
+
+def test_made_from_python_a_scenario_is_checked_as_well():
+    with pytest.raises(ValidationError, match=r"parameters\.J_m: must be positive"):
+        Scenario(name="x", duration=20.0, parameters={"J_m": -1.0})
