@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from flexaxis.estimators.reference import LiteralRpem
     from flexaxis.estimators.rpem import Rpem
 
-REGULARIZATION = 1.0
+REGULARIZATION = 0.3
 """μ of the ``-mu`` entries."""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")

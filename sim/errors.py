@@ -25,7 +25,8 @@ class ScenarioError(FlexaxisError):
 
     def __init__(self, *problems: str) -> None:
         super().__init__("\n".join(problems))
-        self.problems = problems
+        # From the message, so that it survives the way from a worker process by pickle.
+        self.problems = tuple(str(self).splitlines())
 
 
 class RecordError(FlexaxisError):

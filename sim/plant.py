@@ -104,10 +104,8 @@ class Plant:
             )
         changed = np.flatnonzero((values != self._values).any(axis=0))
         _check_columns(values, changed)
-        for column in changed:
-            self._places[column][...] = values[:, column].reshape(
-                -1, *[1] * (self._places[column].ndim - 1)
-            )
+        for column in changed:  # transposed, for an inertia has three entries in each run
+            self._places[column].T[...] = values[:, column]
         if any(PARAMETER_NAMES[column] in _DERIVED_FROM for column in changed):
             self._batch.set_const()
         self._values = values

@@ -105,6 +105,18 @@ def loop() -> Loop:
 
 
 @pytest.fixture(scope="session")
+def nominal() -> Mapping[str, float]:
+    """The axis that all tests are about."""
+    return NOMINAL
+
+
+@pytest.fixture(scope="session")
 def simulated() -> Callable[..., Loop]:
     """The simulation itself."""
     return simulate
+
+
+@pytest.fixture(scope="session")
+def by_hand() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """A and B, written out by hand."""
+    return axis

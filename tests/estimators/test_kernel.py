@@ -1,0 +1,167 @@
+"""The compiled loop against the paper word for word, and against longer arithmetic."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
+from flexaxis.estimators.kernel import rpem_loop
+from flexaxis.estimators.pattern import split, unflatten
+from flexaxis.estimators.plan import plan
+
+P0 = [2.97e-4, 5.19e-5, 4.69e-6]
+DRIFT = [5e-8, 50e-8, 500e-8]
+SUBSETS = [
+    ("k_T",),
+    ("f_m", "1/J_a"),
+    ("k_T", "1/J_a", "f_m", "k_a", "d_g"),
+    ("J_a", "k_g", "1/k_a", "d_a"),
+]
+
+
+def gaps(N: int) -> np.ndarray:
+    valid = np.random.default_rng(5).random(N) > 0.1
+    valid[3000:3400] = False
+    return valid
+
+
+@pytest.mark.parametrize(
+    ("options", "missing"),
+    [
+        ({"forgetting": 0.995}, False),
+        ({"forgetting": 0.99, "regularization": 0.3, "output": "increment"}, True),
+        ({"drift": DRIFT}, True),
+        ({"drift": np.diag(DRIFT) + 5e-8, "regularization": 1.0, "output": "increment"}, False),
+    ],
+)
+def test_run_is_the_paper_word_for_word(nominal, loop, options, missing):
+    y = loop.increment if options.get("output") == "increment" else loop.y
+    valid = gaps(len(y)) if missing else None
+    given = dict(theta0=np.array([1.2, 1.5, 0.06]), P0=P0, **options)
+    fast, literal = Rpem(three_mass(nominal), **given), LiteralRpem(three_mass(nominal), **given)
+    theta = literal.run(loop.u, y, valid)
+    # rounding only: 2e-14 to 1e-13 is what is seen, mostly that of the matrix exponential
+    np.testing.assert_allclose(fast.run(loop.u, y, valid), theta, rtol=1e-12)
+    np.testing.assert_allclose(fast.P, literal.P, rtol=1e-10, atol=1e-12 * literal.P.max())
+    np.testing.assert_allclose(fast.covariance, literal.covariance, rtol=1e-9, atol=1e-16)
+    np.testing.assert_allclose(fast.psi, literal.psi, rtol=1e-9)
+
+
+def test_every_pattern_is_the_paper(nominal, loop):
+    model = three_mass(nominal)
+    for identify in SUBSETS:
+        theta = model.parametrize(identify).theta
+        given = dict(identify=identify, theta0=1.05 * theta, P0=1e-6 * theta**2)
+        fast, literal = Rpem(model, **given), LiteralRpem(model, **given)
+        expected = literal.run(loop.u[:1000], loop.y[:1000])
+        np.testing.assert_allclose(
+            fast.run(loop.u[:1000], loop.y[:1000]), expected, rtol=1e-10, err_msg=str(identify)
+        )
+
+
+def test_two_mass_is_the_paper(loop):
+    model = two_mass(
+        {"k_T": 1.0, "J_m": 4.8e-3, "J_l": 4.8e-3, "k": 547.0, "d": 0.01, "f_m": 0.06, "f_l": 0.07}
+    )
+    given = dict(identify=("k_T", "1/J_l", "k"), P0=[1e-6, 1e-2, 1.0])
+    fast, literal = Rpem(model, **given), LiteralRpem(model, **given)
+    expected = literal.run(loop.u[:2000], loop.y[:2000])
+    assert np.ptp(expected, axis=0).min() > 0
+    np.testing.assert_allclose(fast.run(loop.u[:2000], loop.y[:2000]), expected, rtol=1e-9)
+
+
+def test_step_is_run_bit_for_bit(nominal, loop):
+    filters = [Rpem(three_mass(nominal), P0=P0) for _ in range(3)]
+    u, y, valid = loop.u[:5000], loop.y[:5000], gaps(5000)
+    at_once = filters[0].run(u, y, valid)
+    by_step = [filters[1].step(*s) for s in zip(u, np.where(valid, y, None), strict=True)]
+    in_two = [filters[2].run(u[s], y[s], valid[s]) for s in (slice(1777), slice(1777, None))]
+    np.testing.assert_array_equal(by_step, at_once)
+    np.testing.assert_array_equal(np.concatenate(in_two), at_once)
+    filters[0].reset()
+    np.testing.assert_array_equal(filters[0].run(u, y, valid), at_once)
+
+
+def test_the_loop_runs_without_the_compiler(nominal, loop):
+    """Same source, the NumPy twins of the two compiled steps: differs by rounding only."""
+    model, N = three_mass(nominal), 300
+    compiled, plain = Rpem(model, P0=P0), Rpem(model, P0=P0)
+    estimates = np.empty((N, 3))
+    uncompiled = rpem_loop(split(plain._design.model)[0]).py_func
+    uncompiled(plain._tuning, plain._state, loop.u[:N], loop.y[:N], np.ones(N, bool), estimates)
+    np.testing.assert_allclose(estimates, compiled.run(loop.u[:N], loop.y[:N]), rtol=1e-12)
+
+
+def test_P_stays_symmetric_and_positive_definite(nominal, loop):
+    u, y = np.tile(loop.u, 5), np.tile(loop.y, 5)
+    for options in ({"forgetting": 0.98}, {"drift": DRIFT}):
+        fast = Rpem(three_mass(nominal), P0=P0, **options)
+        for k in range(0, 60_000, 12_000):
+            theta = fast.run(u[k : k + 12_000], y[k : k + 12_000])
+            np.testing.assert_array_equal(fast.P, fast.P.T)
+            assert np.linalg.eigvalsh(fast.P)[0] > 0
+        np.testing.assert_allclose(theta[-2000:].mean(axis=0), [1.0, 1.25, 0.05], rtol=0.03)
+
+
+def extended(filter_, theta):
+    """(22) in extended precision, input as one more state, for x and each z_i in turn."""
+    A, B, _ = filter_._design.model.matrices(theta)
+    dA, dB, _ = filter_._design.model.derivatives(theta)
+    n, p = len(A), len(theta)
+    F = np.zeros((n * (p + 1) + 1,) * 2, np.longdouble)
+    for i in range(p + 1):
+        F[n * i : n * (i + 1), n * i : n * (i + 1)] = A
+    F[n:-1, :n] = np.vstack(dA)
+    F[:n, -1], F[n:-1, -1] = B[:, 0], np.vstack(dB)[:, 0]
+    return F
+
+
+def transition(F, period):
+    """exp(F T) in extended precision: a Taylor series of small steps, squared."""
+    halvings = 16
+    small = F * np.longdouble(period) / 2**halvings
+    total = term = np.eye(len(F), dtype=np.longdouble)
+    for k in range(1, 16):
+        term = term @ small / k
+        total = total + term
+    for _ in range(halvings):
+        total = total @ total
+    return total
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no extended precision here")
+@pytest.mark.parametrize(
+    "stiff", [{}, {"k_g": 1e3}, {"d_g": 1e2}, {"k_a": 1e3}, {"k_g": 1e3, "d_g": 1e2}, {"f_m": 1e3}]
+)
+def test_series_is_exact_on_stiff_models(nominal, loop, stiff):
+    model = three_mass({name: value * stiff.get(name, 1) for name, value in nominal.items()})
+    theta = model.parametrize(("k_T", "1/J_a", "f_m")).theta
+    fast = Rpem(model, P0=np.full(3, 1e-300), bounds=(0.2 * theta, 5 * theta))
+    Phi = transition(extended(fast, theta), 0.005)
+    X = np.zeros(len(Phi), np.longdouble)
+    for k in range(50):
+        fast.step(loop.u[k], None)
+        X[-1] = loop.u[k]
+        X = Phi @ X
+    expected = X[:-1].reshape(4, 5).T
+    error = np.abs(fast._state["X"][0, :5, :4] - expected).max(axis=0)
+    assert (error / np.abs(expected).max(axis=0)).max() < 1e-12
+
+
+def test_substeps_grow_with_the_fastest_mode(nominal):
+    def work(**stiff):
+        chosen = three_mass({**nominal, **stiff}).parametrize(("k_T", "1/J_a", "f_m"))
+        return plan(chosen, 0.2 * chosen.theta, 5 * chosen.theta, 0.005)
+
+    assert work() == (17, 1)
+    order, substeps = work(k_g=nominal["k_g"] * 1e4)
+    assert order <= 24
+    # the gear's frequency grows as √k_g, so a hundredfold: size 1.24 to about 80
+    assert 20 < substeps < 40
+
+
+def test_pattern_survives_flattening(nominal):
+    for identify in SUBSETS:
+        pattern, coefficients = split(three_mass(nominal).parametrize(identify))
+        assert unflatten(pattern.flat()) == pattern
+        assert len(coefficients) == len(pattern.terms)
+        assert pattern.lanes >= 1 + pattern.p

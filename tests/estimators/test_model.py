@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
+from flexaxis.estimators.formula import multiply_out
+
+EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")
+
+
+def test_formula_is_multiplied_out():
+    assert multiply_out("-(2*a + 1)/b^2") == ((-2.0, {"a": 1, "b": -2}), (-1.0, {"b": -2}))
+    assert multiply_out("a*b/(2*a) - 1e-3") == ((0.5, {"b": 1}), (-0.001, {}))
+    assert multiply_out("0") == ()
+
+
+@pytest.mark.parametrize("entry", ["a +", "1/(a + b)", "sin(a)", "a^b", "a^0.5", "'a'", "a if b else c"])
+def test_formula_that_is_none(entry):
+    with pytest.raises(EstimatorError, match="cannot read the entry"):
+        multiply_out(entry)
+
+
+def test_three_mass_is_the_paper(nominal, by_hand):
+    A, B, C = three_mass(nominal).parametrize(["k_T"]).matrices([1.0])
+    hand_A, hand_B = by_hand(nominal)
+    np.testing.assert_allclose(A, hand_A[:5, :5], rtol=1e-14)
+    np.testing.assert_allclose(B[:, 0], hand_B[:5], rtol=1e-14)
+    np.testing.assert_array_equal(C, [[0, 0, 1, 0, 0]])
+
+
+def test_any_choice_of_parameters_is_the_same_model(nominal):
+    model = three_mass(nominal)
+    reference = model.parametrize(["k_T"])
+    for identify in (EVERY, EVERY[3:7], ("J_a", "1/r")):
+        chosen = model.parametrize(identify)
+        for a, b in zip(chosen.matrices(chosen.theta), reference.matrices([1.0]), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-13)
+
+
+def test_derivatives_are_finite_differences(nominal):
+    chosen = three_mass(nominal).parametrize(EVERY)
+    for i, value in enumerate(chosen.theta):
+        # a central difference of monomials with |e| ≤ 2 is off by about h² = 1e-8 relatively
+        step = np.zeros(len(EVERY))
+        step[i] = 1e-4 * value
+        ends = zip(
+            chosen.matrices(chosen.theta + step), chosen.matrices(chosen.theta - step), strict=True
+        )
+        for (above, below), exact in zip(ends, chosen.derivatives(chosen.theta), strict=True):
+            difference = (above - below) / (2 * step[i])
+            scale = np.abs(above).max() / abs(value) + 1e-300
+            assert np.abs(difference - exact[i]).max() < 1e-7 * scale
+
+
+def test_friction_derivative_has_one_entry(nominal):
+    dA, dB, dC = three_mass(nominal).parametrize(["f_m"]).derivatives([0.05])
+    expected = np.zeros((5, 5))
+    expected[2, 2] = -1 / nominal["J_m"]  # (24)
+    np.testing.assert_allclose(dA[0], expected, rtol=1e-14)
+    assert not dB.any()
+    assert not dC.any()
+
+
+def test_derivative_at_zero_is_finite(nominal):
+    dA, _, _ = three_mass({**nominal, "f_m": 0.0}).parametrize(["f_m", "d_g"]).derivatives([0, 26])
+    assert np.isfinite(dA).all()
+    assert dA[0, 2, 2] == -1 / nominal["J_m"]
+
+
+def test_increment_is_the_mean_speed_exactly(nominal, loop):
+    period = 0.005
+    model = increment(three_mass(nominal), period)
+    A, B, C = model.parametrize(["k_T"]).matrices([1.0])
+    step = expm(np.block([[A, B], [np.zeros((1, 7))]]) * period)
+    x, y = np.zeros(6), []
+    for u in loop.u[:2000]:
+        y.append(C[0] @ x)
+        x[5] = 0.0
+        x = step[:6, :6] @ x + step[:6, 6] * u
+    # the encoder's increment comes from differences of an angle of about 1 rad: 1e-16/T
+    np.testing.assert_allclose(y, loop.increment[:2000], atol=1e-11)
+    assert model.reset == ("angle_increment",)
+
+
+def test_two_mass_is_newton():
+    q = {"k_T": 2.0, "J_m": 4.0, "J_l": 5.0, "k": 500.0, "d": 0.3, "f_m": 0.06, "f_l": 0.07}
+    A, B, C = two_mass(q).parametrize(["k"]).matrices([500.0])
+    twist, motor, load, u = 0.1, 2.0, -3.0, 1.5
+    x = np.array([twist, motor, load])
+    shaft = 500.0 * twist + 0.3 * (motor - load)
+    expected = [motor - load, (2.0 * u - shaft - 0.06 * motor) / 4, (shaft - 0.07 * load) / 5]
+    np.testing.assert_allclose(A @ x + B[:, 0] * u, expected, rtol=1e-14)
+    assert C @ x == motor
+
+
+@pytest.mark.parametrize(
+    ("identify", "message"),
+    [
+        (["f_n"], "no parameter 'f_n'.*did you mean 'f_g'|did you mean 'f_m'"),
+        (["1/Ja"], "no parameter '1/Ja'.*did you mean 'J_a'"),
+        (["J_a", "1/J_a"], "names 'J_a' twice"),
+        ([], "identify is empty"),
+    ],
+)
+def test_choices_that_cannot_be_made(nominal, identify, message):
+    with pytest.raises(EstimatorError, match=message):
+        three_mass(nominal).parametrize(identify)
+
+
+def test_tables_that_do_not_fit(nominal):
+    with pytest.raises(EstimatorError, match="A takes 1 rows of 1 entries"):
+        Model("odd", ["x"], [["a", "b"]], ["1"], ["1"], {"a": 1.0, "b": 1.0})
+    with pytest.raises(EstimatorError, match="resets an unknown state 'y'"):
+        Model("odd", ["x"], [["a"]], ["1"], ["1"], {"a": 1.0}, reset=["y"])
+    with pytest.raises(EstimatorError, match="needs a finite nominal value of 'J_a'"):
+        three_mass({k: v for k, v in nominal.items() if k != "J_a"})
+    with pytest.raises(EstimatorError, match="needs a finite nominal value of 'r'"):
+        three_mass({**nominal, "r": np.nan})
