@@ -9,7 +9,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
 
+import numba
 import numpy as np
+from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba import boolean, config, float64, from_dtype, njit, void
 
 OPTIONS = {"nogil": True, "error_model": "numpy"}
@@ -41,16 +43,22 @@ def compile_loop(
     """
     signal = float64[::1]
     signature = void(
-        from_dtype(tuning)[::1], from_dtype(state)[::1], signal, signal, boolean[::1], float64[:, ::1]
+        from_dtype(tuning)[::1],
+        from_dtype(state)[::1],
+        signal,
+        signal,
+        boolean[::1],
+        float64[:, ::1],
     )
     # a name of its own gives every pattern files of its own, so that processes which compile
-    # different patterns at the same time cannot take each other's
-    loop.__qualname__ = f"{loop.__name__}_{_digest(flat)}"
+    # different ones at the same time cannot take each other's
+    loop.__qualname__ = f"{loop.__name__}_{_digest(loop, flat)}"
     folder = cache_folder()
     known = folder is not None and any(folder.rglob(f"*.{loop.__qualname__}-*.nbc"))
     if not known:
-        where = f"for {folder}" if folder else "for this process, as no cache folder can be written"
-        print(f"flexaxis: compiling the estimator once {where} …", file=sys.stderr, flush=True)
+        where = f"once, into {folder}" if folder else "as no cache folder can be written"
+        what = f"a filter for {flat[0]} states and {flat[1]} parameters"
+        print(f"flexaxis: compiling {what} {where} …", file=sys.stderr, flush=True)
     if folder is not None:
         # a broken or full cache must stop nobody; an error of the loop comes again below
         with suppress(Exception), _numba_cache(folder):
@@ -64,7 +72,7 @@ def cache_folder() -> Path | None:
 
     ``NUMBA_CACHE_DIR`` if that is set, else ``flexaxis`` in the user's cache folder.
     """
-    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else _user_cache() / "flexaxis" / "compiled"
+    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else user_cache() / "flexaxis" / "compiled"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -73,7 +81,8 @@ def cache_folder() -> Path | None:
     return folder
 
 
-def _user_cache() -> Path:
+def user_cache() -> Path:
+    """Return the folder in which this system's user keeps what can be made again."""
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()
@@ -90,8 +99,11 @@ def _numba_cache(folder: Path) -> Iterator[None]:
             config.CACHE_DIR = before
 
 
-def _digest(flat: tuple[int, ...]) -> str:
-    # numba notices a change of the loop's own file; these are the others that it is made of
-    sources = [Path(__file__).with_name(f"{name}.py") for name in ("lanes", "emit", "pattern")]
-    content = b"".join(source.read_bytes() for source in sources) + repr(flat).encode()
-    return hashlib.sha256(content).hexdigest()[:12]
+def _digest(loop: Callable, flat: tuple[int, ...]) -> str:
+    # all that the compiled code depends on; a home folder may serve many kinds of machine
+    here = Path(__file__).parent
+    sources = [here / f"{name}.py" for name in ("lanes", "emit", "pattern")]
+    sources.append(Path(loop.__code__.co_filename))
+    machine = get_host_cpu_name(), get_host_cpu_features().flatten(), numba.__version__
+    content = b"".join(source.read_bytes() for source in sources)
+    return hashlib.sha256(content + repr((machine, flat)).encode()).hexdigest()[:12]

@@ -48,24 +48,26 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
 def _expand(node: ast.expr) -> list[tuple[float, Powers]]:
     match node:
         case ast.Constant(value=int() | float() as number):
-            return [(float(number), {})]
+            terms = [(float(number), {})]
         case ast.Name(id=name):
-            return [(1.0, {name: 1})]
+            terms = [(1.0, {name: 1})]
         case ast.UnaryOp(op=ast.USub(), operand=x):
-            return _product([(-1.0, {})], _expand(x))
+            terms = _product([(-1.0, {})], _expand(x))
         case ast.BinOp(left=x, op=ast.Add(), right=y):
-            return _expand(x) + _expand(y)
+            terms = _expand(x) + _expand(y)
         case ast.BinOp(left=x, op=ast.Sub(), right=y):
-            return _expand(x) + _product([(-1.0, {})], _expand(y))
+            terms = _expand(x) + _product([(-1.0, {})], _expand(y))
         case ast.BinOp(left=x, op=ast.Mult(), right=y):
-            return _product(_expand(x), _expand(y))
+            terms = _product(_expand(x), _expand(y))
         case ast.BinOp(left=x, op=ast.Div(), right=y):
             ((c, powers),) = _expand(y)
-            return _product(_expand(x), [(1 / c, {k: -e for k, e in powers.items()})])
+            terms = _product(_expand(x), [(1 / c, {k: -e for k, e in powers.items()})])
         case ast.BinOp(left=x, op=ast.Pow(), right=ast.Constant(value=int() as e)):
             ((c, powers),) = _expand(x)
-            return [(c**e, {k: e * p for k, p in powers.items()})]
-    raise ValueError
+            terms = [(c**e, {k: e * p for k, p in powers.items()})]
+        case _:
+            raise ValueError(node)
+    return terms
 
 
 def _product(

@@ -64,13 +64,21 @@ def rpem_loop(pattern: Pattern) -> Callable:
     """
     flat = pattern.flat()
 
-    def run(tunings, states, u, y, valid, estimates):
+    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
         tuning, state = tunings[0], states[0]
         for k in range(len(u)):
             measure(tuning, state, y[k], valid[k])
             predict(tuning, state)
             evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-            advance(flat, state["M"], state["X"], u[k], tuning["weights"], tuning["order"], tuning["substeps"])
+            advance(
+                flat,
+                state["M"],
+                state["X"],
+                u[k],
+                tuning["weights"],
+                tuning["order"],
+                tuning["substeps"],
+            )
             estimates[k] = state["theta"]
 
     return compile_loop(run, flat, tuning_type(pattern), state_type(pattern))
@@ -96,7 +104,7 @@ def measure(tuning, state, y, valid):
             theta[i] += gain[i] / s * state["epsilon"]
         subtract(P, gain, 1.0 / s)
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-        state["noise"] += (state["epsilon"]**2 / s - state["noise"]) / state["samples"]
+        state["noise"] += (state["epsilon"] ** 2 / s - state["noise"]) / state["samples"]
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
             theta[i] = tuning["lower"][i]

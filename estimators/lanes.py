@@ -53,7 +53,7 @@ def product(pattern: Pattern, M: Array, V: Array) -> Array:
     return W
 
 
-def advance(
+def advance(  # noqa: PLR0917
     flat: tuple[int, ...], M: Array, X: Array, u: float, weights: Array, order: int, substeps: int
 ) -> None:
     """
@@ -93,12 +93,14 @@ def advance(
 
 @overload(evaluate, prefer_literal=True)
 def _compiled_evaluate(flat, coefficients, theta, M):
-    return lambda flat, coefficients, theta, M: _evaluate(flat, coefficients, theta, M)
+    return lambda flat, coefficients, theta, M: _evaluate(  # noqa: PLW0108
+        flat, coefficients, theta, M
+    )
 
 
 @overload(advance, prefer_literal=True)
-def _compiled_advance(flat, M, X, u, weights, order, substeps):
-    return lambda flat, M, X, u, weights, order, substeps: _advance(
+def _compiled_advance(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
+    return lambda flat, M, X, u, weights, order, substeps: _advance(  # noqa: PLW0108
         flat, M, X, u, weights, order, substeps
     )
 
@@ -138,7 +140,7 @@ def _evaluate(typing_context, flat, coefficients, theta, M):
 
 
 @intrinsic(prefer_literal=True)
-def _advance(typing_context, flat, M, X, u, weights, order, substeps):
+def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
     pattern = unflatten(tuple(number.literal_value for number in flat))
     n = pattern.n
 

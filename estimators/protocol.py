@@ -61,8 +61,7 @@ def run_estimator(
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
         return np.asarray(run(u, y, *missing), float)
-    steps = (
-        estimator.step(float(a), float(b) if there else None)
-        for a, b, there in zip(u, y, present, strict=True)
-    )
-    return np.array([np.asarray(theta, float) for theta in steps]).reshape(len(u), -1)
+    estimates = np.empty((len(u), len(estimator.names)))
+    for k in range(len(u)):
+        estimates[k] = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
+    return estimates

@@ -37,21 +37,24 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
     H : (p+1, (p+1)n) array
         [ψ; ŷ] = H X.
     """
-    A, B, C = model.matrices(theta)
-    dA, dB, dC = model.derivatives(theta)
+    (A, B, C), (dA, dB, dC) = model.matrices(theta), model.derivatives(theta)
     p, n = len(dA), model.n
-    F = np.kron(np.eye(p + 1), A)
-    F[:-n, -n:] = np.vstack(dA)
-    G = np.vstack([*dB, B])
-    H = np.kron(np.eye(p + 1), C)
-    H[:-1, -n:] = np.vstack(dC)
+    F, H = np.zeros(((p + 1) * n, (p + 1) * n)), np.zeros((p + 1, (p + 1) * n))
+    for i in range(p + 1):
+        block = slice(i * n, (i + 1) * n)
+        F[block, block], H[i, block] = A, C
+    F[:-n, -n:] = dA.reshape(p * n, n)
+    H[:-1, -n:] = dC.reshape(p, n)
+    G = np.concatenate([*dB, B])
     return F, G, H
 
 
 def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
     """Return Φ, Γ of X[k+1] = Φ X[k] + Γ u[k], the input held over the sample."""
     N = len(F)
-    exponential = expm(np.block([[F, G], [np.zeros((1, N + 1))]]) * period)
+    held = np.zeros((N + 1, N + 1))  # the input is one more state, which does not change
+    held[:N, :N], held[:N, N:] = F, G
+    exponential = expm(held * period)
     return exponential[:N, :N], exponential[:N, N:]
 
 
@@ -121,6 +124,7 @@ class LiteralRpem:
         self.epsilon = np.nan
         self._noise = NoiseVariance()
         self._X = np.zeros((p + 1, n))  # z_1 … z_p and x, a row each
+        self._system = extended_system(self._design.model, self.theta)
 
     @property
     def covariance(self) -> Array:
@@ -152,8 +156,7 @@ class LiteralRpem:
         return trace(self, u, y, valid)
 
     def _predict(self) -> float:
-        _, _, H = extended_system(self._design.model, self.theta)
-        output = H @ self._X.ravel()
+        output = self._system[2] @ self._X.ravel()  # (23)
         self.psi = output[:-1]
         return output[-1]
 
@@ -163,8 +166,8 @@ class LiteralRpem:
         self.theta = self.theta + self.P @ self.psi * self.epsilon  # (5)
 
     def _propagate(self, u: float) -> None:
-        F, G, _ = extended_system(self._design.model, self.theta)
-        transition, gain = discretize(F, G, self._design.period)
+        self._system = extended_system(self._design.model, self.theta)
+        transition, gain = discretize(*self._system[:2], self._design.period)
         self._X[:, list(self._design.model.reset)] = 0.0
         self._X = (transition @ self._X.ravel() + gain[:, 0] * u).reshape(self._X.shape)
 

@@ -14,7 +14,7 @@ def check_signals(
     u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """
-    Return u, y and valid as contiguous arrays of one length.
+    Return u, y and valid as contiguous, writable arrays of one length, as compiled code wants them.
 
     Parameters
     ----------
@@ -33,8 +33,8 @@ def check_signals(
     EstimatorError
         If the lengths differ, an array is not one-dimensional, or a value is not finite.
     """
-    u, y = np.ascontiguousarray(u, float), np.ascontiguousarray(y, float)
-    present = np.ones(y.shape, bool) if valid is None else np.ascontiguousarray(valid, bool)
+    u, y = np.require(u, float, "CW"), np.require(y, float, "CW")
+    present = np.ones(y.shape, bool) if valid is None else np.require(valid, bool, "CW")
     for name, values in (("u", u), ("y", y), ("valid", present)):
         if values.ndim != 1:
             raise EstimatorError(f"{name} has the shape {values.shape}; give one value a sample")

@@ -11,6 +11,7 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments import harness, results
+from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.report import render
 from flexaxis.experiments.summary import pool
 from flexaxis.sim.scenario import Scenario
@@ -45,7 +46,12 @@ class Plan:
 
 
 def benchmark(
-    plan: Plan, folder: Path, *, jobs: int = 1, advance: Callable[[int], None] | None = None
+    plan: Plan,
+    folder: Path,
+    *,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[harness.Done], None] | None = None,
 ) -> results.Results:
     """Run a plan and write scores.jsonl, summary.json, curves.nc and report.html to a folder.
 
@@ -57,8 +63,10 @@ def benchmark(
         complete.
     jobs : int
         Processes.
+    store : RecordCache, optional
+        Where records are kept for the next run.
     advance : callable, optional
-        Called with the number of cases done since the last call.
+        Called with what was done since the last call.
 
     Raises
     ------
@@ -69,13 +77,13 @@ def benchmark(
     """
     cases: list[harness.Case] = []
     # Wrong estimators are found here, before the folder is touched.
-    tasks = harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs)
+    tasks = harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs, store=store)
     with results.RowWriter(folder) as writer:
         for done in tasks:
-            writer.write([row for case in done for row in case.rows])
-            cases += done
+            writer.write([row for case in done.cases for row in case.rows])
+            cases += done.cases
             if advance:
-                advance(len(done))
+                advance(done)
         rows, curves = pool(cases, plan.scenarios)
         found = results.Results(_summary(plan, rows), curves)
         results.save(folder, found)

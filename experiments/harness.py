@@ -1,4 +1,4 @@
-"""Run cases: simulate each scenario once per seed, give the record to every estimator, score it.
+"""Run cases: get each record once, give it to every estimator, score the estimates.
 
 A case is one estimator on one record. Cases are grouped into tasks, a scenario and some seeds
 each, that go to a pool of processes; the results do not depend on how they are grouped, and come
@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from typing import Any
 
@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.scores import relative_error, score
 from flexaxis.experiments.specs import Spec, build, parse, parse_all
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.simulate import simulate
 
 SEEDS_PER_TASK = 16  # enough to share the cost of a batch, few enough to see progress
 CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
@@ -37,11 +37,12 @@ CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
 
 @dataclass(frozen=True)
 class Task:
-    """A scenario, some of its seeds, and the estimators that get the records."""
+    """A scenario, some of its seeds, the estimators that get the records, and where these lie."""
 
     scenario: Scenario
     estimators: tuple[str, ...]
     seeds: tuple[int, ...]
+    store: RecordCache | None = None
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,14 @@ class Case:
     relative: dict[str, NDArray[np.float32]]
 
 
+@dataclass(frozen=True)
+class Done:
+    """The cases of a task, and how many records had to be simulated for them."""
+
+    cases: list[Case]
+    simulated: int
+
+
 def run(
     scenarios: Sequence[Scenario],
     estimators: Sequence[str],
@@ -78,7 +87,8 @@ def run(
     *,
     jobs: int = 1,
     executor: Executor | None = None,
-) -> Iterator[list[Case]]:
+    store: RecordCache | None = None,
+) -> Iterator[Done]:
     """Run every estimator on every record, and give the cases of each task, in order.
 
     The call itself checks that every estimator can be built; the cases are computed as they are
@@ -94,6 +104,8 @@ def run(
         Processes. One stays in this process.
     executor : concurrent.futures.Executor, optional
         Where to run the tasks instead of a pool of our own.
+    store : RecordCache, optional
+        Where records are kept; without one every record is simulated.
 
     Raises
     ------
@@ -106,11 +118,11 @@ def run(
     for spec in parse_all(names):
         for scenario in scenarios:
             build(spec, scenario)  # wrong options are found before anything is computed
-    todo = list(tasks(scenarios, names, seeds, jobs=jobs))
+    todo = [replace(task, store=store) for task in tasks(scenarios, names, seeds, jobs=jobs)]
     return _spread(todo, jobs, executor)
 
 
-def _spread(todo: list[Task], jobs: int, executor: Executor | None) -> Iterator[list[Case]]:
+def _spread(todo: list[Task], jobs: int, executor: Executor | None) -> Iterator[Done]:
     if executor is not None:
         yield from executor.map(run_task, todo)
     elif jobs == 1 or len(todo) == 1:
@@ -134,13 +146,14 @@ def tasks(
             yield Task(scenario, estimators, tuple(seeds[first : first + size]))
 
 
-def run_task(task: Task) -> list[Case]:
-    """Simulate the seeds of a task and run its estimators on each record."""
+def run_task(task: Task) -> Done:
+    """Get the records of a task and run its estimators on each."""
     specs = [parse(text) for text in task.estimators]
     for spec in specs:
         _warm(spec, task.scenario)
-    records = simulate(task.scenario, task.seeds)
-    return [_case(task.scenario, record, spec) for record in records for spec in specs]
+    found, simulated = records(task.scenario, task.seeds, task.store)
+    cases = [_case(task.scenario, record, spec) for record in found for spec in specs]
+    return Done(cases, simulated)
 
 
 def _warm(spec: Spec, scenario: Scenario) -> None:

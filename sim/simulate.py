@@ -184,13 +184,15 @@ def _records(
             hash=scenario.hash,
             seed=seed,
             burn_in=scenario.burn_in,
-            versions=dict(_versions()),
+            versions=dict(versions()),
         )
         for run, seed in enumerate(seeds)
     ]
 
 
 @cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Return the versions of the programs that make a record."""
+    """Return the versions that decide about the bits of a record, by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}

@@ -6,6 +6,9 @@ scores.jsonl (one row per scenario, estimator, seed and parameter), summary.json
 report.html. An estimator given as path/file.py:Class, package.module:Class or entry point is code
 that is run.
 
+Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
+and seeds simulates nothing.
+
 example:
   flexaxis run smoke
   flexaxis run fm_step-v1 kt_step-v1 --estimator rpem-forgetting \
@@ -17,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
 HELP = "run estimators on scenarios, score them, write a report"
@@ -42,6 +46,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
     )
+    parser.add_argument(
+        "--no-cache", action="store_true", help="simulate every record, and keep none"
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -50,7 +57,9 @@ def main(args: argparse.Namespace) -> int:
     from rich.console import Console
 
     from flexaxis.experiments.benchmark import Plan, benchmark, command_line
+    from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
+    from flexaxis.experiments.harness import Done
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import REPORT, dumps
     from flexaxis.experiments.seeds import parse_seeds
@@ -69,8 +78,18 @@ def main(args: argparse.Namespace) -> int:
         command=command_line(args.words),
     )
     folder = args.output or Path("results") / Path(args.names[0]).stem
+    store = None if args.no_cache else default_cache()
+    simulated = 0
     with progress(f"{plan.cases} cases", plan.cases) as advance:
-        found = benchmark(plan, folder, jobs=args.jobs, advance=advance)
+
+        def done(task: Done) -> None:
+            nonlocal simulated
+            simulated += task.simulated
+            advance(len(task.cases))
+
+        found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done)
+    records = len(plan.scenarios) * len(plan.seeds)
+    print(f"{records} records: {simulated} simulated, the others from the cache", file=sys.stderr)
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:

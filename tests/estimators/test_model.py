@@ -14,7 +14,9 @@ def test_formula_is_multiplied_out():
     assert multiply_out("0") == ()
 
 
-@pytest.mark.parametrize("entry", ["a +", "1/(a + b)", "sin(a)", "a^b", "a^0.5", "'a'", "a if b else c"])
+@pytest.mark.parametrize(
+    "entry", ["a +", "1/(a + b)", "sin(a)", "a^b", "a^0.5", "'a'", "a if b else c"]
+)
 def test_formula_that_is_none(entry):
     with pytest.raises(EstimatorError, match="cannot read the entry"):
         multiply_out(entry)

@@ -12,6 +12,12 @@ SHORT = {
 }
 
 
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """Tests neither fill nor read the user's cache of records."""
+    monkeypatch.setenv("FLEXAXIS_CACHE", str(tmp_path / "cache"))
+
+
 @pytest.fixture(scope="session")
 def short():
     """f_m +50 % at 6 of 8 s."""

@@ -42,7 +42,7 @@ def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
 def test_any_executor_will_do(short):
     with ThreadPoolExecutor(2) as executor:
         done = list(harness.run([short], ["frozen"], range(4), jobs=2, executor=executor))
-    assert [case.seed for task in done for case in task] == [0, 1, 2, 3]
+    assert [case.seed for task in done for case in task.cases] == [0, 1, 2, 3]
 
 
 def test_a_folder_holds_what_the_report_needs(short, tmp_path):

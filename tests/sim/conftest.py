@@ -6,8 +6,6 @@ from scipy.linalg import expm
 
 from flexaxis.sim.scenario import parse_scenario
 
-BASE = 'name = "test-v1"\nduration = 4.0\n'
-
 
 @pytest.fixture
 def make():

@@ -1,0 +1,182 @@
+"""Simulated records kept for the next run, addressed by their content.
+
+A record is known by the hash of its scenario, its seed, the version of the engine and a digest of
+our simulation code, so that a change of any of them simulates anew. Entries are written at once
+or not at all, carry checksums, and the least recently used ones go when the folder is full.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.simulate import simulate, versions
+
+SIGNALS = (
+    "time",
+    "torque",
+    "angle",
+    "speed",
+    "increment",
+    "true_speed",
+    "true_angle_m",
+    "true_angle_g",
+    "true_angle_a",
+)
+LIMIT = 2 * 1024**3  # bytes
+
+
+@dataclass(frozen=True)
+class RecordCache:
+    """A folder of records, and how large it may grow [bytes]."""
+
+    folder: Path
+    limit: int = LIMIT
+
+    def get(self, scenario: Scenario, seed: int) -> Record | None:
+        """Return a record, or None if it is not here; a damaged entry is removed."""
+        path = self._path(scenario, seed)
+        try:
+            with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
+                record = Record(
+                    **{name: stored[name] for name in SIGNALS},
+                    true_parameters=scenario.true_parameters(),
+                    scenario=scenario.resolved(),
+                    hash=scenario.hash,
+                    seed=seed,
+                    burn_in=scenario.burn_in,
+                    versions=dict(versions()),
+                )
+            os.utime(path)  # used just now
+        except OSError:  # not there, or not readable
+            return None
+        except Exception:  # a damaged file fails in many ways
+            path.unlink(missing_ok=True)
+            return None
+        return record
+
+    def put(self, scenario: Scenario, record: Record) -> None:
+        """Keep a record; a folder that is full or cannot be written is no error."""
+        path = self._path(scenario, record.seed or 0)
+        part = path.with_name(f"{path.name}.{uuid4().hex}.part")
+        with suppress(OSError):
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                with part.open("wb") as file:
+                    np.savez(file, **{name: getattr(record, name) for name in SIGNALS})
+                os.replace(part, path)
+            finally:
+                part.unlink(missing_ok=True)
+
+    def entries(self) -> list[Path]:
+        """Return the files, the least recently used first."""
+        found = []
+        for path in self.folder.glob("*.npz"):
+            with suppress(FileNotFoundError):  # another process may evict at the same time
+                found.append((path.stat().st_mtime_ns, path))
+        return [path for _, path in sorted(found)]
+
+    def size(self) -> int:
+        """Return the size of all entries [bytes]."""
+        return sum(_size(path) for path in self.entries())
+
+    def evict(self) -> int:
+        """Remove the least recently used entries until the limit is met; return how many."""
+        entries = self.entries()
+        total, removed = sum(map(_size, entries)), 0
+        for path in entries:
+            if total <= self.limit:
+                break
+            total -= _size(path)
+            path.unlink(missing_ok=True)
+            removed += 1
+        return removed
+
+    def clear(self) -> int:
+        """Remove all entries; return how many."""
+        entries = self.entries()
+        for path in entries:
+            path.unlink(missing_ok=True)
+        return len(entries)
+
+    def _path(self, scenario: Scenario, seed: int) -> Path:
+        key = f"{scenario.hash} {seed} {sorted(versions().items())} {_code()}"
+        return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
+
+
+def default_cache() -> RecordCache:
+    """Return the user's cache: the folder in FLEXAXIS_CACHE, else one in the user's cache folder.
+
+    FLEXAXIS_CACHE_LIMIT sets its size in MB (default 2048).
+
+    Raises
+    ------
+    FlexaxisError
+        If the limit is no number.
+    """
+    from flexaxis.estimators.compiler import user_cache
+
+    folder = os.environ.get("FLEXAXIS_CACHE")
+    limit = os.environ.get("FLEXAXIS_CACHE_LIMIT", str(LIMIT // 1024**2))
+    if not limit.isdigit():
+        raise FlexaxisError(f"FLEXAXIS_CACHE_LIMIT is {limit!r}: give a whole number of MB")
+    path = Path(folder) if folder else user_cache() / "flexaxis" / "records"
+    return RecordCache(path, int(limit) * 1024**2)
+
+
+def records(
+    scenario: Scenario, seeds: Sequence[int], store: RecordCache | None
+) -> tuple[list[Record], int]:
+    """Return the records of some seeds, simulating those that the cache lacks, and their number.
+
+    A cached record is bit for bit what simulating it gives, whatever the batch.
+    """
+    known = {seed: store.get(scenario, seed) for seed in seeds} if store else {}
+    missing = [seed for seed in seeds if known.get(seed) is None]
+    made = simulate(scenario, missing) if missing else []
+    for seed, record in zip(missing, made, strict=True):
+        known[seed] = record
+        if store:
+            store.put(scenario, record)
+    if store and made:
+        store.evict()
+    return [record for record in known.values() if record], len(missing)
+
+
+@cache
+def _code() -> str:
+    """Digest of the code and models that make a record."""
+    sources = [f for part in ("sim", "models_mjcf") for f in _walk(files(f"flexaxis.{part}"))]
+    content = b"".join(f.read_bytes() for f in sorted(sources, key=str))
+    return sha256(content).hexdigest()
+
+
+def _walk(folder: Traversable) -> list[Traversable]:
+    found: list[Traversable] = []
+    for item in folder.iterdir():
+        if item.is_dir():
+            found += _walk(item)
+        elif item.name.endswith((".py", ".xml")):
+            found.append(item)
+    return found
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:
+        return 0

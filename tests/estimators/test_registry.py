@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+
+from flexaxis.estimators import EstimatorError, registry
+from flexaxis.estimators.priors import default_drift, gradient, known_P, nominal_P
+from flexaxis.estimators.protocol import Estimator, run_estimator
+
+
+@pytest.mark.parametrize("name", registry.REGISTRY)
+def test_every_entry_makes_an_estimator(nominal, loop, name):
+    entry = registry.entry(name)
+    off = {**nominal, "f_m": 0.06}
+    made = entry.factory(
+        off, 0.005, identify=("k_T", "1/J_a", "f_m"), output="speed", **entry.options
+    )
+    assert isinstance(made, Estimator)
+    assert entry.name == name
+    assert entry.knob in (*entry.options, None)
+    assert made.names == ("k_T", "1/J_a", "f_m")
+    np.testing.assert_allclose(made.theta, [1.0, 1.25, 0.06])  # θ(0) is what it was given
+    valid = np.arange(400) % 7 > 0
+    at_once = run_estimator(made, loop.u[:400], loop.y[:400], valid)
+    made.reset()
+    by_step = [
+        made.step(u, y if v else None) for u, y, v in zip(loop.u, loop.y, valid, strict=False)
+    ]
+    np.testing.assert_array_equal(at_once, by_step)
+
+
+def test_options_reach_the_filter(nominal, loop):
+    run = lambda name, **options: (
+        registry.entry(name).factory(nominal, 0.005, **options).run(loop.u[:500], loop.y[:500])
+    )
+    different = [
+        run("rpem-forgetting"),
+        run("rpem-forgetting", forgetting=0.99),
+        run("rpem-forgetting-mu"),
+        run("rpem-forgetting-mu", regularization=3.0),
+        run("rpem-drift"),
+        run("rpem-drift", scale=10.0),
+        run("rpem-drift-mu"),
+        run("frozen"),
+    ]
+    ends = [tuple(estimates[-1]) for estimates in different]
+    assert len(set(ends)) == len(ends)
+    mu = registry.REGULARIZATION
+    np.testing.assert_array_equal(
+        run("rpem-forgetting-mu"), run("rpem-forgetting", regularization=mu)
+    )
+
+
+def test_initial_P_is_given_or_measured_or_known(nominal, loop):
+    make = registry.entry("rpem-forgetting").factory
+    assert make(nominal, 0.005).P[0, 0] == pytest.approx(2.97e-4)
+    assert make(nominal, 0.005, forgetting=0.99).P[0, 0] == pytest.approx(2 * 2.97e-4)
+    assert make(nominal, 0.005, P0=[1e-3, 1e-3, 1e-3]).P[0, 0] == 1e-3
+    measured = make(nominal, 0.005, torque=loop.u[:4000]).P
+    np.testing.assert_allclose(np.diag(measured), [2.97e-4, 5.19e-5, 4.69e-6], rtol=0.05)
+    swapped = make(nominal, 0.005, identify=("f_m", "k_T", "1/J_a"))
+    np.testing.assert_allclose(np.diag(swapped.P), [4.69e-6, 2.97e-4, 5.19e-5])
+    with pytest.raises(EstimatorError, match="give P0, or the torque of a nominal run"):
+        make(nominal, 0.005, identify=("k_a",))
+    assert make(nominal, 0.005, identify=("k_a",), torque=loop.u[:4000]).P[0, 0] > 0
+
+
+def test_other_parameters_drift_at_the_paper_s_relative_rate(nominal, loop):
+    drift = default_drift(("k_T", "k_a", "f_m"), np.array([1.0, 8.4e3, 0.05]))
+    np.testing.assert_allclose(drift, [5e-8, 3.2e-6 * 8.4e3**2, 5e-6])
+    make = registry.entry("rpem-drift").factory
+    filter_ = make({**nominal, "k_a": 9e3}, 0.005, identify=("k_a",), torque=loop.u[:4000])
+    assert filter_.run(loop.u, loop.y)[-2000:].mean() == pytest.approx(8.4e3, rel=0.01)
+
+
+def test_unknown_names_are_answered(nominal):
+    with pytest.raises(
+        EstimatorError, match="unknown estimator 'rpem-drif': did you mean 'rpem-drift'"
+    ):
+        registry.entry("rpem-drif")
+    with pytest.raises(EstimatorError, match="scale is 0"):
+        registry.entry("rpem-drift").factory(nominal, 0.005, scale=0)
+
+
+def test_recipe_gives_the_published_data(nominal, loop):
+    from flexaxis.estimators import three_mass
+
+    model = three_mass(nominal)
+    given = nominal_P(model, loop.u[:8000])
+    np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995), rtol=0.03)
+    given = nominal_P(model, loop.u[:8000], drift=[5e-8, 50e-8, 500e-8])
+    np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=None), rtol=0.03)
+    with pytest.raises(EstimatorError, match="u is empty"):
+        nominal_P(model, [])
+
+
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_gradient_is_that_of_the_filter(nominal, loop, output):
+    from flexaxis.estimators import Rpem, increment, three_mass
+
+    model = three_mass(nominal)
+    still = Rpem(model, P0=np.full(3, 1e-300), output=output)
+    expected = still.trace(loop.u[:500], loop.y[:500]).psi
+    chosen = (increment(model, 0.005) if output == "increment" else model).parametrize(still.names)
+    psi = gradient(chosen, chosen.theta, loop.u[:500], 0.005)
+    np.testing.assert_allclose(psi, expected, atol=1e-11 * np.abs(expected).max())
+
+
+def test_any_class_with_a_step_is_an_estimator():
+    class Mine:
+        names = ("f_m",)
+        output = "speed"
+
+        def step(self, u, y):
+            return [-1.0 if y is None else u + y]
+
+    assert isinstance(Mine(), Estimator)
+    theta = run_estimator(Mine(), [1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [True, False, True])
+    np.testing.assert_array_equal(theta, [[1.5], [-1.0], [3.5]])
+    assert run_estimator(Mine(), [], []).shape == (0, 1)

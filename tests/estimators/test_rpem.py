@@ -1,0 +1,252 @@
+"""What the method does: the paper's properties, the known traps, and every refusal."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, sqrtm
+
+from flexaxis.estimators import EstimatorError, Frozen, LiteralRpem, Rpem, three_mass
+
+P0 = [2.97e-4, 5.19e-5, 4.69e-6]
+DRIFT = np.diag([5e-8, 50e-8, 500e-8])
+THETA = np.array([1.0, 1.25, 0.05])
+
+
+def output(A, B, C, u, period):
+    """ŷ (N,) of a model under a held input, step by step."""
+    n = len(A)
+    step = expm(np.block([[A, B], [np.zeros((1, n + 1))]]) * period)
+    x, y = np.zeros(n), np.empty(len(u))
+    for k, torque in enumerate(u):
+        y[k] = C[0] @ x
+        x = step[:n, :n] @ x + step[:n, n] * torque
+    return y
+
+
+def test_psi_is_the_slope_of_the_output(nominal, loop):
+    identify = ("k_T", "1/J_a", "f_m", "k_a", "d_g")
+    model = three_mass(nominal)
+    chosen = model.parametrize(identify)
+    u = loop.u[:1000]
+    still = Rpem(model, identify=identify, P0=np.full(5, 1e-300))
+    psi = still.trace(u, np.zeros(1000)).psi
+    for i, value in enumerate(chosen.theta):
+        step = np.zeros(5)
+        step[i] = 1e-5 * value
+        above, below = (
+            output(*chosen.matrices(theta), u, 0.005)
+            for theta in (chosen.theta + step, chosen.theta - step)
+        )
+        slope = (above - below) / (2 * step[i])
+        # truncation of a central difference 1e-10, rounding 1e-16/1e-5
+        assert np.abs(psi[:, i] - slope).max() < 1e-7 * np.abs(slope).max()
+
+
+def test_residual_is_white_noise_at_the_truth(nominal, loop):
+    trace = Rpem(three_mass(nominal), P0=P0, forgetting=1.0).trace(loop.u, loop.y)
+    assert abs(trace.epsilon.std() / 0.1 - 1) < 0.03  # 12000 samples: 0.6 % standard deviation
+    lag_one = np.mean(trace.epsilon[1:] * trace.epsilon[:-1]) / np.var(trace.epsilon)
+    assert abs(lag_one) < 0.04
+
+
+def test_forgetting_converges_and_has_the_theoretical_P(nominal, loop):
+    filter_ = Rpem(three_mass(nominal), theta0=1.2 * THETA, P0=P0, forgetting=0.995)
+    trace = filter_.trace(loop.u, loop.y)
+    late = trace.theta[-4000:]
+    np.testing.assert_allclose(late.mean(axis=0), THETA, rtol=0.005)
+    Q = trace.psi[-4000:].T @ trace.psi[-4000:] / 4000
+    theory = 0.005 * np.diag(np.linalg.inv(Q))  # (29)
+    measured = np.diagonal(trace.P[-4000:], axis1=1, axis2=2).mean(axis=0)
+    np.testing.assert_allclose(measured, theory, rtol=0.15)
+    assert measured.max() / measured.min() > 20  # Fig. 7
+
+
+def test_drift_converges_and_has_the_theoretical_P(nominal, loop):
+    filter_ = Rpem(
+        three_mass(nominal), theta0=1.2 * THETA, P0=[5.6e-5, 7.7e-5, 7.1e-5], drift=DRIFT
+    )
+    trace = filter_.trace(loop.u, loop.y)
+    np.testing.assert_allclose(trace.theta[-4000:].mean(axis=0), THETA, rtol=0.01)
+    Q = trace.psi[-4000:].T @ trace.psi[-4000:] / 4000
+    root = np.real(sqrtm(Q))
+    theory = np.linalg.inv(root) @ np.real(sqrtm(root @ DRIFT @ root)) @ np.linalg.inv(root)
+    np.testing.assert_allclose(theory @ Q @ theory, DRIFT, atol=1e-12)  # (30)
+    measured = np.diagonal(trace.P[-4000:], axis1=1, axis2=2).mean(axis=0)
+    np.testing.assert_allclose(measured, np.diag(theory), rtol=0.30)
+    assert measured.max() / measured.min() < 3  # Fig. 9
+
+
+def test_covariance_claims_what_is_seen(nominal, simulated):
+    seen, claimed = [], []
+    for seed in range(6):
+        run = simulated(25.0, seed=seed)
+        trace = Rpem(three_mass(nominal), P0=P0).trace(run.u, run.y)
+        seen.append(np.mean((trace.theta[1000:] - THETA) ** 2, axis=0))
+        claimed.append(np.mean(trace.covariance[1000:], axis=0))
+    # 6 runs of 20 s with a memory of 1 s: about 120 independent values, 13 % sd of a variance,
+    # and P/2 is the limit of slow forgetting
+    np.testing.assert_allclose(np.mean(claimed, axis=0), np.mean(seen, axis=0), rtol=0.4)
+
+
+@pytest.mark.parametrize(
+    "identify",
+    [
+        ("k_T", "f_m"),
+        ("1/J_a", "k_a"),
+        ("J_g", "d_g"),
+        ("k_g", "d_a", "f_m"),
+        ("J_m", "J_a", "k_g", "k_a"),
+    ],
+)
+def test_other_subsets_converge(nominal, loop, identify):
+    model = three_mass(nominal)
+    theta = model.parametrize(identify).theta
+    filter_ = Rpem(
+        model, identify=identify, theta0=1.1 * theta, P0=theta**2 / 100, forgetting=0.999
+    )
+    late = filter_.run(loop.u, loop.y)[-2000:]
+    # each ends nearer than a tenth of where it began
+    assert np.abs(late.mean(axis=0) / theta - 1).max() < 0.01
+
+
+def test_increments_are_modelled_exactly(nominal, loop):
+    filter_ = Rpem(three_mass(nominal), P0=P0, theta0=1.2 * THETA, output="increment")
+    estimates = filter_.run(loop.u, loop.increment)
+    np.testing.assert_allclose(estimates[-1], THETA, rtol=1e-6)
+
+
+def test_differences_read_as_speed_are_biased(nominal, loop):
+    estimates = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.increment)
+    k_T, _, f_m = estimates[-4000:].mean(axis=0) / THETA - 1
+    assert -0.26 < k_T < -0.16
+    assert -0.75 < f_m < -0.5
+
+
+def test_one_sample_of_delay_ruins_the_estimates(nominal, loop):
+    late = np.concatenate([[0.0], loop.u[:-1]])
+    k_T, _, f_m = Rpem(three_mass(nominal), P0=P0).run(late, loop.y)[-4000:].mean(axis=0) / THETA
+    assert k_T > 1.5
+    assert f_m > 3
+
+
+def test_regularization_bounds_P_in_a_pause(nominal, simulated):
+    run = simulated(30.0, pause=(10.0, 30.0))
+    plain = Rpem(three_mass(nominal), P0=P0).trace(run.u, run.y).P
+    assert plain.max() > 1e3  # winds up
+    for mu in (0.01, 0.3):
+        P = Rpem(three_mass(nominal), P0=P0, regularization=mu).trace(run.u, run.y).P
+        assert np.linalg.eigvalsh(P).max() <= 0.005 / mu * (1 + 1e-9)
+    drifting = Rpem(three_mass(nominal), P0=P0, drift=DRIFT, regularization=1.0)
+    P = drifting.trace(run.u, run.y).P
+    assert np.linalg.eigvalsh(P).max() <= np.sqrt(5e-6) + 5e-6
+
+
+def test_gap_updates_time_only(nominal, loop):
+    filter_ = Rpem(three_mass(nominal), P0=P0, drift=DRIFT)
+    filter_.run(loop.u[:100], loop.y[:100])
+    theta, P, claimed = filter_.theta, filter_.P, filter_.covariance
+    np.testing.assert_array_equal(filter_.step(0.5, None), theta)
+    np.testing.assert_allclose(filter_.P, P + DRIFT, rtol=1e-14)
+    assert np.isnan(filter_.epsilon)
+    np.testing.assert_allclose(filter_.covariance / claimed, filter_.P / P, rtol=1e-12)
+
+
+def test_input_acts_on_the_next_sample(nominal):
+    quiet, driven = (Rpem(three_mass(nominal), P0=P0) for _ in range(2))
+    quiet.step(0.0, 0.0)
+    driven.step(1.0, 0.0)
+    assert driven.epsilon == quiet.epsilon == 0.0
+    driven.step(0.0, 0.0)
+    assert driven.epsilon < -1  # a step of 1 N m on 1.2e-3 kg m² for 5 ms is 4 rad/s
+
+
+def test_divergence_is_a_result(nominal, loop):
+    filter_ = Rpem(three_mass(nominal), P0=P0, bounds=(0.9 * THETA, 1.1 * THETA))
+    estimates = filter_.run(loop.u, -10 * loop.y)
+    assert np.all(np.isfinite(estimates))
+    assert np.all(estimates >= 0.9 * THETA)
+    assert np.all(estimates <= 1.1 * THETA)
+    huge = Rpem(three_mass(nominal), P0=P0).run(loop.u[:50] * 1e200, loop.y[:50] * 1e200)
+    assert huge.shape == (50, 3)  # not a number, but no exception
+
+
+def test_nan_is_not_hidden_by_the_box(nominal):
+    filter_ = Rpem(three_mass(nominal), P0=P0)
+    filter_.run([1.7e308, -1.7e308], [0.0, 0.0])  # the state overflows
+    assert np.isnan(filter_.run([0.0, 0.0], [0.0, 0.0])[-1]).all()
+
+
+def test_what_is_returned_is_a_copy(nominal):
+    filter_ = Rpem(three_mass(nominal), P0=P0)
+    for value in (filter_.step(0.0, 0.0), filter_.theta, filter_.P, filter_.bounds[0]):
+        value[:] = 7.0
+    assert filter_.theta[0] == 1.0
+    assert filter_.P[0, 0] < 1.0
+    filter_.reset()
+    assert filter_.theta[0] == 1.0
+
+
+def test_read_only_signals_are_taken(nominal, loop):
+    u, y = loop.u[:10].copy(), loop.y[:10].copy()
+    expected = Rpem(three_mass(nominal), P0=P0).run(u, y)
+    u.flags.writeable = y.flags.writeable = False
+    np.testing.assert_array_equal(Rpem(three_mass(nominal), P0=P0).run(u, y), expected)
+    np.testing.assert_array_equal(Rpem(three_mass(nominal), P0=P0).run(list(u), y), expected)
+
+
+REFUSALS = [
+    ({"identify": ("k_T", "fm")}, "no parameter 'fm'.*did you mean 'f_m'"),
+    ({"output": "sped"}, "unknown output 'sped': did you mean 'speed'"),
+    ({"forgetting": 0.0}, r"forgetting is 0.0; λ must lie in \(0, 1\]"),
+    ({"forgetting": 1.01}, "forgetting is 1.01"),
+    ({"forgetting": float("nan")}, "forgetting is nan"),
+    ({"forgetting": 0.99, "drift": DRIFT}, "both given"),
+    ({"drift": -DRIFT}, "drift must be symmetric positive definite"),
+    ({"drift": DRIFT[:2, :2]}, r"drift has the shape \(2, 2\)"),
+    ({"P0": [1.0, 1.0]}, r"P0 has the shape \(2,\)"),
+    ({"P0": [1.0, 0.0, 1.0]}, "P0 must be symmetric positive definite"),
+    ({"P0": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}, "P0 must be symmetric positive definite"),
+    ({"P0": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "P0 must be symmetric positive definite"),
+    ({"P0": [1.0, np.nan, 1.0]}, "P0 must be symmetric positive definite"),
+    ({"theta0": [1.0, 1.0]}, "theta0 is .*; give 3 finite values"),
+    ({"theta0": [1.0, np.inf, 1.0]}, "theta0 is .*; give 3 finite values"),
+    ({"theta0": [1.0, 0.0, 1.0]}, "contain zero"),
+    ({"bounds": (THETA * 1.1, THETA * 2)}, "do not enclose theta0"),
+    ({"bounds": (-THETA, THETA * 2)}, "contain zero"),
+    ({"bounds": (THETA[:2], THETA * 2)}, "bounds is .*; give 3 finite values"),
+    ({"regularization": -1.0}, "regularization is -1.0; μ must be finite and ≥ 0"),
+    ({"period": 0.0}, "period is 0.0"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSALS)
+@pytest.mark.parametrize("kind", [Rpem, LiteralRpem])
+def test_options_that_are_refused(nominal, kind, options, message):
+    with pytest.raises(EstimatorError, match=message):
+        kind(three_mass(nominal), **({"P0": P0} | options))
+
+
+SIGNALS = [
+    (([0.0, 1.0], [0.0]), "u has 2 samples and y has 1"),
+    (([0.0, 1.0], [0.0, np.nan]), "y is nan at sample 1"),
+    (([np.inf, 1.0], [0.0, 0.0]), "u is inf at sample 0"),
+    (([[0.0], [1.0]], [0.0, 1.0]), r"u has the shape \(2, 1\)"),
+    (([0.0, 1.0], [0.0, 1.0], [True]), "u has 2 samples and valid has 1"),
+]
+
+
+@pytest.mark.parametrize(("signals", "message"), SIGNALS)
+def test_signals_that_are_refused(nominal, signals, message):
+    model = three_mass(nominal)
+    for filter_ in (Rpem(model, P0=P0), LiteralRpem(model, P0=P0), Frozen(model)):
+        with pytest.raises(EstimatorError, match=message):
+            filter_.run(*signals)
+        with pytest.raises(EstimatorError, match="y is nan"):
+            filter_.step(0.0, float("nan"))
+        with pytest.raises(EstimatorError, match="u is inf"):
+            filter_.step(float("inf"), None)
+
+
+def test_negative_parameters_have_a_box(nominal):
+    filter_ = Rpem(three_mass({**nominal, "k_T": -1.0}), P0=P0)
+    np.testing.assert_allclose(filter_.bounds[0], [-10.0, 0.125, 0.005])
+    np.testing.assert_allclose(filter_.bounds[1], [-0.1, 12.5, 0.5])

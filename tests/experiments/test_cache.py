@@ -1,0 +1,82 @@
+"""Records kept between runs: the same bits, never stale, never trusted when damaged."""
+
+import os
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments import cache
+from flexaxis.experiments.cache import SIGNALS, RecordCache, records
+
+
+@pytest.fixture
+def store(tmp_path):
+    return RecordCache(tmp_path / "records")
+
+
+def test_a_second_time_nothing_is_simulated(short, store):
+    first, simulated = records(short, [5, 3], store)
+    assert simulated == 2
+    second, simulated = records(short, [3, 5, 4], store)
+    assert simulated == 1
+    assert [r.seed for r in second] == [3, 5, 4]
+    for made, kept in zip(first, (second[1], second[0]), strict=True):
+        for name in (*SIGNALS, "true_parameters"):
+            assert getattr(made, name).tobytes() == getattr(kept, name).tobytes()
+        assert made.scenario == kept.scenario and made.versions == kept.versions
+
+
+def test_another_content_is_another_entry(short, store, monkeypatch):
+    records(short, [0], store)
+    assert records(short.override({"noise.speed": 0.2}), [0], store)[1] == 1
+    assert records(short.override({"name": "renamed"}), [0], store)[1] == 0
+    monkeypatch.setattr(cache, "_code", lambda: "another plant")
+    assert records(short, [0], store)[1] == 1
+
+
+@pytest.mark.parametrize("damage", ["cut", "flip", "foreign"])
+def test_a_damaged_entry_is_rebuilt(short, store, damage):
+    good = records(short, [0], store)[0][0]
+    (entry,) = store.entries()
+    whole = bytearray(entry.read_bytes())
+    if damage == "flip":
+        whole[len(whole) // 2] ^= 1
+    entry.write_bytes({"cut": whole[:-1000], "flip": whole, "foreign": b"text"}[damage])
+    again, simulated = records(short, [0], store)
+    assert simulated == 1
+    np.testing.assert_array_equal(again[0].speed, good.speed)
+    assert records(short, [0], store)[1] == 0
+
+
+def test_the_least_recently_used_go_first(short, store):
+    records(short, [0, 1, 2], store)
+    for age, seed in ((300, 1), (200, 0), (100, 2)):
+        path = store._path(short, seed)
+        os.utime(path, (path.stat().st_atime, path.stat().st_mtime - age))
+    records(short, [1], store)  # used just now
+    small = RecordCache(store.folder, limit=store.size() * 2 // 3)
+    assert small.evict() == 1
+    assert records(short, [1, 2], store)[1] == 0
+    assert records(short, [0], store)[1] == 1
+
+
+def test_a_folder_that_cannot_be_written_stops_nobody(short, tmp_path):
+    (tmp_path / "file").write_text("")
+    assert records(short, [0], RecordCache(tmp_path / "file" / "records"))[1] == 1
+
+
+def test_a_run_says_what_it_simulated(short_toml, tmp_path, capsys, monkeypatch):
+    from flexaxis.experiments.cli import main
+
+    monkeypatch.setenv("FLEXAXIS_CACHE", str(tmp_path / "records"))
+    words = ["run", str(short_toml), "--seeds", "2", "--jobs", "1", "-o", str(tmp_path / "out")]
+    main([*words, "--estimator", "frozen"])
+    assert "2 records: 2 simulated" in capsys.readouterr().err
+    main([*words, "--estimator", "rpem-drift"])
+    assert "2 records: 0 simulated" in capsys.readouterr().err
+    main([*words, "--estimator", "frozen", "--no-cache"])
+    assert "2 records: 2 simulated" in capsys.readouterr().err
+    main(["cache", "clear", "--json"])
+    assert '"removed": 2, "records": 0' in capsys.readouterr().out
+    monkeypatch.setenv("FLEXAXIS_CACHE_LIMIT", "lots")
+    assert main(["cache", "info"]) == 2

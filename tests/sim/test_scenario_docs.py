@@ -1,0 +1,80 @@
+"""The page on scenarios says what the code does: keys, defaults, examples, messages."""
+
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from flexaxis.sim.config import kinds
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.excitation import Excitation, Multisine
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.scenario import Scenario, parse_scenario
+
+PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+ROWS = {
+    key: [cell.strip(" `") for cell in row.split("|")]
+    for row in PAGE.splitlines()
+    if row.startswith("| `")
+    for key in re.findall(r"`([^`]+)`", row.split("|")[1])
+}
+
+
+def leaves(table: type[BaseModel], prefix: str = ""):
+    """Yield each plain key of a table and of the tables in it, with its default."""
+    for name, field in table.model_fields.items():
+        if isinstance(field.default, BaseModel) and name != "excitation":
+            yield from leaves(type(field.default), f"{name}.")
+        elif name not in ("excitation", "fault", "parameters", "kind"):
+            yield prefix + name, field
+
+
+@pytest.mark.parametrize(
+    ("key", "field"), [*leaves(Scenario), *leaves(Multisine)], ids=lambda value: str(value)[:20]
+)
+def test_every_key_is_explained_with_its_default(key, field):
+    default = ROWS[key][3]
+    if field.is_required():
+        assert default == "–"
+    elif key in ("low", "high"):
+        assert str(field.default) in default
+    elif isinstance(field.default, tuple):
+        assert default == str(list(field.default)).replace("'", '"')
+    else:
+        shown = f'"{field.default}"' if isinstance(field.default, str) else str(field.default)
+        assert default == shown
+
+
+def test_every_key_of_every_kind_is_explained():
+    for table in (*kinds(Fault).values(), *kinds(Excitation).values()):
+        assert set(table.model_fields) <= {*ROWS, "kind"}
+        assert f'"{table.model_fields["kind"].default}"' in PAGE
+
+
+def test_no_key_is_explained_that_does_not_exist():
+    known = {key for key, _ in leaves(Scenario)} | {"parameters.X"}
+    for table in (*kinds(Fault).values(), *kinds(Excitation).values()):
+        known |= set(table.model_fields)
+    before_records = PAGE[: PAGE.index("## Records")]
+    explained = {key for key in ROWS if f"| `{key}`" in before_records}
+    assert explained <= known
+
+
+def test_examples_are_valid():
+    whole, fault = EXAMPLES
+    assert parse_scenario(whole).name == "fm_step-v1"
+    assert len(parse_scenario(whole + fault).fault) == 2
+
+
+def test_the_messages_are_real():
+    (shown,) = re.findall(r"```\n(my\.toml.*?)```", PAGE, flags=re.DOTALL)
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(
+            EXAMPLES[0].replace("at = 10.0", "at = 25").replace(
+                "duration", "noise.sped = 0.1\nparameters.J_m = -1.2e-3\nduration"
+            ),
+            source="my.toml",
+        )  # fmt: skip
+    assert str(caught.value) == shown.strip()
