@@ -8,14 +8,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Lock
+from typing import Any
 
 import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
-from numba import boolean, config, float64, from_dtype, njit, void
+from numba import boolean, float64, from_dtype, njit, void
 
-OPTIONS = {"nogil": True, "error_model": "numpy"}
+jit = njit(nogil=True, error_model="numpy")
+"""Decorator of what compiled loops call."""
 
+_settings: Any = numba.config  # a module that makes its attributes when it is imported
 _lock = Lock()
 
 
@@ -62,8 +65,8 @@ def compile_loop(
     if folder is not None:
         # a broken or full cache must stop nobody; an error of the loop comes again below
         with suppress(Exception), _numba_cache(folder):
-            return njit(signature, cache=True, **OPTIONS)(loop)
-    return njit(signature, **OPTIONS)(loop)
+            return njit(signature, cache=True, nogil=True, error_model="numpy")(loop)
+    return njit(signature, nogil=True, error_model="numpy")(loop)
 
 
 def cache_folder() -> Path | None:
@@ -72,7 +75,9 @@ def cache_folder() -> Path | None:
 
     ``NUMBA_CACHE_DIR`` if that is set, else ``flexaxis`` in the user's cache folder.
     """
-    folder = Path(config.CACHE_DIR) if config.CACHE_DIR else user_cache() / "flexaxis" / "compiled"
+    folder = (
+        Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else user_cache() / "flexaxis" / "compiled"
+    )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -92,11 +97,11 @@ def user_cache() -> Path:
 def _numba_cache(folder: Path) -> Iterator[None]:
     """Let numba cache into the folder; it reads this setting when a function is declared."""
     with _lock:
-        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+        before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
         try:
             yield
         finally:
-            config.CACHE_DIR = before
+            _settings.CACHE_DIR = before
 
 
 def _digest(loop: Callable, flat: tuple[int, ...]) -> str:

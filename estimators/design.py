@@ -93,7 +93,7 @@ def make_design(
         output=output,
         period=float(period),
         theta0=start,
-        P0=_covariance("P0", P0, p),
+        P0=covariance_matrix("P0", P0, p),
         forgetting=weight,
         drift=modification,
         regularization=float(regularization),
@@ -106,7 +106,7 @@ def _time_update(forgetting: float | None, drift: ArrayLike | None, p: int) -> t
     if forgetting is not None and drift is not None:
         raise EstimatorError("forgetting and drift are both given; choose (9) or (10), not both")
     if drift is not None:
-        return 1.0, _covariance("drift", drift, p)
+        return 1.0, covariance_matrix("drift", drift, p)
     weight = DEFAULT_FORGETTING if forgetting is None else forgetting
     if not 0 < weight <= 1:
         raise EstimatorError(f"forgetting is {weight}; λ must lie in (0, 1]")
@@ -122,7 +122,7 @@ def _vector(name: str, value: ArrayLike, p: int) -> Array:
     return vector
 
 
-def _covariance(name: str, value: ArrayLike, p: int) -> Array:
+def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
     matrix = np.array(value, float)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)

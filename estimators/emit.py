@@ -66,7 +66,7 @@ class Lanes:
 
     def sum_of_products(self, pairs: Sequence[tuple[ir.Value, ir.Value]]) -> ir.Value:
         """Return Σ a·b, in two halves that run at the same time."""
-        if len(pairs) > 3:
+        if len(pairs) > 2:
             half = len(pairs) // 2
             left, right = map(self.sum_of_products, (pairs[:half], pairs[half:]))
             return self.builder.fadd(left, right)

@@ -46,6 +46,7 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
 
 
 def _expand(node: ast.expr) -> list[tuple[float, Powers]]:
+    terms: list[tuple[float, Powers]]
     match node:
         case ast.Constant(value=int() | float() as number):
             terms = [(float(number), {})]

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
-from flexaxis.estimators.compiler import OPTIONS, compile_loop
+from flexaxis.estimators.compiler import compile_loop, jit
 from flexaxis.estimators.lanes import advance, evaluate
 from flexaxis.estimators.pattern import Pattern
 from flexaxis.estimators.plan import MAX_ORDER
@@ -84,7 +83,7 @@ def rpem_loop(pattern: Pattern) -> Callable:
     return compile_loop(run, flat, tuning_type(pattern), state_type(pattern))
 
 
-@njit(**OPTIONS)
+@jit
 def measure(tuning, state, y, valid):
     """Measurement update of θ and P, eq. (5)–(7), and projection of θ on the box."""
     theta, P, psi, gain = state["theta"], state["P"], state["psi"], state["gain"]
@@ -112,7 +111,7 @@ def measure(tuning, state, y, valid):
             theta[i] = tuning["upper"][i]
 
 
-@njit(**OPTIONS)
+@jit
 def predict(tuning, state):
     """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
     P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
@@ -129,7 +128,7 @@ def predict(tuning, state):
             subtract(P, column, mu / (1.0 + mu * P[axis, axis]))
 
 
-@njit(**OPTIONS)
+@jit
 def subtract(P, v, w):
     """P ← P − w v vᵀ on one triangle, mirrored, so that P stays symmetric for ever."""
     for i in range(len(P)):

@@ -9,6 +9,7 @@ emits straight-line code for the places where the matrices are not zero.
 """
 
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 from numba import types
@@ -91,20 +92,6 @@ def advance(  # noqa: PLR0917
     X[-1] = product(pattern, M, V)[-1]
 
 
-@overload(evaluate, prefer_literal=True)
-def _compiled_evaluate(flat, coefficients, theta, M):
-    return lambda flat, coefficients, theta, M: _evaluate(  # noqa: PLW0108
-        flat, coefficients, theta, M
-    )
-
-
-@overload(advance, prefer_literal=True)
-def _compiled_advance(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
-    return lambda flat, M, X, u, weights, order, substeps: _advance(  # noqa: PLW0108
-        flat, M, X, u, weights, order, substeps
-    )
-
-
 @intrinsic(prefer_literal=True)
 def _evaluate(typing_context, flat, coefficients, theta, M):
     pattern = unflatten(tuple(number.literal_value for number in flat))
@@ -121,7 +108,7 @@ def _evaluate(typing_context, flat, coefficients, theta, M):
                     c = builder.fmul(c, value if e > 0 else inverse)
             return c
 
-        sums = defaultdict(lambda: DOUBLE(0.0))
+        sums: dict[tuple[int, int], Any] = defaultdict(lambda: DOUBLE(0.0))
         for k, (entry, *exponents) in enumerate(pattern.terms):
             c = lanes.scalar(coefficients, INDEX(k))
             sums[entry, 0] = builder.fadd(sums[entry, 0], monomial(c, exponents))
@@ -184,3 +171,19 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
         return context.get_dummy_value()
 
     return types.void(flat, M, X, u, weights, order, substeps), emit
+
+
+@overload(evaluate, prefer_literal=True)
+def _compiled_evaluate(flat, coefficients, theta, M):
+    def compiled(flat, coefficients, theta, M):
+        _evaluate(flat, coefficients, theta, M)  # type: ignore[call-arg]
+
+    return compiled
+
+
+@overload(advance, prefer_literal=True)
+def _compiled_advance(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
+    def compiled(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
+        _advance(flat, M, X, u, weights, order, substeps)  # type: ignore[call-arg]
+
+    return compiled

@@ -27,7 +27,7 @@ class Pattern(NamedTuple):
     n: int
     p: int
     reset: tuple[int, ...]
-    entries: tuple[tuple[int, int, int], ...]
+    entries: tuple[tuple[int, ...], ...]
     terms: tuple[tuple[int, ...], ...]
 
     @property
@@ -44,11 +44,14 @@ class Pattern(NamedTuple):
 def unflatten(flat: tuple[int, ...]) -> Pattern:
     """Undo `Pattern.flat`."""
     n, p, resets, entries = flat[:4]
-    rest = iter(flat[4:])
-    take = lambda count: tuple(next(rest) for _ in range(count))  # noqa: E731
-    reset, places = take(resets), tuple(take(3) for _ in range(entries))
-    terms = (len(flat) - 4 - resets - 3 * entries) // (1 + p)
-    return Pattern(n, p, reset, places, tuple(take(1 + p) for _ in range(terms)))
+    reset, places, terms = np.split(flat[4:], [resets, resets + 3 * entries])
+    return Pattern(
+        n=n,
+        p=p,
+        reset=tuple(reset.tolist()),
+        entries=tuple(map(tuple, places.reshape(-1, 3).tolist())),
+        terms=tuple(map(tuple, terms.reshape(-1, 1 + p).tolist())),
+    )
 
 
 def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
@@ -66,7 +69,7 @@ def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
     """
     keys = np.column_stack([model.row, model.column, model.exponent])
     keys, inverse = np.unique(keys, axis=0, return_inverse=True)
-    coefficients = np.bincount(inverse.ravel(), model.coefficient)
+    coefficients = np.bincount(inverse.ravel(), model.coefficient).astype(float)
     places = [tuple(place) for place in np.unique(keys[:, :2], axis=0).tolist()]
     varying = {(row, column) for row, column, *exponents in keys.tolist() if any(exponents)}
     kept = [k for k, key in enumerate(keys.tolist()) if (key[0], key[1]) in varying]

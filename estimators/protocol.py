@@ -25,8 +25,11 @@ class Estimator(Protocol):
         What it reads: ``"speed"`` or ``"increment"``.
     """
 
-    names: Sequence[str]
-    output: str
+    @property
+    def names(self) -> Sequence[str]: ...  # noqa: D102
+
+    @property
+    def output(self) -> str: ...  # noqa: D102
 
     def step(self, u: float, y: float | None) -> ArrayLike:
         """Take u[k] and y[k] (None in a gap), return θ[k] (p,); u[k] first acts on y[k+1]."""

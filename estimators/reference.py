@@ -148,8 +148,10 @@ class LiteralRpem:
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """Take N samples from the current state on and return θ (N, p)."""
         u, y, present = check_signals(u, y, valid)
-        steps = [self.step(*s) for s in zip(u, np.where(present, y, None), strict=True)]
-        return np.array(steps).reshape(len(u), -1)
+        estimates = np.empty((len(u), len(self.names)))
+        for k in range(len(u)):
+            estimates[k] = self.step(u[k], y[k] if present[k] else None)
+        return estimates
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P."""
@@ -161,7 +163,7 @@ class LiteralRpem:
         return output[-1]
 
     def _measure(self) -> None:
-        self._noise.add(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi))
+        self._noise.add(float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi)))
         self.P = symmetrize(measurement_update(self.P, self.psi))
         self.theta = self.theta + self.P @ self.psi * self.epsilon  # (5)
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.design import Design, make_design
+from flexaxis.estimators.design import Design, covariance_matrix, make_design
 from flexaxis.estimators.kernel import rpem_loop, state_type, tuning_type
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.noise import MEMORY
@@ -57,7 +57,7 @@ class Rpem:
     theta, psi : (p,) arrays
         The estimate, and the gradient of ŷ at the estimate before.
     P : (p, p) array
-        P(t+1|t), for a noise variance of one.
+        P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
     covariance : (p, p) array
         Claimed covariance of the estimate, R̂ P/2. The half is that of slow adaptation, where P
         holds one more factor than the variance of the estimate; R̂ is a running mean of
@@ -121,6 +121,10 @@ class Rpem:
     @property
     def P(self) -> Array:  # noqa: D102
         return self._state["P"][0].copy()
+
+    @P.setter
+    def P(self, value: ArrayLike) -> None:
+        self._state["P"][0] = covariance_matrix("P", value, len(self.names))
 
     @property
     def psi(self) -> Array:  # noqa: D102

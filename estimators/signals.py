@@ -33,8 +33,8 @@ def check_signals(
     EstimatorError
         If the lengths differ, an array is not one-dimensional, or a value is not finite.
     """
-    u, y = np.require(u, float, "CW"), np.require(y, float, "CW")
-    present = np.ones(y.shape, bool) if valid is None else np.require(valid, bool, "CW")
+    u, y = np.require(u, float, ["C", "W"]), np.require(y, float, ["C", "W"])
+    present = np.ones(y.shape, bool) if valid is None else np.require(valid, bool, ["C", "W"])
     for name, values in (("u", u), ("y", y), ("valid", present)):
         if values.ndim != 1:
             raise EstimatorError(f"{name} has the shape {values.shape}; give one value a sample")

@@ -15,8 +15,9 @@ class Traceable(Protocol):
     """A filter that shows its residual, gradient, P and claimed covariance after a step."""
 
     names: tuple[str, ...]
-    epsilon: float
 
+    @property
+    def epsilon(self) -> float: ...  # noqa: D102
     @property
     def psi(self) -> Array: ...  # noqa: D102
     @property

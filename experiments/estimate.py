@@ -1,159 +1,157 @@
-"""One estimator on one record: the estimates over time, and the file they are saved in."""
+"""One estimator on one record, from file to file, in pieces: a record of any length will do."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.results import OutputError, writing
+from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.results import writing
 from flexaxis.experiments.specs import Spec, build
 from flexaxis.experiments.theta import true_theta
-from flexaxis.sim.record import Record
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 Array = NDArray[np.float64]
-CHUNK = 4000  # samples between two reports of progress
+PIECE = 20_000  # samples in memory at a time
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """Estimates over time.
+class Outcome:
+    """What is known when all samples are through.
 
     Attributes
     ----------
     names : tuple of str
         Estimated parameters.
-    time : ndarray (N,)
-        Sample times [s].
-    theta : ndarray (N, p)
-        θ[k], made from y[0..k].
-    covariance : ndarray (N, p, p) or None
-        What the estimator claims, if it claims anything.
-    estimator : str
-        Text that names it, options included.
-    options : dict
-        Its options.
-    record_hash : str
-        Content hash of the record's scenario.
-    truth_at_end : dict
+    last : ndarray (p,)
+        Last estimate.
+    truth : ndarray (p,) or None
         True values at the last sample, where the record knows them.
+    samples : int
+        Samples read.
     """
 
     names: tuple[str, ...]
-    time: Array
-    theta: Array
-    covariance: Array | None
-    estimator: str
-    options: dict[str, object]
-    record_hash: str
-    truth_at_end: dict[str, float]
-
-    def save(self, path: Path) -> None:
-        """Write NetCDF-4, at once or not at all: time, theta (time, estimate), covariance."""
-        import h5netcdf
-
-        part = path.with_name(path.name + ".part")
-        with writing(path):
-            with h5netcdf.File(part, "w") as file:
-                file.dimensions = {"time": len(self.time), "estimate": len(self.names)}
-                time = file.create_variable("time", ("time",), data=self.time)
-                time.attrs["units"] = "s"
-                names = np.array(self.names, dtype=object)
-                file.create_variable("estimate", ("estimate",), dtype=_text(), data=names)
-                file.create_variable("theta", ("time", "estimate"), data=self.theta)
-                if self.covariance is not None:
-                    # NetCDF wants each dimension of a variable to be another one.
-                    file.dimensions["estimate_2"] = len(self.names)
-                    dims = ("time", "estimate", "estimate_2")
-                    file.create_variable("covariance", dims, data=self.covariance)
-                file.attrs["estimator"] = self.estimator
-                file.attrs["options"] = json.dumps(self.options)
-                file.attrs["record_hash"] = self.record_hash
-            os.replace(part, path)
-
-
-def _text() -> object:
-    import h5py
-
-    return h5py.string_dtype()
+    last: Array
+    truth: Array | None
+    samples: int
 
 
 def estimate(
-    record: Record,
+    source: Path,
     spec: Spec,
+    target: Path,
     *,
     scenario: Scenario | None = None,
-    advance: Callable[[float], None] | None = None,
-) -> Estimate:
-    """Run an estimator on a record.
+    covariance: bool = True,
+    advance: Callable[[int], None] | None = None,
+) -> Outcome:
+    """Run an estimator on a record file and write the estimates to another, at once or not at all.
+
+    The file has `time` (time), `theta` (time, estimate), the names as coordinate `estimate`, and
+    `covariance` (time, estimate, estimate) where the estimator claims one.
 
     Parameters
     ----------
-    record : Record
+    source, target : Path
+        NetCDF-4 files.
     spec : Spec
         The estimator, as from `flexaxis.experiments.specs.parse`.
     scenario : Scenario, optional
         What the estimator is told; the record's own by default.
+    covariance : bool
+        Whether to write it; without it, an estimator's fast `run` can be used.
     advance : callable, optional
         Called with the number of samples done since the last call.
 
     Raises
     ------
-    EstimatorError, RecordError
-        If the record has no scenario, or not the output that the estimator reads.
+    EstimatorError, RecordError, OutputError
+        If the record cannot be used, lacks what the estimator reads, or the target cannot be
+        written. Nothing is left of a target that is not complete.
     """
-    told = scenario or _own_scenario(record)
-    estimator = build(spec, told)
-    y = getattr(record, estimator.output, None)
-    if y is None:
-        raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which the record lacks")
-    claims = hasattr(estimator, "covariance")
-    names = tuple(estimator.names)
-    theta = np.empty((len(y), len(names)))
-    covariance = np.empty((len(y), len(names), len(names))) if claims else None
-    valid = np.ones(len(y), bool) if record.valid is None else record.valid
-    for first in range(0, len(y), CHUNK):
-        span = slice(first, min(first + CHUNK, len(y)))
-        u, there = record.torque[span], valid[span]
-        if covariance is None:
-            theta[span] = run_estimator(estimator, u, y[span], there)
-        else:
-            for k in range(span.start, span.stop):
-                theta[k] = estimator.step(record.torque[k], y[k] if valid[k] else None)
-                covariance[k] = estimator.covariance  # type: ignore[attr-defined]
-        if advance:
-            advance(len(u))
-    return Estimate(
-        names=names,
-        time=record.time,
-        theta=theta,
-        covariance=covariance,
-        estimator=spec.text,
-        options=dict(spec.options),
-        record_hash=record.hash,
-        truth_at_end=_truth(record, names),
-    )
+    pieces = record_pieces(source, samples=PIECE)
+    first = next(pieces)
+    estimator = build(spec, scenario or _own_scenario(first, source))
+    if getattr(first, estimator.output, None) is None:
+        raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
+    claims = covariance and hasattr(estimator, "covariance")
+    names, samples = tuple(estimator.names), 0
+    with _target(target, names, claims, count_samples(source)) as file:
+        file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
+        file.attrs["record_hash"] = first.hash
+        for piece in chain([first], pieces):
+            theta, claimed = _filter(estimator, piece, claims)
+            span = slice(samples, samples + len(theta))
+            file["time"][span], file["theta"][span] = piece.time, theta
+            if claimed is not None:
+                file["covariance"][span] = claimed
+            samples = span.stop
+            if advance:
+                advance(len(theta))
+    known = piece.true_parameters
+    truth = None if known is None else true_theta(names, known[-1])
+    return Outcome(names, theta[-1], truth, samples)
 
 
-def _own_scenario(record: Record) -> Scenario:
+def _filter(estimator: Estimator, piece: Record, claims: bool) -> tuple[Array, Array | None]:
+    """Return θ (n, p), and the claimed covariance (n, p, p) if wanted, going on from before."""
+    y = getattr(piece, estimator.output)
+    if not claims:
+        return run_estimator(estimator, piece.torque, y, piece.valid), None
+    n, p = len(y), len(estimator.names)
+    theta, claimed = np.empty((n, p)), np.empty((n, p, p))
+    there = np.ones(n, bool) if piece.valid is None else piece.valid
+    for k in range(n):
+        theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
+        claimed[k] = estimator.covariance  # type: ignore[attr-defined]
+    return theta, claimed
+
+
+@contextmanager
+def _target(path: Path, names: tuple[str, ...], claims: bool, samples: int) -> Iterator[Any]:
+    """Open a file to be filled; it gets its name when it is complete."""
+    import h5netcdf
+    import h5py
+
+    part = path.with_name(f".{path.name}.part")
+    p = len(names)
+    with writing(path):
+        try:
+            with h5netcdf.File(part, "w") as file:
+                file.dimensions = {"time": samples, "estimate": p}
+                time = file.create_variable("time", ("time",), float)
+                time.attrs["units"] = "s"
+                text = file.create_variable("estimate", ("estimate",), h5py.string_dtype())
+                text[:] = np.array(names, dtype=object)
+                file.create_variable("theta", ("time", "estimate"), float)
+                if claims:
+                    # NetCDF wants each dimension of a variable to be another one.
+                    file.dimensions["estimate_2"] = p
+                    dimensions = ("time", "estimate", "estimate_2")
+                    file.create_variable("covariance", dimensions, float)
+                yield file
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _own_scenario(record: Record, source: Path) -> Scenario:
     if not record.scenario:
-        raise OutputError(
-            "the record does not say its scenario, so nominal values and the parameters to "
+        raise RecordError(
+            f"{source} does not say its scenario, so the nominal values and the parameters to "
             "identify are unknown: name one with --scenario"
         )
-    return scenario_from(record.scenario, source="the record's scenario")
-
-
-def _truth(record: Record, names: tuple[str, ...]) -> dict[str, float]:
-    if record.true_parameters is None:
-        return {}
-    values = true_theta(names, record.true_parameters[-1]).tolist()
-    return dict(zip(names, values, strict=True))
+    return scenario_from(record.scenario, source=f"{source}, attribute scenario")

@@ -128,7 +128,7 @@ def _spread(todo: list[Task], jobs: int, executor: Executor | None) -> Iterator[
     elif jobs == 1 or len(todo) == 1:
         yield from map(run_task, todo)
     else:
-        with _pool(min(jobs, len(todo))) as pool:
+        with process_pool(min(jobs, len(todo))) as pool:
             yield from pool.map(run_task, todo)
 
 
@@ -217,7 +217,7 @@ def _estimates(
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Executor]:
+def process_pool(jobs: int) -> Iterator[Executor]:
     """Give a pool of processes with one BLAS thread each; Ctrl-C is left to the parent."""
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     before = {key: os.environ.get(key) for key in single}

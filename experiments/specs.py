@@ -28,6 +28,7 @@ from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.parameters import preset
 from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate
 
@@ -111,11 +112,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
 def _has_stored_prior(scenario: Scenario) -> bool:
     """Whether P(0) is among the data stored with the estimators."""
-    return (
-        tuple(scenario.identify) == tuple(DEFAULT_IDENTIFY)
-        and scenario.preset == "n1"
-        and not scenario.parameters
-    )
+    return tuple(scenario.identify) == tuple(DEFAULT_IDENTIFY) and scenario.nominal == preset("n1")
 
 
 def nominal_torque(scenario: Scenario) -> NDArray[np.float64]:

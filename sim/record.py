@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.record_file import SIGNALS, read_netcdf, write_netcdf
+from flexaxis.sim.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
 from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]
@@ -55,6 +56,8 @@ class Record:
         Time from the start that is not to be scored [s].
     versions : dict
         Versions of the programs that made it.
+    first : int
+        Number of the first sample, where this is a piece of a longer record.
 
     Raises
     ------
@@ -79,6 +82,7 @@ class Record:
     seed: int | None = None
     burn_in: float = 0.0
     versions: dict[str, str] = field(default_factory=dict)
+    first: int = 0
 
     def __post_init__(self) -> None:
         _check(self)
@@ -142,11 +146,61 @@ def load_record(path: str | os.PathLike[str]) -> Record:
     RecordError
         If the file is missing, broken, no record, or holds impossible values.
     """
+    return _read(Path(path))
+
+
+def record_pieces(path: str | os.PathLike[str], *, samples: int = 100_000) -> Iterator[Record]:
+    """Read a record piece by piece, so that one of any length needs little memory.
+
+    Parameters
+    ----------
+    path : path-like
+        As for `load_record`.
+    samples : int
+        Samples in a piece.
+
+    Yields
+    ------
+    Record
+        The next piece, checked, its `first` the number of its first sample.
+
+    Raises
+    ------
+    RecordError
+        As from `load_record`, when the piece is reached.
+    """
     path = Path(path)
+    total = count_samples(path)
+    # A piece of one sample would have no period: it joins the one before.
+    starts = [k for k in range(0, max(total, 1), samples) if k == 0 or total - k > 1]
+    before: Record | None = None
+    for start, stop in zip(starts, [*starts[1:], total], strict=True):
+        piece = _read(path, slice(start, stop))
+        if before is not None:
+            _check_grid(np.append(before.time[-2:], piece.time[:1]), first=start - 2, name=path)
+        yield piece
+        before = piece
+
+
+def count_samples(path: str | os.PathLike[str]) -> int:
+    """Return the number of samples in a record file; errors as from `load_record`."""
+    return int(_guarded(Path(path), file_length))
+
+
+def _read(path: Path, span: slice = ALL) -> Record:
+    fields = _guarded(path, lambda file: read_netcdf(file, span))
+    try:
+        return Record(**fields, first=span.start or 0)
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
+
+
+def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
+    """Read from a file, and say in one line what is wrong with it."""
     if not path.is_file():
         raise RecordError(f"{path}: no such file.")
     try:
-        return Record(**read_netcdf(path))
+        return read(path)
     except RecordError as error:
         raise RecordError(f"{path}: {error}") from error
     except Exception as error:
@@ -164,7 +218,7 @@ def _check(record: Record) -> None:
     for name in (*SIGNALS, "valid"):
         _check_array(record, name, (samples,))
     _check_array(record, "true_parameters", (samples, len(PARAMETER_NAMES)))
-    _check_grid(record.time)
+    _check_grid(record.time, first=record.first)
 
 
 def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
@@ -179,7 +233,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
     bad = ~np.isfinite(values)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
-        where = f"sample {index[0]}"
+        where = f"sample {record.first + index[0]}"
         if len(index) > 1:
             where += f", {PARAMETER_NAMES[index[1]]}"
         raise RecordError(
@@ -188,14 +242,18 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         )
 
 
-def _check_grid(time: Array) -> None:
+def _check_grid(time: Array, *, first: int = 0, name: object = "") -> None:
+    """Raise a RecordError if time does not advance evenly; `first` numbers its first sample."""
+    where = f"{name}: " if name else ""
     steps = np.diff(time)
     if (steps <= 0).any():
-        raise RecordError(f"time does not advance at sample {int(np.argmax(steps <= 0)) + 1}.")
+        k = first + int(np.argmax(steps <= 0)) + 1
+        raise RecordError(f"{where}time does not advance at sample {k}.")
     uneven = np.abs(steps / np.median(steps) - 1) > 0.01
     if uneven.any():
         k = int(np.argmax(uneven))
         raise RecordError(
-            f"time is not even: {steps[k]:.6g} s from sample {k} to {k + 1}, but "
-            f"{np.median(steps):.6g} s mostly; resample, or mark gaps with valid = False."
+            f"{where}time is not even: {steps[k]:.6g} s from sample {first + k} to "
+            f"{first + k + 1}, but {np.median(steps):.6g} s mostly; resample, or mark gaps with "
+            "valid = False."
         )

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ALL = slice(None)
+
 SIGNALS = {
     "time": ("s", "time of the sample"),
     "torque": ("N m", "torque command, held from this sample to the next"),
@@ -79,20 +81,26 @@ def _write_parameters(file: Any, values: Array) -> None:
     variable.attrs["long_name"] = "true parameters that act from this sample to the next"
 
 
-def read_netcdf(path: Path) -> dict[str, Any]:
-    """Return the fields of a record as they stand in a file."""
+def file_length(path: Path) -> int:
+    """Return the number of samples in a file, 0 if it has no time."""
+    with h5netcdf.File(path, "r", phony_dims="sort") as file:
+        return int(file.variables["time"].shape[0]) if "time" in file.variables else 0
+
+
+def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
+    """Return the fields of a record as they stand in a file, or those of some of its samples."""
     # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
     with h5netcdf.File(path, "r", phony_dims="sort") as file:
         content: dict[str, Any] = {
-            name: np.asarray(file.variables[name][...], dtype=float)
+            name: np.asarray(file.variables[name][span], dtype=float)
             for name in SIGNALS
             if name in file.variables
         }
         _check_needed(content, file.variables)
         if "valid" in file.variables:
-            content["valid"] = np.asarray(file.variables["valid"][...], dtype=bool)
+            content["valid"] = np.asarray(file.variables["valid"][span], dtype=bool)
         if "true_parameters" in file.variables:
-            content["true_parameters"] = _read_parameters(file)
+            content["true_parameters"] = _read_parameters(file, span)
         attributes: Mapping[str, Any] = dict(file.attrs)
     for name, kind in _ATTRIBUTES.items():
         if name in attributes:
@@ -111,9 +119,9 @@ def _check_needed(content: Mapping[str, Any], present: Mapping[str, Any]) -> Non
             )
 
 
-def _read_parameters(file: Any) -> Array:
+def _read_parameters(file: Any, span: slice) -> Array:
     """Return the true parameters with their columns in our order."""
-    values = np.asarray(file.variables["true_parameters"][...], dtype=float)
+    values = np.asarray(file.variables["true_parameters"][span], dtype=float)
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter', the names of the columns, is missing.")
     names = [n.decode() if isinstance(n, bytes) else str(n) for n in file.variables["parameter"]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.model import Model, Parametrization, three_mass
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.harness import pool
+from flexaxis.experiments.harness import process_pool
 from flexaxis.experiments.seeds import FIRST
 from flexaxis.experiments.specs import nominal_torque
 from flexaxis.sim.record import Record
@@ -113,32 +114,49 @@ def collect(
     store : RecordCache, optional
         Where records are kept.
     advance : callable, optional
-        Called with the number of samples done since the last call.
+        Called with the fraction done since the last call.
     """
     scenario = find_scenario(NOMINAL)
     pause = {"start": 1.0, "duration": 45.0, "excitation.pause": [list(PAUSE)]}
-    faults = [find_scenario(name) for name in FAULTS.values()]
-    wanted = [
-        (scenario, size.runs),
-        (scenario.override({"duration": 60.0}), size.long),
-        (scenario.override(pause), size.few),
-        *((fault, size.few) for fault in faults),
-    ]
-    tasks = [
-        (s, chunk) for s, n in wanted for chunk in _chunks(size.seeds(n), -(-n // min(jobs, n)))
-    ]
-    found: dict[str, list[Record]] = {s.name: [] for s, _ in wanted}
-    for (s, _), made in zip(tasks, _spread(tasks, jobs, store), strict=True):
-        found[s.name] += made
-        if advance:
-            advance(s.samples * len(made))
-    groups = [found[s.name] for s, _ in wanted]
+    faults = {name: find_scenario(fault) for name, fault in FAULTS.items()}
+    wanted = {
+        "nominal": (scenario, size.seeds(size.runs)),
+        "long": (scenario.override({"duration": 60.0}), size.seeds(size.long)),
+        "pause": (scenario.override(pause), size.seeds(size.few)),
+        **{name: (fault, size.seeds(size.few)) for name, fault in faults.items()},
+    }
+    found = _simulate(wanted, jobs, store, advance or (lambda fraction: None))
     return Data(
         scenario=scenario,
-        nominal=groups[0],
-        long=groups[1],
-        pause=groups[2],
-        faults=dict(zip(FAULTS, groups[3:], strict=True)),
-        onset=faults[0].events()[0].index,
+        nominal=found["nominal"],
+        long=found["long"],
+        pause=found["pause"],
+        faults={name: found[name] for name in FAULTS},
+        onset=faults["f_m"].events()[0].index,
         reference_torque=nominal_torque(scenario),
     )
+
+
+def _simulate(
+    wanted: Mapping[str, tuple[Scenario, Sequence[int]]],
+    jobs: int,
+    store: RecordCache | None,
+    advance: Callable[[float], None],
+) -> dict[str, list[Record]]:
+    """Return the records of each group, its seeds shared out to the processes."""
+    parts = [
+        (group, scenario, seeds[i::jobs])
+        for group, (scenario, seeds) in wanted.items()
+        for i in range(min(jobs, len(seeds)))
+    ]
+    scenarios, seeds = [part[1] for part in parts], [part[2] for part in parts]
+    total = sum(s.samples * len(chunk) for s, chunk in zip(scenarios, seeds, strict=True))
+    found: dict[str, list[Record]] = {group: [] for group in wanted}
+    with ExitStack() as stack:
+        spread = map if jobs == 1 else stack.enter_context(process_pool(jobs)).map
+        for (group, scenario, _), (made, _) in zip(
+            parts, spread(partial(records, store=store), scenarios, seeds), strict=True
+        ):
+            found[group] += made
+            advance(scenario.samples * len(made) / total)
+    return {group: sorted(made, key=lambda r: r.seed or 0) for group, made in found.items()}

@@ -57,7 +57,7 @@ def test_a_broken_cache_stops_nobody(nominal, tmp_path, monkeypatch, capsys):
         made = Rpem(three_mass(nominal), identify=("f_g",), P0=[1.0])
         return made.run([1.0, 0.0], [1.0, 2.0])[-1].tolist()
 
-    monkeypatch.setattr(compiler.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiler._settings, "CACHE_DIR", str(tmp_path))
     expected = first_call()
     assert "compiling" in capsys.readouterr().err
     files = list(tmp_path.rglob("*.nb?"))

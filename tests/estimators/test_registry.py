@@ -28,9 +28,10 @@ def test_every_entry_makes_an_estimator(nominal, loop, name):
 
 
 def test_options_reach_the_filter(nominal, loop):
-    run = lambda name, **options: (
-        registry.entry(name).factory(nominal, 0.005, **options).run(loop.u[:500], loop.y[:500])
-    )
+    def run(name, **options):
+        made = registry.entry(name).factory(nominal, 0.005, **options)
+        return made.run(loop.u[:500], loop.y[:500])
+
     different = [
         run("rpem-forgetting"),
         run("rpem-forgetting", forgetting=0.99),

@@ -1,0 +1,102 @@
+"""One recursive estimator over many records: estimates and the diagonal of P."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators import Rpem
+from flexaxis.experiments.paper.data import Data
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+STRIDE = 10
+"""Samples from one kept P to the next."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """What an estimator did on S records of N samples.
+
+    Attributes
+    ----------
+    P0 : ndarray (p,)
+        Diagonal of P(0).
+    theta : ndarray (S, N, p)
+        Estimates over nominal.
+    P : ndarray (S, N/10, p)
+        Diagonal of P(t+1|t), every tenth sample.
+    """
+
+    P0: Array
+    theta: Array
+    P: Array
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """Design parameters of the recursive method: λ or Δ, and μ."""
+
+    forgetting: float | None = None
+    drift: ArrayLike | None = None
+    regularization: float = 0.0
+
+
+def filtered(
+    data: Data,
+    records: Sequence[Record],
+    tuning: Tuning,
+    *,
+    P0: ArrayLike,
+    start: float = 1.0,
+    reset: tuple[int, Array] | None = None,
+) -> Runs:
+    """Run the recursive prediction-error method on each record.
+
+    Parameters
+    ----------
+    data : Data
+        For the model and what is identified.
+    records : sequence of Record
+    tuning : Tuning
+    P0 : array_like (p,) or (p, p)
+    start : float
+        θ(0) over nominal.
+    reset : (int, ndarray), optional
+        Sample, a multiple of ten, before which P is set to a new value.
+    """
+    nominal = data.parametrization.theta
+    estimator = Rpem(
+        data.model,
+        identify=data.names,
+        theta0=start * nominal,
+        P0=P0,
+        period=data.scenario.period,
+        forgetting=tuning.forgetting,
+        drift=tuning.drift,
+        regularization=tuning.regularization,
+    )
+    done = [_follow(estimator, record, reset) for record in records]
+    initial = np.asarray(P0, float)
+    return Runs(
+        P0=initial if initial.ndim == 1 else np.diag(initial),
+        theta=np.stack([theta for theta, _ in done]) / nominal,
+        P=np.stack([P for _, P in done]),
+    )
+
+
+def _follow(
+    estimator: Rpem, record: Record, reset: tuple[int, Array] | None
+) -> tuple[Array, Array]:
+    estimator.reset()
+    theta, P = [], []
+    for k in range(0, len(record.torque), STRIDE):
+        if reset and k == reset[0]:
+            estimator.P = reset[1]
+        theta.append(estimator.run(record.torque[k : k + STRIDE], record.speed[k : k + STRIDE]))
+        P.append(np.diag(estimator.P))
+    return np.concatenate(theta), np.array(P)
