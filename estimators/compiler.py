@@ -15,7 +15,7 @@ import numpy as np
 from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
 from numba import boolean, float64, from_dtype, njit, void
 
-jit = njit(nogil=True, error_model="numpy")
+jit = njit(nogil=True, error_model="numpy", forceinline=True)
 """Decorator of what compiled loops call."""
 
 _settings: Any = numba.config  # a module that makes its attributes when it is imported

@@ -83,7 +83,7 @@ def make_design(
     chosen = increment(model, period) if output == "increment" else model
     parametrization = chosen.parametrize(identify)
     p = len(parametrization.names)
-    start = _vector("theta0", parametrization.theta if theta0 is None else theta0, p)
+    start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds)
     weight, modification = _time_update(forgetting, drift, p)
     if not (np.isfinite(regularization) and regularization >= 0):
@@ -113,7 +113,8 @@ def _time_update(forgetting: float | None, drift: ArrayLike | None, p: int) -> t
     return float(weight), np.zeros((p, p))
 
 
-def _vector(name: str, value: ArrayLike, p: int) -> Array:
+def finite_vector(name: str, value: ArrayLike, p: int) -> Array:
+    """Return a finite (p,) array, a copy of what is given."""
     vector = np.array(value, float)
     if vector.shape != (p,) or not np.all(np.isfinite(vector)):
         raise EstimatorError(
@@ -123,6 +124,7 @@ def _vector(name: str, value: ArrayLike, p: int) -> Array:
 
 
 def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
+    """Return a symmetric positive definite (p, p) matrix from that or from its diagonal (p,)."""
     matrix = np.array(value, float)
     if matrix.shape == (p,):
         matrix = np.diag(matrix)
@@ -149,7 +151,7 @@ def _box(theta0: Array, bounds: tuple[ArrayLike, ArrayLike] | None) -> tuple[Arr
         corners = np.outer(DEFAULT_BOX, theta0)
         lower, upper = corners.min(axis=0), corners.max(axis=0)
     else:
-        lower, upper = (_vector("bounds", bound, len(theta0)) for bound in bounds)
+        lower, upper = (finite_vector("bounds", bound, len(theta0)) for bound in bounds)
     if np.any(lower * upper <= 0):
         raise EstimatorError(
             f"bounds {lower} … {upper} contain zero; a physical parameter keeps its sign, so give "

@@ -65,12 +65,8 @@ class Lanes:
         return self.builder.fadd(self.builder.fmul(a, b, flags=FUSE), c, flags=FUSE)
 
     def sum_of_products(self, pairs: Sequence[tuple[ir.Value, ir.Value]]) -> ir.Value:
-        """Return Σ a·b, in two halves that run at the same time."""
-        if len(pairs) > 2:
-            half = len(pairs) // 2
-            left, right = map(self.sum_of_products, (pairs[:half], pairs[half:]))
-            return self.builder.fadd(left, right)
+        """Return Σ a·b, zero for no pairs."""
         total = self.zero
         for k, (a, b) in enumerate(pairs):
-            total = self.fused(a, b, total) if k else self.builder.fmul(a, b, flags=FUSE)
+            total = self.fused(a, b, total) if k else self.builder.fmul(a, b)
         return total

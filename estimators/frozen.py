@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.design import OUTPUTS
+from flexaxis.estimators.design import OUTPUTS, finite_vector
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.signals import check_sample, check_signals
@@ -28,7 +28,7 @@ class Frozen:
     Raises
     ------
     EstimatorError
-        If a parameter or the output is unknown.
+        If a parameter or the output is unknown, or θ(0) cannot be used.
     """
 
     def __init__(
@@ -43,9 +43,8 @@ class Frozen:
             raise EstimatorError(f"unknown output {output!r}: {did_you_mean(output, OUTPUTS)}")
         parametrization = model.parametrize(identify)
         self.names, self.output = parametrization.names, output
-        self.theta: NDArray[np.float64] = np.array(
-            parametrization.theta if theta0 is None else theta0, float
-        )
+        start = parametrization.theta if theta0 is None else theta0
+        self.theta = finite_vector("theta0", start, len(self.names))
 
     def reset(self) -> None:
         """Return to the start, where it is already."""

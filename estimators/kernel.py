@@ -78,7 +78,8 @@ def rpem_loop(pattern: Pattern) -> Callable:
                 tuning["order"],
                 tuning["substeps"],
             )
-            estimates[k] = state["theta"]
+            for i in range(len(state["theta"])):
+                estimates[k, i] = state["theta"][i]
 
     return compile_loop(run, flat, tuning_type(pattern), state_type(pattern))
 
@@ -99,11 +100,12 @@ def measure(tuning, state, y, valid):
             for j in range(p):
                 gain[i] += P[i, j] * psi[j]
             s += psi[i] * gain[i]
+        weight = 1.0 / s
         for i in range(p):
-            theta[i] += gain[i] / s * state["epsilon"]
-        subtract(P, gain, 1.0 / s)
+            theta[i] += gain[i] * (state["epsilon"] * weight)
+        subtract(P, gain, weight)
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-        state["noise"] += (state["epsilon"] ** 2 / s - state["noise"]) / state["samples"]
+        state["noise"] += (state["epsilon"] ** 2 * weight - state["noise"]) / state["samples"]
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
             theta[i] = tuning["lower"][i]

@@ -9,7 +9,7 @@ emits straight-line code for the places where the matrices are not zero.
 """
 
 from collections import defaultdict
-from typing import Any
+from functools import reduce
 
 import numpy as np
 from numba import types
@@ -108,18 +108,19 @@ def _evaluate(typing_context, flat, coefficients, theta, M):
                     c = builder.fmul(c, value if e > 0 else inverse)
             return c
 
-        sums: dict[tuple[int, int], Any] = defaultdict(lambda: DOUBLE(0.0))
+        summands = defaultdict(list)
         for k, (entry, *exponents) in enumerate(pattern.terms):
             c = lanes.scalar(coefficients, INDEX(k))
-            sums[entry, 0] = builder.fadd(sums[entry, 0], monomial(c, exponents))
+            summands[entry, 0].append(monomial(c, exponents))
             for i, e in enumerate(exponents):
-                lowered = [f - (i == j) for j, f in enumerate(exponents)]
-                slope = monomial(builder.fmul(c, DOUBLE(e)), lowered) if e else DOUBLE(0.0)
-                sums[entry, 1 + i] = builder.fadd(sums[entry, 1 + i], slope)
-        for entry in {entry for entry, *_ in pattern.terms}:
-            row = lanes.zero
-            for lane in range(1 + pattern.p):
-                row = lanes.insert(row, sums[entry, lane], lane)
+                if e:
+                    lowered = [f - (i == j) for j, f in enumerate(exponents)]
+                    slope = monomial(builder.fmul(c, DOUBLE(e)), lowered)
+                    summands[entry, 1 + i].append(slope)
+        rows = {entry: lanes.zero for entry, *_ in pattern.terms}
+        for (entry, lane), parts in summands.items():
+            rows[entry] = lanes.insert(rows[entry], reduce(builder.fadd, parts), lane)
+        for entry, row in rows.items():
             lanes.store(row, M, entry)
         return context.get_dummy_value()
 

@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from flexaxis.estimators.rpem import Rpem
 
 REGULARIZATION = 0.3
-"""μ of the ``-mu`` entries."""
+"""
+μ of the ``-mu`` entries, chosen for the nominal axis in stop-and-go operation.
+
+Simulated: 10 s of excitation, 20 s of standstill with f_m +50 % inside it, then excitation again;
+λ = 0.995. Without μ the standstill takes P to 1e5 and the restart throws an estimate to hundreds of
+times its value, if the box lets it. μ = 0.3 keeps P below (1−λ)/μ = 0.017, no other parameter
+leaves its value by more than 2.5 % at the restart (30 % at μ = 1e-3), the lag of f_m is within
+0.01 s of the best μ, and the standard deviations without a pause fall by less than 1.5 % (4 % at
+μ = 1). It is meant for parameters of the order of one; scale it for others, as 1/θ².
+"""
 
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
-COMMANDS = ("list", "show", "simulate", "estimate", "run", "report", "view", "cache")
+COMMANDS = ("list", "show", "simulate", "estimate", "run", "report", "view", "cache", "speed")
 
 EPILOG = """\
 first steps:

@@ -24,7 +24,7 @@ SPREAD_OVER = 10.0  # s at the end on which the standard deviation is taken
 
 @dataclass(frozen=True)
 class Convergence:
-    """Both methods on the paper's experiment, and slower ones to test the theory of slow adaptation.
+    """Both methods on the paper's experiment, and slower ones that test the theory.
 
     Attributes
     ----------

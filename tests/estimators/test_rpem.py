@@ -87,6 +87,19 @@ def test_covariance_claims_what_is_seen(nominal, simulated):
     np.testing.assert_allclose(np.mean(claimed, axis=0), np.mean(seen, axis=0), rtol=0.4)
 
 
+def test_noise_variance_is_a_mean_over_400_samples(nominal, loop):
+    trace = Rpem(three_mass(nominal), P0=P0).trace(loop.u[:3000], loop.y[:3000])
+    before = np.concatenate([[np.diag(P0)], trace.P[:-1]])
+    spread = 1 + np.einsum("ki,kij,kj->k", trace.psi, before, trace.psi)
+    mean, means = 0.0, []
+    for k, value in enumerate(trace.epsilon**2 / spread):
+        mean += (value - mean) / min(k + 1, 400)
+        means.append(mean)
+    diagonal = np.diagonal(trace.P, axis1=1, axis2=2)
+    expected = np.array(means)[:, None] * diagonal / 2
+    np.testing.assert_allclose(trace.covariance, expected, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     "identify",
     [
@@ -244,6 +257,16 @@ def test_signals_that_are_refused(nominal, signals, message):
             filter_.step(0.0, float("nan"))
         with pytest.raises(EstimatorError, match="u is inf"):
             filter_.step(float("inf"), None)
+
+
+def test_frozen_refuses_what_the_others_refuse(nominal):
+    for options, message in [
+        ({"theta0": [1.0]}, "theta0 is .*; give 3 finite values"),
+        ({"output": "angle"}, "unknown output 'angle'"),
+        ({"identify": ["J"]}, "no parameter 'J'"),
+    ]:
+        with pytest.raises(EstimatorError, match=message):
+            Frozen(three_mass(nominal), **options)
 
 
 def test_negative_parameters_have_a_box(nominal):

@@ -1,0 +1,253 @@
+"""What the paper left for further work: choosing Δ, regularisation, and P(0) after a change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.adaptation import (
+    drift_for,
+    estimate_covariance,
+    steady_P,
+    tracking_error,
+)
+from flexaxis.estimators.registry import REGULARIZATION
+from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
+from flexaxis.experiments.paper.data import PAUSE, Data
+from flexaxis.experiments.paper.filters import Runs, Tuning, filtered
+from flexaxis.experiments.summary import settling
+from flexaxis.experiments.theta import true_theta
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+WANTED = (0.3, 0.6, 1.2, 2.4)
+"""Time constants asked of all parameters [s]."""
+
+APART = (2.4, 0.6, 0.3)
+"""Time constants asked of k_T, 1/J_a and f_m one by one [s]."""
+
+MU = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0)
+"""Values of μ, and the standard one of the registry among them."""
+
+RESETS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+"""Prior standard deviation after a change, as a fraction of each parameter."""
+
+WINDOW = 5.0  # s after a change
+
+
+@dataclass(frozen=True)
+class Design:
+    """Δ for wanted time constants: what the theory says, and what came out.
+
+    Attributes
+    ----------
+    wanted, predicted : ndarray (p,)
+        Time constants asked for, and expected with the correlation of the gradients [s].
+    measured, large : ndarray (p,)
+        Time of 63 % of a step of each parameter [s]: of a small step, and of a fault's size.
+    predicted_std, measured_std : ndarray (p,)
+        Standard deviations without any change [% of nominal].
+    """
+
+    wanted: Array
+    predicted: Array
+    measured: Array
+    large: Array
+    predicted_std: Array
+    measured_std: Array
+
+
+@dataclass(frozen=True)
+class Windup:
+    """A standstill of 20 s with one μ.
+
+    Attributes
+    ----------
+    mu : float
+    runs : Runs
+    peak : float
+        Largest diagonal element of P.
+    burst : float
+        Largest error of an estimate after the restart, in % of nominal; median over the runs.
+    lag : dict of str to float
+        Lag after a step fault of each parameter, without any standstill [s]: what μ costs.
+    """
+
+    mu: float
+    runs: Runs
+    peak: float
+    burst: float
+    lag: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Reset:
+    """A reset of P at the known time of a step fault.
+
+    Attributes
+    ----------
+    fraction : float or None
+        Prior standard deviation as a fraction of each parameter; None for no reset.
+    lag : dict of str to float
+        By the parameter that changed [s].
+    cross_talk : dict of str to float
+        Largest rms error of the others over 1 s after the change, in % of nominal.
+    runs : Runs
+        Those of the fault in f_m.
+    """
+
+    fraction: float | None
+    lag: dict[str, float]
+    cross_talk: dict[str, float]
+    runs: Runs
+
+
+@dataclass(frozen=True)
+class Answers:
+    """The three studies."""
+
+    diagonal: list[Design]
+    coupled: list[Design]
+    apart: Design
+    forgetting: list[Windup]
+    drift: list[Windup]
+    resets: list[Reset]
+
+
+def answer(data: Data, Q: Array) -> Answers:
+    """Run the three studies.
+
+    Parameters
+    ----------
+    data : Data
+    Q : ndarray (p, p)
+        E ψψᵀ at nominal parameters.
+    """
+    mus = sorted({*MU, REGULARIZATION})
+    return Answers(
+        diagonal=[design(data, Q, np.full(3, tau)) for tau in WANTED],
+        coupled=[design(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],
+        apart=design(data, Q, np.array(APART)),
+        forgetting=[
+            windup(data, Q, Tuning(forgetting=FORGETTING, regularization=mu)) for mu in mus
+        ],
+        drift=[windup(data, Q, Tuning(drift=drift(), regularization=mu)) for mu in mus],
+        resets=[reset(data, Q, fraction) for fraction in (None, *RESETS)],
+    )
+
+
+def design(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> Design:
+    """Choose Δ for wanted time constants (p,) [s], predict and measure what it does."""
+    period = data.scenario.period
+    chosen = drift_for(wanted, Q, period=period, coupled=coupled)
+    P = steady_P(Q, drift=chosen)
+    small, large = (_steps(data, faults, chosen, P) for faults in (data.small, data.faults))
+    seconds = np.arange(round(2 * WINDOW / period)) * period
+    left = np.abs(tracking_error(P, Q, seconds, period=period))
+    nominal = data.parametrization.theta
+    noise = data.scenario.noise.speed**2
+    return Design(
+        wanted=wanted,
+        predicted=np.array([seconds[np.argmax(left[:, i, i] < 0.37)] for i in range(len(wanted))]),
+        measured=small,
+        large=large,
+        predicted_std=100 * np.sqrt(np.diag(estimate_covariance(P, noise))) / nominal,
+        measured_std=spread(
+            filtered(data, data.nominal, Tuning(drift=chosen), P0=P), period=period
+        ),
+    )
+
+
+def _steps(data: Data, faults: Mapping[str, list[Record]], drift: Array, P0: Array) -> Array:
+    """Return t63 (p,) of a step of each parameter [s]."""
+    runs = _filtered(data, faults, Tuning(drift=drift), P0)
+    return np.array([t63(data, runs[name], faults[name], name) for name in data.names])
+
+
+def windup(data: Data, Q: Array, tuning: Tuning) -> Windup:
+    """Go through a standstill, and through step faults without one."""
+    period = data.scenario.period
+    P0 = steady_P(Q, forgetting=tuning.forgetting, drift=tuning.drift)
+    runs = filtered(data, data.pause, tuning, P0=P0)
+    restart = round(PAUSE[1] / period)
+    after = np.abs(runs.theta[:, restart : restart + round(WINDOW / period)] - 1)
+    return Windup(
+        mu=tuning.regularization,
+        runs=runs,
+        peak=float(runs.P.max()),
+        burst=100 * float(np.median(after.max(axis=(1, 2)))),
+        lag=lags(data, _filtered(data, data.faults, tuning, P0)),
+    )
+
+
+def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
+    """Set P at the onset of each fault to the prior that a parameter may be off by a fraction."""
+    noise = data.scenario.noise.speed**2
+    # P is in units of the noise variance
+    new = (fraction or 0) ** 2 * np.diag(data.parametrization.theta**2) / noise
+    runs = _filtered(
+        data,
+        data.faults,
+        Tuning(forgetting=FORGETTING),
+        steady_P(Q, forgetting=FORGETTING),
+        reset=None if fraction is None else (data.onset, new),
+    )
+    return Reset(
+        fraction=fraction,
+        lag=lags(data, runs),
+        cross_talk={name: cross_talk(data, runs[name], name) for name in data.names},
+        runs=runs["f_m"],
+    )
+
+
+def _filtered(
+    data: Data,
+    faults: Mapping[str, list[Record]],
+    tuning: Tuning,
+    P0: Array,
+    *,
+    reset: tuple[int, Array] | None = None,
+) -> dict[str, Runs]:
+    return {
+        name: filtered(data, records, tuning, P0=P0, reset=reset)
+        for name, records in faults.items()
+    }
+
+
+def lags(data: Data, runs: Mapping[str, Runs]) -> dict[str, float]:
+    """Return the lag after each fault [s], the mean over its runs."""
+    period = data.scenario.period
+    window = round(WINDOW / period)
+    found = {}
+    for name in data.names:
+        error = relative_error(data, runs[name], data.faults[name], name)[:, :window]
+        found[name] = float(period * np.abs(error).sum(axis=1).mean())
+    return found
+
+
+def relative_error(data: Data, runs: Runs, records: Sequence[Record], name: str) -> Array:
+    """Return θ̃/D (S, n) of the parameter that changed, from the onset of the fault on."""
+    i = data.names.index(name)
+    parameters = records[0].true_parameters
+    assert parameters is not None  # a simulated record knows the truth
+    truth = true_theta(data.names, parameters)[:, i] / data.parametrization.theta[i]
+    error = runs.theta[:, data.onset :, i] - truth[data.onset :]
+    return error / abs(truth[data.onset] - truth[data.onset - 1])
+
+
+def t63(data: Data, runs: Runs, records: Sequence[Record], name: str) -> float:
+    """Return when the median run has 63 % of a fault behind it [s]; NaN for never."""
+    error = relative_error(data, runs, records, name)
+    found = settling(list(error), 0.37, data.scenario.period)
+    return np.nan if found is None else found
+
+
+def cross_talk(data: Data, runs: Runs, name: str) -> float:
+    """Return the largest rms error of the other parameters over 1 s, in % of nominal."""
+    others = [i for i, other in enumerate(data.names) if other != name]
+    after = runs.theta[:, data.onset : data.onset + round(1 / data.scenario.period)]
+    return 100 * float(np.sqrt(np.mean((after[:, :, others] - 1) ** 2, axis=(0, 1))).max())

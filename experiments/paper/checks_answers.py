@@ -1,0 +1,106 @@
+"""What we add where the paper leaves a question for further work.
+
+A check is a function of the evidence: to add a claim, write one more.
+"""
+
+# ruff: noqa: D401  (the first line of a docstring is the claim)
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexaxis.experiments.paper.answers import Design, Windup
+from flexaxis.experiments.paper.claims import Evidence, Measured, by_name, check
+
+Finding = tuple[Measured, bool]
+
+SLOW = 1.2
+"""Wanted time constant from which on the plant's memory no longer matters [s]."""
+
+
+def _slow(designs: list[Design]) -> list[Design]:
+    return [design for design in designs if design.wanted.min() >= SLOW]
+
+
+def _ratios(e: Evidence, designs: list[Design]) -> dict[str, float]:
+    """Return measured over wanted time constants, the worst of several designs."""
+    ratios = np.array([design.measured / design.wanted for design in designs])
+    worst = np.argmax(np.abs(np.log(ratios)), axis=0)
+    return by_name(e.data.names, ratios[worst, np.arange(ratios.shape[1])])
+
+
+@check("section 5.3, choice of Δ left open", "t63 over wanted within 1/1.4 … 1.4 from 1.2 s on")
+def drift_from_time_constants(e: Evidence) -> Finding:
+    """Δ_ii = 1/(τ_i² Q_ii) gives each estimate the time constant that is wanted."""
+    ratios = _ratios(e, _slow(e.answers.diagonal))
+    return ratios, all(1 / 1.4 <= ratio <= 1.4 for ratio in ratios.values())
+
+
+@check("section 5.3, choice of Δ left open", "t63 [s] within 1/1.5 … 1.5 of 2.4, 0.6 and 0.3 s")
+def time_constants_one_by_one(e: Evidence) -> Finding:
+    """The time constants of the parameters can be chosen one by one."""
+    design = e.answers.apart
+    ratio = design.measured / design.wanted
+    return by_name(e.data.names, design.measured), bool(np.all((ratio > 1 / 1.5) & (ratio < 1.5)))
+
+
+@check("section 5.3, choice of Δ left open", "standard deviation over predicted within 30 % of one")
+def variance_of_the_choice(e: Evidence) -> Finding:
+    """The variance that a time constant costs is predicted by σ² P/2 with P of eq. (30)."""
+    slow = _slow(e.answers.diagonal)
+    ratios = np.mean([design.measured_std / design.predicted_std for design in slow], axis=0)
+    return by_name(e.data.names, ratios), bool(np.all(np.abs(ratios - 1) <= 0.3))
+
+
+def unregularised(studies: list[Windup]) -> Windup:
+    """Return the study without regularisation."""
+    return next(study for study in studies if study.mu == 0)
+
+
+def regularised(studies: list[Windup], mu: float = 1.0) -> Windup:
+    """Return the study with some μ."""
+    return next(study for study in studies if study.mu == mu)
+
+
+def price(studies: list[Windup], study: Windup) -> float:
+    """Return the lag after a fault over that without μ, for the parameter that pays most."""
+    without = unregularised(studies).lag
+    return max(study.lag[name] / without[name] for name in without)
+
+
+@check("section 5.3, regularisation left open", "burst [%] of θ̂ over 100 without, below 20 with")
+def regularisation_stops_the_burst(e: Evidence) -> Finding:
+    """μ = 1 stops the burst of the estimates when the excitation returns after a standstill."""
+    studies = e.answers.forgetting
+    burst = {"μ = 0": unregularised(studies).burst, "μ = 1": regularised(studies).burst}
+    return burst, burst["μ = 0"] > 100 and burst["μ = 1"] < 20
+
+
+@check("section 5.3, regularisation left open", "lag after a fault over that with μ = 0, ≤ 1.15")
+def regularisation_costs_little(e: Evidence) -> Finding:
+    """μ = 1 makes the estimates hardly slower where the axis moves."""
+    ratios = {
+        "forgetting": price(e.answers.forgetting, regularised(e.answers.forgetting)),
+        "modification": price(e.answers.drift, regularised(e.answers.drift)),
+    }
+    return ratios, max(ratios.values()) <= 1.15
+
+
+def resets(e: Evidence) -> dict[float | None, dict[str, float]]:
+    """Return the lags by the prior deviation that P was reset to."""
+    return {study.fraction: study.lag for study in e.answers.resets}
+
+
+@check("section 5.2, change detection left open", "lag without over with reset ≥ 2 for each fault")
+def reset_shortens_the_lag(e: Evidence) -> Finding:
+    """Resetting P to a prior of 3 % at a known change makes the estimates follow faster."""
+    lag = resets(e)
+    gain = {name: lag[None][name] / lag[0.03][name] for name in e.data.names}
+    return gain, min(gain.values()) >= 2
+
+
+@check("section 5.2, change detection left open", "lag [s] longer with 100 % than with 3 % for all")
+def reset_can_be_too_large(e: Evidence) -> Finding:
+    """A reset to a prior of 100 % throws the estimates off before they settle."""
+    lag = resets(e)
+    return lag[1.0], all(lag[1.0][name] > lag[0.03][name] for name in e.data.names)
