@@ -37,13 +37,14 @@ def steady_P(
     EstimatorError
         If not exactly one of forgetting and drift is given.
     """
+    Q = np.asarray(Q, float)
     inverse = np.linalg.inv(Q)
     if (forgetting is None) == (drift is None):
         raise EstimatorError("give either forgetting (λ) or drift (Δ)")
     if forgetting is not None:
         return (1 - forgetting) * inverse
     # (P Q)² = Δ Q, and the square root with positive eigenvalues is the one wanted
-    return sqrtm(_matrix(drift) @ np.asarray(Q, float)).real @ inverse
+    return sqrtm(_matrix(drift) @ Q).real @ inverse
 
 
 def drift_for(
@@ -72,10 +73,10 @@ def drift_for(
     EstimatorError
         If a time constant is shorter than a sample.
     """
-    samples = np.asarray(time_constants, float) / period
+    Q, samples = np.asarray(Q, float), np.asarray(time_constants, float) / period
     if not np.all(samples > 1):
         raise EstimatorError(
-            f"time constants are {time_constants} s; each must be longer than a sample, {period} s"
+            f"time constants are {samples * period} s; each must be longer than a sample, {period} s"
         )
     inverse = np.linalg.inv(Q) if coupled else np.diag(1 / np.diag(Q))
     return inverse / np.outer(samples, samples)

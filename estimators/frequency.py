@@ -30,7 +30,7 @@ def frequency_response(
     z = np.exp(1j * np.asarray(omega, float) * period)
     resolvent = z[:, None, None] * np.eye(len(gain)) - transition
     state = np.linalg.solve(resolvent, np.broadcast_to(gain[:, None], (*z.shape, len(gain), 1)))
-    response = (output @ state)[:, :, 0]
+    response: ComplexArray = (output @ state)[:, :, 0]
     return response[:, -1], response[:, :-1]
 
 

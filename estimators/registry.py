@@ -12,6 +12,7 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.model import three_mass
 
 if TYPE_CHECKING:
+    from flexaxis.estimators.ekf import JointEkf
     from flexaxis.estimators.frozen import Frozen
     from flexaxis.estimators.protocol import Estimator
     from flexaxis.estimators.reference import LiteralRpem
@@ -165,6 +166,47 @@ def frozen(
     return Frozen(three_mass(nominal), identify=identify, output=output)
 
 
+def ekf(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    output: str = "speed",
+    walk: float = 0.0018,
+    noise: float = 0.1,
+    spread: float = 0.2,
+) -> "JointEkf":
+    """
+    Make the joint extended Kalman filter.
+
+    Parameters
+    ----------
+    walk : float
+        Standard deviation of the random walk of every θ after a second, relative to θ(0). The
+        default has the variance of `rpem-forgetting` on the nominal axis, as geometric mean over
+        the paper's three parameters (16 runs of 40 s, seeds 0 to 15).
+    noise : float
+        Standard deviation of the output [rad/s].
+    spread : float
+        Standard deviation of θ(0), relative to it.
+    """
+    from flexaxis.estimators.ekf import JointEkf
+
+    if not walk > 0 or not spread > 0:
+        raise EstimatorError(f"walk is {walk} and spread {spread}; both must be above 0")
+    model = three_mass(nominal)
+    theta = model.parametrize(identify).theta
+    return JointEkf(
+        model,
+        identify=identify,
+        P0=(spread * theta) ** 2,
+        drift=period * (walk * theta) ** 2,
+        noise=noise,
+        period=period,
+        output=output,
+    )
+
+
 def _initial_P(
     given: ArrayLike | None,
     torque: ArrayLike | None,
@@ -220,6 +262,13 @@ REGISTRY: Mapping[str, Entry] = {
             partial(rpem_forgetting, literal=True),
             {"forgetting": 0.995, "regularization": 0.0},
             "forgetting",
+        ),
+        Entry(
+            "ekf",
+            "joint extended Kalman filter for state and parameters",
+            ekf,
+            {"walk": 0.0018, "noise": 0.1, "spread": 0.2},
+            "walk",
         ),
         Entry("frozen", "never moves: what doing nothing scores", frozen, {}),
     )

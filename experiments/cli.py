@@ -14,7 +14,18 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 
-COMMANDS = ("list", "show", "simulate", "estimate", "run", "report", "view", "cache", "speed")
+COMMANDS = (
+    "list",
+    "show",
+    "simulate",
+    "estimate",
+    "run",
+    "report",
+    "view",
+    "cache",
+    "speed",
+    "paper",
+)
 
 EPILOG = """\
 first steps:

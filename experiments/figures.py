@@ -29,6 +29,7 @@ _COLOURS = {
     "rpem-forgetting-mu": "#56B4E9",
     "rpem-drift-mu": "#E69F00",
     "literal-rpem": "#CC79A7",
+    "ekf": "#009E73",
     "frozen": "#7F7F7F",
 }
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexaxis.experiments.figures import colour, symbol
-from flexaxis.experiments.paper.answers import RESETS, Reset, Windup
+from flexaxis.experiments.paper.answers import RESETS, Reset
 from flexaxis.experiments.paper.checks_answers import price
 from flexaxis.experiments.paper.claims import Evidence
 from flexaxis.experiments.paper.convergence import FORGETTING
@@ -75,7 +75,7 @@ def figB(e: Evidence) -> Figure:
         ax.axvspan(*PAUSE, color="#E69F00", alpha=0.12, lw=0)
     growth.set(xlim=(0, 40), xlabel="time [s]", ylabel="largest diagonal element of P")
     growth.legend(loc="upper right")
-    growth.set_title("standstill: P grows as λ⁻ᵗ unless μ > 0")
+    growth.set_title("standstill: P grows as λ⁻ᵏ unless μ > 0")
     note(growth, "dotted: (1−λ)/μ", 0.02, 0.95)
     estimate.axhline(1, color="k", ls="--", lw=1)
     estimate.set(xlim=(28, 36), ylim=(0.5, 1.5), xlabel="time [s]")
@@ -160,8 +160,3 @@ def _plain(ax: Axes, *, x: list[float] | None = None, y: list[float] | None = No
         if ticks is not None:
             axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
             axis.set_ticks([], minor=True)
-
-
-def windup_at(studies: list[Windup], mu: float) -> Windup:
-    """Return the study with some μ."""
-    return next(study for study in studies if study.mu == mu)

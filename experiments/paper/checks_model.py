@@ -16,7 +16,7 @@ from flexaxis.estimators.frequency import frequency_response, information, line_
 from flexaxis.estimators.predictor import predict
 from flexaxis.experiments.paper.claims import Evidence, Measured, by_name, check
 from flexaxis.experiments.paper.convergence import FORGETTING, steady
-from flexaxis.experiments.paper.data import Data
+from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.experiments.paper.offline import (
     FAR,
     HIGH_ORDER,
@@ -77,6 +77,7 @@ def _gradient_error(data: Data, name: str, torque: Array) -> float:
 def compiled_filter_is_the_papers(e: Evidence) -> Finding:
     """The compiled filter gives the estimates of the equations taken word for word."""
     record, model = e.data.nominal[0], e.data.parametrization
+    u, y = signals(record)
     runs = [
         method(
             e.data.model,
@@ -85,7 +86,7 @@ def compiled_filter_is_the_papers(e: Evidence) -> Finding:
             P0=e.convergence.forgetting.P0,
             period=record.period,
             forgetting=FORGETTING,
-        ).run(record.torque[:1000], record.speed[:1000])
+        ).run(u[:1000], y[:1000])
         for method in (Rpem, literal_rpem)
     ]
     error = float(np.max(np.abs(runs[0] - runs[1]) / model.theta))
@@ -96,7 +97,7 @@ def torque_lines(data: Data) -> tuple[Array, Array]:
     """Return frequency [rad/s] and amplitude [N m] of the lines of the torque, first run."""
     period = data.scenario.period
     omega, power = line_spectrum(steady(data, data.nominal[0].torque), period=period)
-    excited = omega <= 2 * np.pi * data.scenario.excitation.high * 1.001
+    excited = omega <= 2 * np.pi * data.excitation.high * 1.001
     lines = np.flatnonzero(excited)[2::2]  # of two periods every second DFT line is one
     return omega[lines], np.sqrt(2 * power[lines])
 

@@ -68,7 +68,7 @@ def reference_information(data: Data) -> Array:
 
 def steady(data: Data, signal: Array) -> Array:
     """Return the last two periods of a signal (N,), where no transient is left."""
-    return signal[-2 * round(data.scenario.excitation.period / data.scenario.period) :]
+    return signal[-2 * round(data.excitation.period / data.scenario.period) :]
 
 
 def _paper(data: Data, tuning: Tuning) -> Runs:

@@ -16,6 +16,7 @@ from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.harness import process_pool
 from flexaxis.experiments.seeds import FIRST
 from flexaxis.experiments.specs import nominal_torque
+from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
@@ -86,6 +87,12 @@ class Data:
     reference_torque: Array
 
     @property
+    def excitation(self) -> Multisine:
+        """What the reference is made of."""
+        assert isinstance(self.scenario.excitation, Multisine)
+        return self.scenario.excitation
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The identified parameters."""
         return self.scenario.identify
@@ -141,6 +148,12 @@ def collect(
         onset=faults["f_m"].events()[0].index,
         reference_torque=nominal_torque(scenario),
     )
+
+
+def signals(record: Record) -> tuple[Array, Array]:
+    """Return torque [N m] and measured speed [rad/s] of a record, (N,) each."""
+    assert record.speed is not None  # a simulated record has it
+    return record.torque, record.speed
 
 
 def _small(name: str, faults: Mapping[str, Scenario]) -> Scenario:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ STEP = 5  # samples from one drawn estimate to the next
 def fig3(e: Evidence) -> Figure:
     """Draw the spectrum of the torque in closed loop."""
     omega, amplitude = torque_lines(e.data)
-    edge = 2 * np.pi * e.data.scenario.excitation.high
+    edge = 2 * np.pi * e.data.excitation.high
     fig = Figure(figsize=(WIDTH, 3.4), layout="constrained")
     ax = fig.subplots()
     ax.axvspan(0, 70, color="0.95", lw=0)
@@ -83,7 +82,7 @@ def fig4(e: Evidence) -> Figure:
     gain.set(ylabel="gain [dB]", ylim=(-12, 38))
     gain.legend(loc="lower left")
     phase.set(ylabel="phase [°]", ylim=(-200, 90), yticks=[-180, -90, 0, 90])
-    error.set(xlim=(20, 400), ylim=(-1, 1), ylabel="off by [dB]", xlabel="frequency [rad/s]")
+    error.set(xlim=(20, 400), ylim=(-0.3, 0.3), ylabel="off by [dB]", xlabel="frequency [rad/s]")
     note(gain, "little torque", 0.02, 0.95)
     note(gain, "no torque", 0.98, 0.95, ha="right")
     return fig

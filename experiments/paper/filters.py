@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators import Rpem
-from flexaxis.experiments.paper.data import Data
+from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
-STRIDE = 10
+STRIDE = 20
 """Samples from one kept P to the next."""
 
 
@@ -28,8 +28,8 @@ class Runs:
         Diagonal of P(0).
     theta : ndarray (S, N, p)
         Estimates over nominal.
-    P : ndarray (S, N/10, p)
-        Diagonal of P(t+1|t), every tenth sample.
+    P : ndarray (S, N/20, p)
+        Diagonal of P(t+1|t), every 20 samples.
     """
 
     P0: Array
@@ -67,7 +67,7 @@ def filtered(
     start : float
         θ(0) over nominal.
     reset : (int, ndarray), optional
-        Sample, a multiple of ten, before which P is set to a new value.
+        Sample, a multiple of 20, before which P is set to a new value.
     """
     nominal = data.parametrization.theta
     estimator = Rpem(
@@ -93,10 +93,10 @@ def _follow(
     estimator: Rpem, record: Record, reset: tuple[int, Array] | None
 ) -> tuple[Array, Array]:
     estimator.reset()
-    theta, P = [], []
-    for k in range(0, len(record.torque), STRIDE):
+    (u, y), theta, P = signals(record), [], []
+    for k in range(0, len(u), STRIDE):
         if reset and k == reset[0]:
             estimator.P = reset[1]
-        theta.append(estimator.run(record.torque[k : k + STRIDE], record.speed[k : k + STRIDE]))
+        theta.append(estimator.run(u[k : k + STRIDE], y[k : k + STRIDE]))
         P.append(np.diag(estimator.P))
     return np.concatenate(theta), np.array(P)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.arx import Arx, fit_arx
 from flexaxis.estimators.frequency import frequency_response
 from flexaxis.estimators.identification import Identified, output_error
-from flexaxis.experiments.paper.data import Data
+from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -50,6 +50,7 @@ class Offline:
 def identify_offline(data: Data) -> Offline:
     """Identify from the records of 60 s."""
     first = data.long[0]
+    u, y = signals(first)
     free = tuple(name for name in data.model.parameters if name != "r")
     runs = [_from(data, record, data.names, NEAR[0]) for record in data.long]
     return Offline(
@@ -59,7 +60,7 @@ def identify_offline(data: Data) -> Offline:
         physical=_from(data, first, free[1:], NEAR[0]),
         everything=_from(data, first, free, 1.0),
         arx={
-            order: fit_arx(first.torque, first.speed, order=order, period=first.period)
+            order: fit_arx(u, y, order=order, period=first.period)
             for order in (LOW_ORDER, 20, 30, HIGH_ORDER)
         },
     )
@@ -68,8 +69,7 @@ def identify_offline(data: Data) -> Offline:
 def _from(data: Data, record: Record, names: tuple[str, ...], start: float) -> Identified:
     return output_error(
         data.model,
-        record.torque,
-        record.speed,
+        *signals(record),
         identify=names,
         start=start * data.model.parametrize(names).theta,
         period=record.period,

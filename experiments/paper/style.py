@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib.axes import Axes
 
-RC = {
+RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 10,
     "axes.labelsize": 10.5,
@@ -19,8 +21,6 @@ RC = {
     "lines.linewidth": 1.5,
     "legend.frameon": False,
     "legend.fontsize": 9,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "flexaxis",
 }
 """Settings of matplotlib that all figures are drawn with."""
 

@@ -1,0 +1,70 @@
+"""Reproduce the paper: every figure, every claim checked on MuJoCo data, and a page with the story.
+
+The folder gets index.html, claims.json, and fig3 to fig9 and figA to figC as .svg and .png. Exit
+status 1 if a claim does not hold.
+
+example:
+  flexaxis paper -o results/paper
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+HELP = "reproduce the paper's figures and check its claims"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("results/paper"),
+        metavar="DIR",
+        help="default: results/paper",
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="processes (default: one a core); the claims do not depend on it",
+    )
+    parser.add_argument(
+        "--no-cache", action="store_true", help="simulate every record, and keep none"
+    )
+    parser.add_argument("--json", action="store_true", help="print the claims as JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Reproduce, check, and say what failed."""
+    from rich.console import Console
+
+    from flexaxis.experiments.benchmark import command_line
+    from flexaxis.experiments.cache import default_cache
+    from flexaxis.experiments.paper.page import claims_table
+    from flexaxis.experiments.paper.reproduce import PAGE, reproduce
+    from flexaxis.experiments.progress import progress
+    from flexaxis.experiments.results import dumps
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.jobs < 1:
+        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+    with progress("paper", 1) as advance:
+        claims = reproduce(
+            args.output,
+            command=command_line(args.words),
+            jobs=args.jobs,
+            store=None if args.no_cache else default_cache(),
+            advance=advance,
+        )
+    page = args.output / PAGE
+    if args.json:
+        print(dumps({"claims": [claim.as_json() for claim in claims], "page": str(page)}))
+    else:
+        Console().print(claims_table(claims))
+        print(page)
+    return int(not all(claim.holds for claim in claims))
