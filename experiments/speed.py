@@ -102,6 +102,7 @@ def _estimators() -> list[Contender]:
     scenario = find_scenario("fm_step-v1")
     record = simulate(scenario, [0])[0]
     u, y = record.torque, record.speed
+    assert y is not None  # a simulated record has all signals
     nominal = scenario.nominal.as_dict()
     model = three_mass(nominal)
     parametrization = model.parametrize(IDENTIFY)

@@ -82,9 +82,18 @@ def _write_parameters(file: Any, values: Array) -> None:
 
 
 def file_length(path: Path) -> int:
-    """Return the number of samples in a file, 0 if it has no time."""
-    with h5netcdf.File(path, "r", phony_dims="sort") as file:
-        return int(file.variables["time"].shape[0]) if "time" in file.variables else 0
+    """Return the number of samples in a file, 0 if it has no time; all signals must have as many."""
+    # The arrays themselves: a named dimension may say another length than they have.
+    with h5py.File(path, "r") as file:
+        lengths = {name: file[name].shape for name in (*SIGNALS, "valid") if name in file}
+    samples = lengths.get("time", (0,))
+    for name, length in lengths.items():
+        if length != samples:
+            raise RecordError(
+                f"{name} has shape {length}; with {samples[0]} samples of time it must be "
+                f"({samples[0]},)."
+            )
+    return int(samples[0])
 
 
 def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:

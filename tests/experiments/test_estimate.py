@@ -4,6 +4,7 @@ import subprocess
 import sys
 
 import h5netcdf
+import h5py
 import numpy as np
 import pytest
 
@@ -81,6 +82,17 @@ def test_the_last_piece_is_never_a_single_sample(record, tmp_path):
     assert sizes == [1600]
     firsts = [piece.first for piece in record_pieces(source, samples=500)]
     assert firsts == [0, 500, 1000, 1500]
+
+
+@pytest.mark.parametrize("length", [1599, 1601])
+def test_signals_of_different_length_are_refused(record, tmp_path, length):
+    source = record.save(tmp_path / "rec.nc")
+    with h5py.File(source, "a") as file:
+        del file["speed"]
+        file["speed"] = np.zeros(length)
+    with pytest.raises(RecordError, match=rf"rec\.nc: speed has shape \({length},\)"):
+        estimate(source, parse("frozen"), tmp_path / "est.nc")
+    assert not (tmp_path / "est.nc").exists()
 
 
 PROGRAM = """
