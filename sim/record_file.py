@@ -82,7 +82,7 @@ def _write_parameters(file: Any, values: Array) -> None:
 
 
 def file_length(path: Path) -> int:
-    """Return the number of samples in a file, 0 if it has no time; all signals must have as many."""
+    """Return the number of samples in a file, 0 without time; all signals must have as many."""
     # The arrays themselves: a named dimension may say another length than they have.
     with h5py.File(path, "r") as file:
         lengths = {name: file[name].shape for name in (*SIGNALS, "valid") if name in file}
