@@ -165,7 +165,10 @@ def _spread(rows: list[dict[str, Any]]) -> float | None:
     std, bias = _values(rows, "std"), _values(rows, "bias")
     if not std.size:
         return None
-    return finite(np.sqrt(np.maximum(0.0, np.mean(std**2) - np.mean(bias**2))))
+    square, constant = np.mean(std**2), np.mean(bias**2)
+    if np.isclose(square, constant, rtol=1e-12, atol=0.0):  # a difference of rounding errors
+        return 0.0
+    return finite(np.sqrt(np.maximum(0.0, square - constant)))
 
 
 def _std_interval(rows: list[dict[str, Any]]) -> list[float] | None:

@@ -11,7 +11,7 @@ from rich.table import Table
 from flexaxis.experiments.report import number, settled
 
 CAPTION = """\
-lag after the fault and std before it, ± 95 % half-width over seeds
+lag after the fault, ± 95 % half-width over seeds; std before it [% of nominal]
 x-talk: largest error caused in another parameter [% of nominal]
 lost: diverged runs; open: runs never settled; µs: time per sample"""
 
@@ -43,11 +43,11 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
         row["parameter"],
         _with_half_width(row["lag"], row["lag_interval"]),
         settled(row["t10"], changed),
-        _with_half_width(row["std"], row["std_interval"]),
+        number(row["std"]),
         number(cross_talk, 2),
-        f"{row['diverged']}/{row['seeds']}",
-        f"{row['never_settled']}/{row['seeds']}" if changed else "–",
-        number(row["cost"]["us_per_sample"], 2),
+        str(row["diverged"]),
+        str(row["never_settled"]) if changed else "–",
+        _cost(row["cost"]["us_per_sample"]),
     ]
 
 
@@ -55,6 +55,10 @@ def _with_half_width(value: float | None, interval: Sequence[float] | None) -> s
     if interval is None or interval[0] == interval[1]:
         return number(value)
     return f"{number(value)} ±{(interval[1] - interval[0]) / 2:.1g}"
+
+
+def _cost(microseconds: float) -> str:
+    return number(microseconds, 2) if microseconds < 100 else f"{microseconds:.0f}"
 
 
 def _cross_talk(rows: Sequence[Mapping[str, Any]], row: Mapping[str, Any]) -> float | None:
