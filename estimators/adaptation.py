@@ -76,7 +76,7 @@ def drift_for(
     Q, samples = np.asarray(Q, float), np.asarray(time_constants, float) / period
     if not np.all(samples > 1):
         raise EstimatorError(
-            f"time constants are {samples * period} s; each must be longer than a sample, {period} s"
+            f"time constants are {samples * period} s; give each longer than a sample, {period} s"
         )
     inverse = np.linalg.inv(Q) if coupled else np.diag(1 / np.diag(Q))
     return inverse / np.outer(samples, samples)

@@ -48,9 +48,10 @@ def line_spectrum(u: ArrayLike, *, period: float = 0.005) -> tuple[Array, Array]
         Sampling period T [s].
     """
     u = np.asarray(u, float)
-    power = np.abs(np.fft.rfft(u) / len(u)) ** 2
+    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(len(u), period), np.float64)
+    power = np.asarray(np.abs(np.fft.rfft(u) / len(u)) ** 2, np.float64)
     power[1 : (len(u) + 1) // 2] *= 2  # lines of both signs; zero and Nyquist have one only
-    return 2 * np.pi * np.fft.rfftfreq(len(u), period), power
+    return omega, power
 
 
 def information(

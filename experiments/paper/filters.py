@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 STRIDE = 20
 """Samples from one kept P to the next."""
 
+COARSE = 200
+"""The same where P does not matter: every look at it costs time."""
+
 
 @dataclass(frozen=True)
 class Runs:
@@ -28,8 +31,8 @@ class Runs:
         Diagonal of P(0).
     theta : ndarray (S, N, p)
         Estimates over nominal.
-    P : ndarray (S, N/20, p)
-        Diagonal of P(t+1|t), every 20 samples.
+    P : ndarray (S, N/stride, p)
+        Diagonal of P(t+1|t), every so many samples.
     """
 
     P0: Array
@@ -54,6 +57,7 @@ def filtered(
     P0: ArrayLike,
     start: float = 1.0,
     reset: tuple[int, Array] | None = None,
+    stride: int = STRIDE,
 ) -> Runs:
     """Run the recursive prediction-error method on each record.
 
@@ -67,7 +71,9 @@ def filtered(
     start : float
         θ(0) over nominal.
     reset : (int, ndarray), optional
-        Sample, a multiple of 20, before which P is set to a new value.
+        Sample, a multiple of the stride, before which P is set to a new value.
+    stride : int
+        Samples from one kept P to the next.
     """
     nominal = data.parametrization.theta
     estimator = Rpem(
@@ -80,7 +86,7 @@ def filtered(
         drift=tuning.drift,
         regularization=tuning.regularization,
     )
-    done = [_follow(estimator, record, reset) for record in records]
+    done = [_follow(estimator, record, reset, stride) for record in records]
     initial = np.asarray(P0, float)
     return Runs(
         P0=initial if initial.ndim == 1 else np.diag(initial),
@@ -90,13 +96,13 @@ def filtered(
 
 
 def _follow(
-    estimator: Rpem, record: Record, reset: tuple[int, Array] | None
+    estimator: Rpem, record: Record, reset: tuple[int, Array] | None, stride: int
 ) -> tuple[Array, Array]:
     estimator.reset()
     (u, y), theta, P = signals(record), [], []
-    for k in range(0, len(u), STRIDE):
+    for k in range(0, len(u), stride):
         if reset and k == reset[0]:
             estimator.P = reset[1]
-        theta.append(estimator.run(u[k : k + STRIDE], y[k : k + STRIDE]))
+        theta.append(estimator.run(u[k : k + stride], y[k : k + stride]))
         P.append(np.diag(estimator.P))
     return np.concatenate(theta), np.array(P)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from typing import TYPE_CHECKING
+
+from markupsafe import Markup, escape
 
 from flexaxis.experiments.paper.claims import Claim, Evidence, Measured
 
@@ -34,10 +37,10 @@ def render(e: Evidence, claims: Sequence[Claim], figures: Mapping[str, str], com
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, loader=DictLoader(texts), trim_blocks=True
     )
-    environment.filters["measured"] = in_words
+    environment.filters |= {"measured": in_words, "symbols": symbols}
     return environment.get_template(TEMPLATE).render(
         claims=claims,
-        about=lambda *words: [c for c in claims if any(word in c.source for word in words)],
+        about=lambda *words, but=None: _about(claims, words, but),
         figures=figures,
         seeds=[record.seed for record in e.data.nominal],
         runs={"long": len(e.data.long), "few": len(e.data.pause)},
@@ -48,23 +51,43 @@ def render(e: Evidence, claims: Sequence[Claim], figures: Mapping[str, str], com
     )
 
 
+def _about(claims: Sequence[Claim], words: Sequence[str], but: str | None) -> list[Claim]:
+    """Return the claims whose source has one of the words, and not that other."""
+    found = [claim for claim in claims if any(word in claim.source for word in words)]
+    return [claim for claim in found if but is None or but not in claim.source]
+
+
+def symbols(text: str) -> Markup:
+    """Return text as HTML, its parameters as symbols with an index.
+
+    Examples
+    --------
+    >>> str(symbols("1/J_a < 3"))
+    '1/<i>J</i><sub>a</sub> &lt; 3'
+    """
+    return Markup(
+        re.sub(r"\b([A-Za-zΔτ])_([A-Za-zθ]+)", r"<i>\1</i><sub>\2</sub>", str(escape(text)))
+    )
+
+
 def in_words(measured: Measured) -> str:
     """Return what was measured for a table.
 
     Examples
     --------
     >>> in_words({"k_T": 0.6123, "f_m": 3.0})
-    'k_T 0.612, f_m 3'
+    'k_T: 0.612, f_m: 3'
     >>> in_words(2.4066)
     '2.41'
     """
     if isinstance(measured, Mapping):
-        return ", ".join(f"{name} {value:.3g}" for name, value in measured.items())
-    return f"{measured:.3g}"
+        return ", ".join(f"{name}: {in_words(value)}" for name, value in measured.items())
+    return f"{measured:.0f}" if 1e3 <= abs(measured) < 1e5 else f"{measured:.3g}"
 
 
 def claims_table(claims: Sequence[Claim]) -> Table:
     """Return the claims as a table for the terminal."""
+    from rich.markup import escape as escape_markup  # brackets are mark-up there
     from rich.table import Table
 
     held = sum(claim.holds for claim in claims)
@@ -75,5 +98,6 @@ def claims_table(claims: Sequence[Claim]) -> Table:
     for claim in claims:
         mark = "✓" if claim.holds else "✗"
         style = None if claim.holds else "bold red"
-        table.add_row(mark, claim.claim, in_words(claim.measured), claim.expected, style=style)
+        cells = (claim.claim, in_words(claim.measured), claim.expected)
+        table.add_row(mark, *map(escape_markup, cells), style=style)
     return table

@@ -1,0 +1,132 @@
+"""Off-line identification: right, as uncertain as it says, and honest about what went wrong."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import EstimatorError, three_mass, two_mass
+from flexaxis.estimators.identification import output_error
+from flexaxis.estimators.predictor import predict
+
+NAMES = ("k_T", "1/J_a", "f_m")
+THETA = np.array([1.0, 1.25, 0.05])
+
+
+def identified(nominal, loop, start=1.2, **options):
+    return output_error(
+        three_mass(nominal), loop.u, loop.y, identify=NAMES, start=start * THETA, **options
+    )
+
+
+@pytest.mark.parametrize("start", [1.2, 1.5])
+def test_finds_the_parameters_within_its_own_deviations(nominal, loop, start):
+    found = identified(nominal, loop, start)
+    assert not found.warnings
+    assert np.all(np.abs(found.theta - THETA) < 4 * found.standard_deviations)
+    np.testing.assert_allclose(found.theta, THETA, rtol=0.003)
+    assert abs(found.residual_std / 0.1 - 1) < 0.03  # 12000 samples: 0.6 % standard deviation
+
+
+def test_covariance_is_that_of_linear_regression(nominal, loop):
+    """σ² (ΨᵀΨ)⁻¹ with the gradient by central differences, a variance by eye of the data."""
+    found = identified(nominal, loop)
+    model = three_mass(nominal).parametrize(NAMES)
+    slopes = []
+    for i in range(3):
+        step = np.eye(3)[i] * 1e-5 * THETA[i]
+        above, _ = predict(model, found.theta + step, loop.u)
+        below, _ = predict(model, found.theta - step, loop.u)
+        slopes.append((above - below) / (2 * step[i]))
+    psi = np.array(slopes).T
+    np.testing.assert_allclose(found.covariance, 0.01 * np.linalg.inv(psi.T @ psi), rtol=0.05)
+
+
+def test_deviations_are_those_of_repeated_experiments(nominal, simulated):
+    errors = []
+    for seed in range(12):
+        found = identified(nominal, simulated(10.0, seed=seed), 1.1)
+        errors.append((found.theta - THETA) / found.standard_deviations)
+    # 36 normalised errors: their rms is 1 with a standard deviation of 0.12
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.4
+
+
+def test_says_so_in_a_local_minimum(nominal, loop):
+    found = identified(nominal, loop, 0.7, max_evaluations=30)
+    assert found.residual_std > 1  # ten times the noise
+    assert "local minimum" in " ".join(found.warnings)
+
+
+def test_says_so_at_a_bound_and_when_it_gives_up(nominal, loop):
+    found = identified(nominal, loop, 1.2, bounds=([1.1, 1.1, 0.04], [2, 2, 1]))
+    assert "k_T: at the bound" in found.warnings[0]
+    assert (
+        "not converged after 2 evaluations"
+        in identified(nominal, loop, max_evaluations=2).warnings[0]
+    )
+
+
+def test_names_the_scale_that_the_data_leave_open(nominal, loop):
+    free = [name for name in three_mass(nominal).parameters if name != "r"]
+    found = output_error(three_mass(nominal), loop.u, loop.y, identify=free)
+    assert found.condition > 1e10
+    # the same relative change of all of them
+    np.testing.assert_allclose(found.weakest, 1 / np.sqrt(len(free)), rtol=1e-3)
+    assert all(f"{name} +1.0 %" in found.warnings[-1] for name in free)
+    assert "without any effect" in found.identifiability
+
+
+def test_all_but_the_scale_is_found(nominal, loop):
+    model = three_mass(nominal)
+    free = [name for name in model.parameters if name not in ("r", "k_T")]
+    truth = model.parametrize(free).theta
+    found = output_error(model, loop.u, loop.y, identify=free, start=1.2 * truth)
+    assert np.all(np.abs(found.theta - truth) < 4 * found.standard_deviations)
+    # friction of gear and arm hardly shows behind a gear of 1/118
+    assert "f_g +1.0 %, f_a +" in found.identifiability
+    assert set(np.array(free)[np.abs(found.weakest) > 0.1]) == {"f_g", "f_a"}
+
+
+def test_missing_samples_do_not_count(nominal, loop):
+    valid = np.ones(len(loop.y), bool)
+    valid[3000:5000] = False
+    spoilt = np.where(valid, loop.y, 1e3)
+    found = output_error(
+        three_mass(nominal), loop.u, spoilt, identify=NAMES, start=1.1 * THETA, valid=valid
+    )
+    np.testing.assert_allclose(found.theta, THETA, rtol=0.003)
+
+
+def test_increments_too(nominal, loop):
+    found = output_error(
+        three_mass(nominal),
+        loop.u,
+        loop.increment,
+        identify=NAMES,
+        start=1.1 * THETA,
+        output="increment",
+    )
+    np.testing.assert_allclose(found.theta, THETA, rtol=1e-9)  # no noise on the angle
+
+
+def test_another_model():
+    nominal = {"k_T": 0.6, "J_m": 1e-3, "J_l": 2e-3, "k": 5.0, "d": 2e-3, "f_m": 1e-3, "f_l": 1e-3}
+    model = two_mass(nominal)
+    u = np.random.default_rng(0).standard_normal(2000)
+    y, _ = predict(model.parametrize(["k"]), [5.0], u, period=0.002)
+    found = output_error(model, u, y, identify=["1/J_l", "k"], start=[400.0, 6.0], period=0.002)
+    np.testing.assert_allclose(found.theta, [500.0, 5.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"output": "sped"}, "did you mean 'speed'"),
+        ({"start": [1.0, 2.0]}, "give 3 finite values"),
+        ({"start": [1.0, 0.0, 0.05]}, "other than zero"),
+        ({"bounds": ([2.0, 1.0, 0.01], [3.0, 2.0, 1.0])}, "do not enclose the start"),
+        ({"valid": np.arange(12000) < 3}, "3 valid samples cannot determine 3 parameters"),
+        ({"identify": ["f_n"]}, "did you mean 'f_m'"),
+    ],
+)
+def test_refuses_what_it_cannot_use(nominal, loop, options, message):
+    with pytest.raises(EstimatorError, match=message):
+        output_error(three_mass(nominal), loop.u, loop.y, **{"identify": NAMES} | options)
