@@ -1,0 +1,54 @@
+r"""Check that an estimator keeps the rules that its scores rely on.
+
+Shapes, finite numbers, step equals run, no look-ahead, gaps, and so on: each rule with its reason,
+and with a hint where it is broken. The code that the estimator names is run.
+
+exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built
+
+example:
+  flexaxis check my_estimator.py:Mine
+  flexaxis check 'pipe:octave-cli -q my.m'
+  flexaxis check flexaxis.experiments.controls:Cheater        (wrong on purpose)
+"""
+
+from __future__ import annotations
+
+import argparse
+
+HELP = "check that an estimator keeps the rules"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Check every rule and say what was found."""
+    from dataclasses import asdict
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from flexaxis.experiments.cache import default_cache
+    from flexaxis.experiments.conformance import check
+    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.specs import parse
+
+    found = check(parse(args.estimator), store=default_cache())
+    status = int(any(finding.holds is False for finding in found))
+    if args.json:
+        content = {"estimator": args.estimator, "status": status}
+        print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
+        return status
+    table = Table("rule", "", "what was seen", box=None, pad_edge=False)
+    words = {True: "holds", False: "[red]BROKEN[/]", None: "not applicable"}
+    for finding in found:
+        table.add_row(finding.rule, words[finding.holds], escape(finding.seen))
+    Console().print(table)
+    for finding in found:
+        if finding.holds is False:
+            print(f"\n{finding.rule}: {finding.reason}\n  hint: {finding.hint}")
+    return status

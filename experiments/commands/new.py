@@ -1,0 +1,41 @@
+"""Write a template of an own estimator that works and can be changed.
+
+example:
+  flexaxis new my_estimator.py
+  flexaxis check my_estimator.py:Mine
+  flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "write a working template of an own estimator"
+CLASS = "Mine"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("path", type=Path, metavar="FILE.py")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Write the template and say what comes next."""
+    from importlib.resources import files
+
+    from flexaxis.experiments.results import writing
+    from flexaxis.sim.errors import FlexaxisError
+
+    path = args.path
+    if path.suffix != ".py" or not path.stem.isidentifier():
+        raise FlexaxisError(f"{path}: give a file that Python can import, such as my_estimator.py")
+    if path.exists():
+        raise FlexaxisError(f"{path} is there already; give another name")
+    template = files("flexaxis.experiments") / "templates" / "my_estimator.py"
+    with writing(path):
+        path.write_text(template.read_text(encoding="utf-8"), encoding="utf-8")
+    print(f"{path} estimates the motor friction f_m. Change it, then:")
+    print(f"  flexaxis check {path}:{CLASS}")
+    print(f"  flexaxis compare --base rpem-forgetting --candidate {path}:{CLASS}")
+    return 0

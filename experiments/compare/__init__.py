@@ -1,0 +1,1 @@
+"""The gate: whether a candidate estimator is better or worse than a base, or undecided."""

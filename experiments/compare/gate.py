@@ -1,0 +1,174 @@
+"""Run base and candidate on common seeds, look, and add seeds until it is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from flexaxis.experiments import harness
+from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.compare.pairs import Table, pair, table
+from flexaxis.experiments.compare.verdicts import (
+    ALPHA,
+    UNDECIDED,
+    WORSE,
+    Verdict,
+    by_metric,
+    judge,
+    overall,
+)
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is compared.
+
+    Attributes
+    ----------
+    base, candidate : str
+        Texts as for `--estimator`.
+    scenarios : sequence of Scenario
+    seeds : sequence of int
+        Of the first look.
+    margins : mapping of metric to float
+    max_seeds : int
+        Seeds that may be spent; more than those of the first look make the gate sequential.
+    alpha : float
+        Chance of any false alarm, at most, over all looks.
+    """
+
+    base: str
+    candidate: str
+    scenarios: Sequence[Scenario]
+    seeds: Sequence[int]
+    margins: Mapping[str, float]
+    max_seeds: int = 0
+    alpha: float = ALPHA
+
+    def looks(self) -> list[list[int]]:
+        """Return the seeds of each look: the first ones, then twice as many, up to the most.
+
+        The looks are fixed beforehand, so that each can have its share of `alpha`.
+        """
+        first, number = list(self.seeds), len(self.seeds)
+        most = max(self.max_seeds, number)
+        counts = [number]
+        while counts[-1] < most:
+            counts.append(min(2 * counts[-1], most))
+        everything = first + [first[-1] + 1 + i for i in range(most - number)]
+        return [everything[:count] for count in counts]
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What came out.
+
+    Attributes
+    ----------
+    base, candidate : str
+    seeds : list of int
+        Those used.
+    look, looks : int
+        At which look it was decided, of how many planned.
+    alpha : float
+        Level of the family at each look.
+    verdicts : list of Verdict
+    cases : list of harness.Case
+        Everything that was run; empty for stored results.
+    """
+
+    base: str
+    candidate: str
+    seeds: list[int]
+    look: int
+    looks: int
+    alpha: float
+    verdicts: list[Verdict]
+    cases: list[harness.Case]
+
+    @property
+    def verdict(self) -> str:
+        """The one word: worse, undecided, better or same."""
+        return overall([v.verdict for v in self.verdicts])
+
+    def status(self, *, strict: bool = False) -> int:
+        """Return the exit status: 1 for a regression, 3 if undecided and `strict`, else 0."""
+        return {WORSE: 1, UNDECIDED: 3 if strict else 0}.get(self.verdict, 0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what goes into compare.json."""
+        return {
+            "verdict": self.verdict,
+            "by_metric": by_metric(self.verdicts),
+            "base": self.base,
+            "candidate": self.candidate,
+            "seeds": self.seeds,
+            "look": self.look,
+            "looks": self.looks,
+            "alpha": self.alpha,
+            "rows": [asdict(v) for v in self.verdicts],
+        }
+
+
+def compare(
+    question: Question,
+    *,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[harness.Done], None] | None = None,
+) -> Comparison:
+    """Run both estimators and judge every score.
+
+    With more seeds allowed than the first look has, looks follow until a regression is found,
+    nothing is undecided, or the seeds are spent. K looks have alpha/K each (Bonferroni), so that
+    looking again does not raise the rate of false alarms.
+
+    Parameters
+    ----------
+    question : Question
+    jobs : int
+        Processes.
+    store : RecordCache, optional
+    advance : callable, optional
+        Called with the cases as they come.
+
+    Raises
+    ------
+    FlexaxisError
+        If there are fewer than two seeds, or nothing in common; else as from `harness.run`.
+    """
+    if len(question.seeds) < 2:
+        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 8")
+    looks, cases, done = question.looks(), [], 0
+    for number, seeds in enumerate(looks, start=1):
+        both = (question.base, question.candidate)
+        for task in harness.run(question.scenarios, both, seeds[done:], jobs=jobs, store=store):
+            cases += task.cases
+            if advance:
+                advance(task)
+        done = len(seeds)
+        found = Comparison(
+            *both,
+            seeds=seeds,
+            look=number,
+            looks=len(looks),
+            alpha=question.alpha / len(looks),
+            verdicts=_judged(question, cases, question.alpha / len(looks)),
+            cases=cases,
+        )
+        if found.verdict != UNDECIDED:
+            break
+    return found
+
+
+def _judged(question: Question, cases: Sequence[harness.Case], alpha: float) -> list[Verdict]:
+    base, candidate = (rows_of(cases, text) for text in (question.base, question.candidate))
+    return judge(pair(base, candidate, question.margins), question.margins, alpha=alpha)
+
+
+def rows_of(cases: Sequence[harness.Case], estimator: str) -> Table:
+    """Return the rows of one estimator by scenario, seed and parameter."""
+    return table(row for case in cases if case.estimator == estimator for row in case.rows)

@@ -1,0 +1,226 @@
+"""A comparison as text, Markdown and HTML, with the runs on the worst seed drawn."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from rich.table import Table
+
+from flexaxis.experiments import figures, results
+from flexaxis.experiments.compare.gate import Comparison
+from flexaxis.experiments.compare.pairs import LOST
+from flexaxis.experiments.compare.verdicts import (
+    BETTER,
+    SAME,
+    UNDECIDED,
+    WORSE,
+    Verdict,
+    by_metric,
+)
+from flexaxis.experiments.harness import CURVE_STEP, Case
+from flexaxis.experiments.report import number
+from flexaxis.experiments.summary import Curve
+from flexaxis.experiments.theta import true_theta
+from flexaxis.sim.scenario import Scenario
+
+JSON, MARKDOWN = "compare.json", "verdict.md"
+COLUMNS = ("scenario", "score", "base", "candidate", "change", "interval [%]", "verdict")
+_ORDER = (WORSE, UNDECIDED, BETTER, SAME)
+_STYLE = {WORSE: "red", BETTER: "green", UNDECIDED: "yellow", SAME: None}
+
+
+def headline(found: Comparison) -> str:
+    """Return the verdict in a line."""
+    words = [
+        f"{metric.replace('_', ' ')} {word}"
+        for metric, word in by_metric(ordered(found.verdicts)).items()
+    ]
+    return f"{found.verdict}: {', '.join(words)}"
+
+
+def ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Return the verdicts with what matters first; scenarios without a lost run need no row."""
+    shown = [v for v in verdicts if v.metric not in LOST or v.base or v.candidate]
+    return sorted(shown, key=lambda v: _ORDER.index(v.verdict))
+
+
+def cells(v: Verdict) -> tuple[str, ...]:
+    """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
+    if v.metric in LOST:
+        runs = (f"{v.base:.0f} of {v.runs}", f"{v.candidate:.0f} of {v.runs}")
+        return v.scenario, v.metric.replace("_", " "), *runs, "", f"p = {v.p:.2g}", _word(v)
+    spread = f"{_percent(v.interval[0])} … {_percent(v.interval[1])}" if v.interval else "–"
+    if v.pairs < v.runs:
+        spread += f" ({v.pairs} of {v.runs} pairs)"
+    change = "–" if v.change is None else f"{_percent(v.change)} %"
+    values = (number(v.base), number(v.candidate))
+    return v.scenario, f"{v.metric} {v.parameter}", *values, change, spread, _word(v)
+
+
+def _percent(share: float) -> str:
+    percent = 100 * share
+    if abs(percent) < 10:
+        return f"{percent:+.2g}"
+    return f"{percent:+.0f}" if abs(percent) < 1e4 else f"{percent:+.0e}"
+
+
+def _word(v: Verdict) -> str:
+    if v.verdict != UNDECIDED:
+        return v.verdict
+    return UNDECIDED + (f", about {v.seeds_needed} seeds" if v.seeds_needed else "")
+
+
+def explanation(found: Comparison) -> str:
+    """Return how the numbers are to be read."""
+    share = 100 * (1 - found.alpha)
+    text = (
+        f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base. "
+        f"Intervals: Student's t on paired log-ratios, at {share:.4g} % for the whole family "
+        "(Holm). Worse or better: the interval leaves out zero and the change is above the margin."
+    )
+    if found.looks > 1:
+        text += f" Look {found.look} of {found.looks}, each with its share of the error."
+    return text
+
+
+def terminal_table(found: Comparison) -> Table:
+    """Return the table for a terminal."""
+    table = Table(*COLUMNS, box=None, padding=(0, 1, 0, 0), caption_justify="left")
+    for v in ordered(found.verdicts):
+        table.add_row(*cells(v), style=_STYLE[v.verdict])
+    table.caption = explanation(found)
+    return table
+
+
+def markdown(found: Comparison) -> str:
+    """Return the table as Markdown, for a comment on a change."""
+    lines = [
+        f"**flexaxis: {headline(found)}**",
+        "",
+        f"base `{found.base}`, candidate `{found.candidate}`",
+        "",
+        f"| {' | '.join(COLUMNS)} |",
+        f"|{'---|' * len(COLUMNS)}",
+        *(f"| {' | '.join(cells(v))} |" for v in ordered(found.verdicts)),
+        "",
+        explanation(found),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def row_command(found: Comparison, v: Verdict, sources: Mapping[str, str]) -> str:
+    """Return the line that runs base and candidate again where the candidate is worst."""
+    estimators = dict.fromkeys((found.base, found.candidate))
+    words = ["flexaxis", "run", sources.get(v.scenario, v.scenario)]
+    words += [word for text in estimators for word in ("--estimator", text)]
+    seed = found.seeds[0] if v.worst_seed is None else v.worst_seed
+    return shlex.join([*words, "--seeds", f"{seed}:{seed + 1}"])
+
+
+def worst(found: Comparison) -> Verdict:
+    """Return the verdict to look at first: a lost run, else the change worst for its margin."""
+
+    def harm(v: Verdict) -> tuple[bool, bool, float]:
+        more = (v.candidate or 0) - (v.base or 0) if v.metric in LOST else 0.0
+        return v.verdict == WORSE, more > 0, more or (v.change or 0.0) / (v.margin or 1.0)
+
+    return max(ordered(found.verdicts), key=harm)
+
+
+def write(
+    folder: Path,
+    found: Comparison,
+    scenarios: Sequence[Scenario] = (),
+    *,
+    sources: Mapping[str, str] | None = None,
+    command: str = "",
+) -> Path:
+    """Write compare.json, verdict.md, report.html and scores.jsonl to a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+    found : Comparison
+    scenarios : sequence of Scenario
+        What was run; without them nothing is drawn.
+    sources : mapping of str to str
+        Path of each scenario that is not in the catalogue.
+    command : str
+        The line that does all of it again.
+
+    Returns
+    -------
+    Path
+        The report.
+    """
+    with results.writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(found.as_dict() | {"command": command}, allow_nan=False, indent=1)
+    results.write_text(folder / JSON, text + "\n")
+    results.write_text(folder / MARKDOWN, markdown(found))
+    if found.cases:
+        rows = [results.dumps(row) for case in found.cases for row in case.rows]
+        results.write_text(folder / results.SCORES, "\n".join(rows) + "\n")
+    page = _page(found, scenarios, sources or {}, command)
+    results.write_text(folder / results.REPORT, page)
+    return folder / results.REPORT
+
+
+def _page(
+    found: Comparison, scenarios: Sequence[Scenario], sources: Mapping[str, str], command: str
+) -> str:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    folder = files("flexaxis.experiments") / "templates"
+    template = environment.from_string((folder / "compare.html").read_text(encoding="utf-8"))
+    focus = worst(found)
+    return template.render(
+        found=found,
+        headline=headline(found),
+        explanation=explanation(found),
+        columns=COLUMNS,
+        rows=[
+            (v.verdict, cells(v), row_command(found, v, sources)) for v in ordered(found.verdicts)
+        ],
+        focus=focus,
+        focus_cells=cells(focus),
+        figure=_drawn(found, focus, {s.name: s for s in scenarios}),
+        command=command,
+    )
+
+
+def _drawn(found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario]) -> str | None:
+    """Return the figure of both runs on the worst seed as SVG."""
+    scenario = scenarios.get(focus.scenario)
+    if scenario is None:
+        return None
+    cases = {
+        case.estimator: case
+        for case in found.cases
+        if (case.scenario, case.seed) == (focus.scenario, focus.worst_seed)
+    }
+    sides = {"base": found.base, "candidate": found.candidate}
+    curves = [_curve(cases[text], side, scenario) for side, text in sides.items()]
+    return figures.svg(figures.trajectories(curves, scenario))
+
+
+def _curve(case: Case, side: str, scenario: Scenario) -> Curve:
+    nominal = true_theta(case.names, scenario.nominal.as_array())
+    truth = true_theta(case.names, scenario.true_parameters()) / nominal
+    run = case.curve.astype(float)
+    return Curve(
+        scenario=scenario.name,
+        estimator=side,
+        names=case.names,
+        time=scenario.times[::CURVE_STEP],
+        truth=truth[::CURVE_STEP],
+        low=run,
+        median=run,
+        high=run,
+    )

@@ -1,0 +1,113 @@
+"""Compare two finished runs from their folders; refuses what cannot be compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.compare.gate import Comparison
+from flexaxis.experiments.compare.pairs import Table, pair, table
+from flexaxis.experiments.compare.verdicts import ALPHA, judge
+from flexaxis.experiments.results import SCORES, SUMMARY, OutputError
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is the folder of a finished run."""
+    return (Path(name) / SCORES).is_file()
+
+
+def compare_runs(
+    base: Path,
+    candidate: Path,
+    margins: Mapping[str, float],
+    *,
+    estimators: tuple[str | None, str | None] = (None, None),
+    alpha: float = ALPHA,
+) -> Comparison:
+    """Compare an estimator of one run with one of another, on the seeds common to both.
+
+    Parameters
+    ----------
+    base, candidate : Path
+        Folders with scores.jsonl and summary.json.
+    margins : mapping of metric to float
+    estimators : (str or None, str or None)
+        Which estimator of each folder; may be left out where there is only one.
+    alpha : float
+
+    Raises
+    ------
+    FlexaxisError
+        If versions or the content of a scenario differ, or the estimator is not clear.
+    """
+    old, new = _load(base), _load(candidate)
+    _check_versions(base, candidate, old[0], new[0])
+    first = _chosen(base, estimators[0], old[1])
+    second = _chosen(candidate, estimators[1], new[1])
+    before = table(row for row in old[1] if row["estimator"] == first)
+    after = table(row for row in new[1] if row["estimator"] == second)
+    _check_hashes(base, candidate, before, after)
+    return Comparison(
+        base=first,
+        candidate=second,
+        seeds=sorted({k[1] for k in before} & {k[1] for k in after}),
+        look=1,
+        looks=1,
+        alpha=alpha,
+        verdicts=judge(pair(before, after, margins), margins, alpha=alpha),
+        cases=[],
+    )
+
+
+def _load(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    try:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        lines = (folder / SCORES).read_text(encoding="utf-8").splitlines()
+        return summary, [json.loads(line) for line in lines]
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"{folder} holds no complete result ({SCORES} and {SUMMARY} are needed): {error}"
+        ) from error
+
+
+def _check_versions(
+    base: Path, candidate: Path, old: Mapping[str, Any], new: Mapping[str, Any]
+) -> None:
+    first, second = old["versions"], new["versions"]
+    differ = [k for k in {*first, *second} if first.get(k) != second.get(k)]
+    if differ:
+        texts = [f"{k} {first.get(k)} and {second.get(k)}" for k in sorted(differ)]
+        raise FlexaxisError(
+            f"{base} and {candidate} were made by other versions ({', '.join(texts)}): run both "
+            "again, or use `flexaxis compare --base … --candidate …`"
+        )
+
+
+def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
+    first, second = ({s: row["hash"] for (s, _, _), row in rows.items()} for rows in (old, new))
+    for name in first.keys() & second.keys():
+        if first[name] != second[name]:
+            raise FlexaxisError(
+                f"{base} and {candidate} have different scenarios under the name {name} (hash "
+                f"{first[name][:12]} and {second[name][:12]}): run both again on one definition"
+            )
+
+
+def _chosen(folder: Path, given: str | None, rows: list[dict[str, Any]]) -> str:
+    names = list(dict.fromkeys(row["estimator"] for row in rows))
+    if given in names:
+        return str(given)
+    if given is None and len(names) == 1:
+        return names[0]
+    if given is None:
+        raise FlexaxisError(
+            f"{folder} holds {len(names)} estimators; say which with --base or --candidate: "
+            f"{', '.join(names)}"
+        )
+    raise FlexaxisError(
+        f"{folder} holds no estimator {given!r}.{did_you_mean(given, names)} "
+        f"It holds: {', '.join(names)}"
+    )

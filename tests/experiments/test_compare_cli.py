@@ -1,0 +1,95 @@
+"""`flexaxis compare` as a program: what goes where, and the status a build server sees."""
+
+import json
+
+import pytest
+
+from flexaxis.experiments.cli import main
+
+SLOW = "rpem-forgetting[forgetting=0.999]"
+
+
+def flexaxis(capsys, *words):
+    status = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return status, out, err
+
+
+def compare(capsys, short_toml, tmp_path, candidate, *more):
+    words = ("--base", "rpem-forgetting", "--candidate", candidate, "--seeds", "4", "--jobs", "1")
+    return flexaxis(capsys, "compare", short_toml, *words, "-o", tmp_path / "out", *more)
+
+
+def test_a_regression(capsys, short_toml, tmp_path):
+    status, out, err = compare(capsys, short_toml, tmp_path, SLOW)
+    assert status == 1
+    assert "lag worse" in out and str(short_toml) in out  # how to look at the worst seed
+    assert out.splitlines()[-1] == str(tmp_path / "out" / "report.html")
+    assert "cases" in err and "cases" not in out
+
+
+def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
+    status, out, _ = compare(capsys, short_toml, tmp_path, "rpem-forgetting", "--json")
+    told = json.loads(out)
+    assert status == 0 and told["verdict"] == "same" and told["status"] == 0
+    assert {row["metric"] for row in told["rows"]} == {"diverged", "never_settled", "lag", "std"}
+
+
+def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
+    wild = tmp_path / "wild.py"
+    wild.write_text(
+        "class Wild:\n"
+        "    names, output = ('f_m',), 'speed'\n"
+        "    def __init__(self, nominal, period): self.theta = nominal['f_m']\n"
+        "    def step(self, u, y):\n"
+        "        self.theta *= 2\n"
+        "        return [self.theta]\n"
+    )
+    found = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "8", "--json")
+    told = json.loads(found[1])
+    lost = next(row for row in told["rows"] if row["metric"] == "diverged")
+    assert (found[0], told["verdict"]) == (1, "worse")
+    assert (lost["verdict"], lost["base"], lost["candidate"]) == ("worse", 0, 8)
+
+
+def test_undecided_is_no_regression_unless_strict(capsys, short_toml, tmp_path):
+    close = "rpem-forgetting[forgetting=0.9949]"
+    margin = ("--margin", "lag=0.1%", "std=0.1%", "--seeds", "2")  # two have no power
+    assert compare(capsys, short_toml, tmp_path, close, *margin)[0] == 0
+    status, out, _ = compare(capsys, short_toml, tmp_path, close, *margin, "--strict")
+    assert status == 3 and "undecided" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["compare"], "say what to compare"),
+        (["compare", "--base", "frozen"], "say what to compare"),
+        (["compare", "--base", "frozn", "--candidate", "frozen"], "Did you mean 'frozen'"),
+        (["compare", "--margin", "lagg=2%"], "Did you mean 'lag'"),
+        (["compare", "--self-test", "--comparisons", "0"], "--comparisons 0"),
+        (["compare", "--jobs", "0"], "--jobs 0"),
+        (["new", "my-estimator.py"], "a file that Python can import"),
+        (["check", "frozn"], "Did you mean 'frozen'"),
+    ],
+)
+def test_wrong_use(capsys, words, message):
+    status, out, err = flexaxis(capsys, *words)
+    assert (status, out) == (2, "") and message in err
+
+
+def test_stored_runs(capsys, short_toml, tmp_path):
+    for name, estimator in (("old", "rpem-forgetting"), ("new", SLOW)):
+        words = ("--estimator", estimator, "--seeds", "4", "--jobs", "1", "-o", tmp_path / name)
+        assert flexaxis(capsys, "run", short_toml, *words)[0] == 0
+    words = (tmp_path / "old", tmp_path / "new", "-o", tmp_path / "out")
+    status, out, _ = flexaxis(capsys, "compare", *words)
+    assert status == 1 and "lag worse" in out
+
+
+def test_self_test(capsys, short_toml):
+    words = ("compare", "--self-test", short_toml, "--comparisons", "50", "--jobs", "1", "--json")
+    status, out, _ = flexaxis(capsys, *words, "--candidate", SLOW)
+    null, planted = json.loads(out)
+    assert null["comparisons"] == 50 and planted["rate"] == 1.0
+    assert status == int(not (null["kept"] and planted["kept"]))

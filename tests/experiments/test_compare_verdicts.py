@@ -1,0 +1,303 @@
+"""Verdicts on made-up scores whose right answer is known; stored runs; the sequential gate."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments import results
+from flexaxis.experiments.compare import gate, stored
+from flexaxis.experiments.compare.gate import Comparison, Question, compare
+from flexaxis.experiments.compare.pairs import MARGINS, pair, parse_margins, table
+from flexaxis.experiments.compare.report import markdown, row_command, worst, write
+from flexaxis.experiments.compare.selftest import self_test
+from flexaxis.experiments.compare.verdicts import by_metric, judge, overall
+from flexaxis.sim.errors import FlexaxisError
+
+
+def rows(scale=1.0, *, spread=0.005, seeds=8, seed=0, std=1.0, lost=(), parameter="f_m"):
+    """Rows of one estimator on one scenario: lag about `scale`, lost on some seeds."""
+    noise = np.random.default_rng(seed).normal(0, spread, (seeds, 2))
+    return [
+        {
+            "scenario": "s",
+            "hash": "h",
+            "estimator": "e",
+            "seed": k,
+            "parameter": parameter,
+            "lag": None if k in lost else scale * np.exp(noise[k, 0]),
+            "std": None if k in lost else std * np.exp(noise[k, 1]),
+            "diverged": k in lost,
+            "never_settled": False,
+        }
+        for k in range(seeds)
+    ]
+
+
+def verdicts(base, candidate, **options):
+    found = judge(pair(table(base), table(candidate), MARGINS), MARGINS, **options)
+    return {v.metric: v for v in found}
+
+
+@pytest.mark.parametrize(
+    ("scale", "spread", "word"),
+    [
+        (1.05, 0.005, "worse"),
+        (0.95, 0.005, "better"),
+        (1.0, 0.003, "same"),
+        (1.005, 0.0001, "same"),  # sure, but too small to matter
+        (1.05, 0.1, "undecided"),
+    ],
+)
+def test_four_words(scale, spread, word):
+    found = verdicts(rows(spread=spread), rows(scale, spread=spread, seed=1))["lag"]
+    assert found.verdict == word
+    assert (found.seeds_needed is not None) == (word == "undecided")
+    assert found.interval[0] < found.change < found.interval[1]
+
+
+def test_a_sure_change_that_may_exceed_the_margin_is_undecided():
+    """Surely above zero, the estimate below the margin, the interval not within it."""
+    base = rows(spread=0.0)
+    candidate = [row | {"lag": np.exp(0.017 + 0.004 * (-1) ** row["seed"])} for row in base]
+    found = verdicts(base, candidate)["lag"]
+    assert found.interval[0] > 0 and found.change < 0.02 < found.interval[1]
+    assert found.verdict == "undecided"
+
+
+def test_a_candidate_that_loses_all_runs_is_worse_though_no_lag_is_left():
+    found = verdicts(rows(), rows(lost=range(8)))
+    assert found["diverged"].verdict == "worse" and found["diverged"].candidate == 8
+    assert "lag" not in found
+    one = verdicts(rows(), rows(lost=range(7)))["lag"]
+    assert (one.pairs, one.verdict, one.interval) == (1, "undecided", None)
+    assert verdicts(rows(lost=range(8)), rows())["diverged"].verdict == "better"
+
+
+def test_all_lost_is_significant_in_a_large_family():
+    base, candidate = rows(), rows(lost=range(8))
+    many = [
+        row | {"parameter": str(i)} for i in range(20) for row in rows(seed=i)
+    ]  # 40 more scores
+    assert verdicts(base + many, candidate + many)["diverged"].verdict == "worse"
+
+
+def test_a_few_lost_runs_need_more_seeds_and_are_not_averaged():
+    found = verdicts(rows(), rows(lost=[1, 2]))
+    assert found["diverged"].verdict == "undecided" and found["diverged"].seeds_needed > 8
+    assert (found["lag"].pairs, found["lag"].runs) == (6, 8)
+    assert found["diverged"].worst_seed in (1, 2)
+
+
+def test_diverging_is_worse_than_never_settling():
+    """Both are lost runs; counted as one they would be the same."""
+    slow = [row | {"never_settled": True, "lag": 5.0} for row in rows()]
+    gone = [row | {"never_settled": True} for row in rows(lost=range(8))]
+    found = verdicts(slow, gone)
+    assert found["never_settled"].verdict == "same" and found["diverged"].verdict == "worse"
+
+
+def test_never_settled_is_lost_but_has_a_lag():
+    slow = [row | {"never_settled": True, "lag": 5.0} for row in rows()]
+    found = verdicts(rows(), slow)
+    assert found["never_settled"].verdict == "worse" and found["lag"].change == pytest.approx(
+        4, abs=0.1
+    )
+
+
+def test_words_for_several():
+    assert overall(["same", "better"]) == "better" and overall(["same"]) == "same"
+    assert overall(["better", "undecided"]) == "undecided"
+    assert overall(["undecided", "worse", "better"]) == "worse"
+    found = list(verdicts(rows(), rows(0.9, std=1.2, seed=1)).values())
+    same = {"diverged": "same", "never_settled": "same"}
+    assert by_metric(found) == same | {"lag": "better", "std": "worse"}
+    lag = next(v for v in found if v.metric == "lag")
+    mixed = [lag, replace(lag, verdict="worse")]
+    assert by_metric(mixed) == {"lag": "mixed"}
+
+
+def test_only_common_seeds_and_parameters_count():
+    found = verdicts(rows(seeds=12), rows(seeds=8))
+    assert found["lag"].runs == 8
+    with pytest.raises(FlexaxisError, match=r"nothing in common.*f_m and k_T"):
+        verdicts(rows(), rows(parameter="k_T"))
+
+
+@pytest.mark.parametrize("text", ["lagg=2%", "lag", "lag=two", "lag=0", "lag=200%", "lag=nan"])
+def test_wrong_margins(text):
+    with pytest.raises(FlexaxisError, match="--margin"):
+        parse_margins([text])
+
+
+def test_looks_are_fixed_beforehand_and_share_the_error():
+    question = Question("a", "b", [], range(1000, 1008), MARGINS, max_seeds=40)
+    assert [len(seeds) for seeds in question.looks()] == [8, 16, 32, 40]
+    assert question.looks()[-1] == list(range(1000, 1040))
+    assert Question("a", "b", [], range(8), MARGINS).looks() == [list(range(8))]
+
+
+def test_looking_again_does_not_raise_the_false_alarms():
+    """Four looks at 4000 true nulls, alpha .05: at most 5 %; without sharing it is some 13 %."""
+    random = np.random.default_rng(5)
+    counts = [8, 16, 32, 64]
+    wrong = {True: 0, False: 0}
+    for _ in range(4000):
+        values = random.normal(size=64)
+        p = [gate_p(values[:n]) for n in counts]
+        for shared in wrong:
+            wrong[shared] += min(p) <= 0.05 / (len(counts) if shared else 1)
+    assert wrong[True] / 4000 < 0.05 and wrong[False] / 4000 > 0.1
+
+
+def gate_p(values):
+    from flexaxis.experiments.compare.statistics import paired
+
+    return paired(np.ones(len(values)), np.exp(values)).p
+
+
+def fake_run(monkeypatch, candidate):
+    """Let the gate see made-up scores; returns the seeds asked for."""
+    asked = []
+
+    def run(scenarios, names, seeds, **options):
+        asked.append(list(seeds))
+        pool = {"a": rows(seeds=100, spread=0.1), "b": candidate}
+        for name in names:
+            kept = [row | {"estimator": name} for row in pool[name] if row["seed"] in seeds]
+            yield FakeDone([FakeCase(name, kept)])
+
+    monkeypatch.setattr(gate.harness, "run", run)
+    return asked
+
+
+class FakeDone:
+    def __init__(self, cases):
+        self.cases = cases
+
+
+class FakeCase:
+    def __init__(self, estimator, rows):
+        self.estimator, self.rows = estimator, rows
+
+
+def test_seeds_are_added_until_it_is_decided(monkeypatch):
+    asked = fake_run(monkeypatch, rows(1.08, std=1.08, seeds=100, spread=0.1, seed=1))
+    found = compare(Question("a", "b", [], range(8), MARGINS, max_seeds=64))
+    assert found.verdict == "worse" and found.look > 1 and found.looks == 4
+    assert [k for seeds in asked for k in seeds] == found.seeds  # each seed once
+    assert found.alpha == pytest.approx(0.01 / 4)
+    assert found.status() == 1
+
+
+def test_status():
+    def status(word, **options):
+        one = verdicts(rows(), rows())["lag"]
+        found = Comparison("a", "b", [0], 1, 1, 0.01, [replace(one, verdict=word)], [])
+        return found.status(**options)
+
+    assert [status(w) for w in ("same", "better", "worse", "undecided")] == [0, 0, 1, 0]
+    assert status("undecided", strict=True) == 3
+
+
+def test_one_seed_is_refused():
+    with pytest.raises(FlexaxisError, match="at least 2 seeds"):
+        compare(Question("a", "b", [], [1], MARGINS))
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """Two stored runs, the second slower."""
+    for name, scale in (("old", 1.0), ("new", 1.1)):
+        folder = tmp_path / name
+        folder.mkdir()
+        lines = [json.dumps(row) for row in rows(scale)]
+        (folder / results.SCORES).write_text("\n".join(lines) + "\n")
+        (folder / results.SUMMARY).write_text(json.dumps({"versions": {"flexaxis": "1"}}))
+    return tmp_path / "old", tmp_path / "new"
+
+
+def test_stored_runs(folders, tmp_path):
+    found = stored.compare_runs(*folders, MARGINS)
+    assert found.verdict == "worse" and found.base == found.candidate == "e"
+    page = write(tmp_path / "out", found)
+    assert page.is_file() and not (tmp_path / "out" / results.SCORES).exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        (results.SUMMARY, '"1"', '"2"', r"other versions \(flexaxis 1 and 2\)"),
+        (results.SCORES, '"h"', '"g"', r"different scenarios under the name s"),
+        (results.SCORES, '"seed"', '"sed', "no complete result"),
+    ],
+)
+def test_stored_runs_that_cannot_be_compared(folders, file, old, new, message):
+    path = folders[1] / file
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(FlexaxisError, match=message):
+        stored.compare_runs(*folders, MARGINS)
+
+
+def test_which_estimator_of_a_stored_run(folders):
+    path = folders[1] / results.SCORES
+    path.write_text(path.read_text() + path.read_text().replace('"e"', '"other"'))
+    with pytest.raises(FlexaxisError, match=r"2 estimators; say which .*: e, other"):
+        stored.compare_runs(*folders, MARGINS)
+    with pytest.raises(FlexaxisError, match=r"Did you mean 'other'"):
+        stored.compare_runs(*folders, MARGINS, estimators=(None, "othr"))
+    assert stored.compare_runs(*folders, MARGINS, estimators=(None, "other")).candidate == "other"
+
+
+def test_a_comparison_end_to_end(short, tmp_path):
+    """On simulated records: 8 s with a fault at 6 s; λ = .98 is four times as fast and noisier."""
+    fast = "rpem-forgetting[forgetting=0.98]"
+    question = Question("rpem-forgetting", fast, [short], range(6), MARGINS)
+    found = compare(question)
+    words = by_metric(found.verdicts)
+    assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
+    page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
+    text = page.read_text(encoding="utf-8")
+    assert "<svg" in text and "src=" not in text and "my folder/short.toml" in text
+    assert "| short | std f_m |" in (tmp_path / "verdict.md").read_text(encoding="utf-8")
+    focus = worst(found)
+    assert focus.verdict == "worse" and focus.worst_seed in range(6)
+    assert f"--seeds {focus.worst_seed}:{focus.worst_seed + 1}" in row_command(found, focus, {})
+    assert json.loads((tmp_path / "compare.json").read_text())["verdict"] == "worse"
+
+
+def test_an_estimator_is_the_same_as_itself(short):
+    found = compare(Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS))
+    assert found.verdict == "same" and "rpem-drift" in markdown(found)
+
+
+def test_the_self_test_sees_false_alarms_and_planted_changes(short):
+    slow = "rpem-forgetting[forgetting=0.999]"
+    null, planted = self_test([short], range(8), MARGINS, planted=(slow,), comparisons=200, pool=16)
+    assert null.rate <= 0.01 and not null.planted and null.comparisons == 200
+    assert planted.rate > 0.95 and planted.kept
+    assert sum(planted.verdicts.values()) == 200
+    assert any("lag f_m" in name for name in planted.rows)
+
+
+def test_another_noise_on_the_same_run(short, tmp_path):
+    """Same excitation, torque and motion; other noise, also in the cache of records."""
+    from flexaxis.experiments.cache import RecordCache, records
+
+    store = RecordCache(tmp_path)
+    for _ in range(2):  # made, and read again
+        (first,), (again,) = (records(short, [0], store, repeat=k)[0] for k in (0, 1))
+        np.testing.assert_array_equal(first.torque, again.torque)
+        np.testing.assert_array_equal(first.true_speed, again.true_speed)
+        noises = np.array([r.speed - r.true_speed for r in (first, again)])
+        # 1600 samples: a correlation of 4/√1600 would be four standard deviations
+        assert abs(np.corrcoef(noises)[0, 1]) < 0.1
+        assert noises.std(axis=1) == pytest.approx([0.1, 0.1], rel=0.1)
+
+
+def test_a_run_at_its_bound_has_a_lag_that_does_not_count():
+    stuck = [row | {"diverged": row["seed"] == 3} for row in rows()]
+    stuck[3]["lag"] = 400.0
+    found = verdicts(rows(), stuck)
+    assert found["lag"].pairs == 7 and found["lag"].verdict == "same"

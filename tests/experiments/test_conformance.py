@@ -1,0 +1,183 @@
+"""The rules catch what they are for, and nothing else."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.registry import REGISTRY, rpem_forgetting
+from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.conformance import check
+from flexaxis.experiments.rules import RULES
+from flexaxis.experiments.specs import parse
+
+CONTROLS = "flexaxis.experiments.controls"
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    """One record for all of them."""
+    return RecordCache(tmp_path_factory.mktemp("records"))
+
+
+def broken(text, store):
+    return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
+
+
+@pytest.mark.parametrize("name", [name for name in REGISTRY if name != "literal-rpem"])
+def test_registered_estimators_keep_the_rules(name, store):
+    findings = {finding.rule: finding for finding in check(parse(name), store=store)}
+    assert {rule for rule, finding in findings.items() if finding.holds is False} == set()
+    moves = findings["a shift of u hurts"].holds
+    assert moves is (None if name == "frozen" else True)
+
+
+@pytest.mark.slow
+def test_the_literal_one_keeps_the_rules(store):
+    assert broken("literal-rpem", store) == set()
+
+
+def test_the_cheater_is_caught(store):
+    assert {"no look-ahead", "step equals run"} <= broken(f"{CONTROLS}:Cheater", store)
+
+
+def test_the_sloppy_one_is_caught(store):
+    assert broken(f"{CONTROLS}:Sloppy", store) == {
+        "keeps no reference",
+        "reset",
+        "survives a gap",
+        "a shift of u hurts",
+    }
+
+
+def test_controls_are_in_no_suite():
+    assert not {name for name in REGISTRY if "heat" in name or "loppy" in name}
+
+
+class Base:
+    """Harmless: follows a part of y, and can be spoilt in one way at a time."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.theta, self.u = nominal["f_m"], 0.0
+
+    def step(self, u, y):
+        self.theta += 0.0 if y is None else 1e-6 * y * self.u
+        self.u = u
+        return [self.theta]
+
+
+class WrongShape(Base):
+    def step(self, u, y):
+        return [1.0, 2.0]
+
+
+class NotFinite(Base):
+    def step(self, u, y):
+        return [np.nan]
+
+
+class Random(Base):
+    def step(self, u, y):
+        return [np.random.default_rng().random()]
+
+
+class Centred(Base):
+    def run(self, u, y):
+        return (0.05 + 1e-3 * np.convolve(y, np.ones(5) / 5, "same"))[:, None]
+
+
+class Writes(Base):
+    def run(self, u, y):
+        y -= y[0]
+        y += 1.0
+        return np.full((len(u), 1), 0.05)
+
+
+class KeepsView(Base):
+    def __init__(self, nominal, period):
+        self.seen = []
+
+    def run(self, u, y):
+        self.seen.append(y)
+        return np.full((len(u), 1), 1e-3 * sum(map(np.sum, self.seen)))
+
+
+class NoGap(Base):
+    def step(self, u, y):
+        return [0.05 + 1e-4 * y]
+
+
+class Spiked(Base):
+    def step(self, u, y):
+        return [0.05 if y is None or abs(y) < 50 else np.inf]
+
+
+class Slow(Base):
+    def step(self, u, y):
+        import time
+
+        time.sleep(0.006)
+        return super().step(u, y)
+
+
+class Late(Base):
+    """Right but for the input, which is one sample late."""
+
+    names = ("k_T", "1/J_a", "f_m")
+
+    def __init__(self, nominal, period):
+        self.inner, self.u = rpem_forgetting(nominal, period), 0.0
+
+    def step(self, u, y):
+        late, self.u = self.u, u
+        return self.inner.step(late, y)
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
+        ("WrongShape", "shapes"),
+        ("NotFinite", "finite"),
+        ("Random", "deterministic"),
+        ("Centred", "no look-ahead"),
+        ("Writes", "keeps no reference"),
+        ("KeepsView", "keeps no reference"),
+        ("NoGap", "survives a gap"),
+        ("Spiked", "survives a spike"),
+        ("Late", "a shift of u hurts"),
+    ],
+)
+def test_each_rule_catches_its_mistake(name, rule, store):
+    assert rule in broken(f"{Path(__file__)}:{name}", store)
+
+
+@pytest.mark.slow
+def test_a_slow_step_is_caught(store):
+    assert "cost" in broken(f"{Path(__file__)}:Slow", store)
+
+
+def test_reads_increments_only(store, tmp_path):
+    path = tmp_path / "increments.py"
+    path.write_text(
+        "from flexaxis.estimators.registry import rpem_forgetting\n"
+        "def make(nominal, period):\n"
+        "    return rpem_forgetting(nominal, period, output='increment')\n"
+    )
+    assert broken(f"{path}:make", store) == set()
+
+
+def test_as_a_program(capsys):
+    assert main(["check", f"{CONTROLS}:Cheater"]) == 1
+    out = capsys.readouterr().out
+    rule = next(rule for rule in RULES if rule.name == "no look-ahead")
+    assert "BROKEN" in out and rule.reason in out and rule.hint in out
+    assert main(["check", "frozen", "--json"]) == 0
+
+
+def test_at_least_2000_samples(store):
+    from flexaxis.experiments.conformance import _subject
+
+    assert len(_subject(parse("frozen"), store).u) >= 2000

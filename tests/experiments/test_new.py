@@ -1,0 +1,77 @@
+"""From the template to a verdict, as a new user would, and beside a user's own packages."""
+
+import subprocess
+import sys
+
+import pytest
+
+from flexaxis.experiments.cli import main
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "my_estimator.py"]) == 0
+    return tmp_path / "my_estimator.py"
+
+
+def test_the_template_is_the_shipped_method(mine, short):
+    """For f_m alone, from the same P(0); both outputs."""
+    import numpy as np
+
+    from flexaxis.estimators import Rpem, three_mass
+    from flexaxis.experiments.specs import build, parse
+    from flexaxis.sim.simulate import simulate
+
+    record = simulate(short, [0])[0]
+    for output in ("speed", "increment"):
+        own = build(parse(f"{mine}:Mine"), short.override({"output": output}))
+        y = getattr(record, output)
+        found = [own.step(u, v) for u, v in zip(record.torque, y, strict=True)]
+        rpem = Rpem(
+            three_mass(short.nominal.as_dict()),
+            identify=("f_m",),
+            P0=[[5e-6]],
+            forgetting=0.995,
+            output=output,
+        )
+        np.testing.assert_allclose(found, rpem.run(record.torque, y), rtol=1e-8)
+
+
+def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_toml):
+    assert main(["check", f"{mine}:Mine"]) == 0
+    words = ["--base", "rpem-forgetting", "--candidate", f"{mine}:Mine", "--seeds", "3"]
+    assert main(["compare", str(short_toml), *words, "--jobs", "1", "-o", "out"]) in (0, 1)
+    assert "f_m" in capsys.readouterr().out
+
+
+def test_nothing_is_overwritten(mine, capsys):
+    mine.write_text("my work")
+    assert main(["new", "my_estimator.py"]) == 2
+    assert "is there already" in capsys.readouterr().err and mine.read_text() == "my work"
+
+
+def test_a_user_has_packages_of_our_names(tmp_path, short_toml):
+    """A folder with experiments/, sim/ and estimators/ of its own, and an estimator using them."""
+    for name in ("experiments", "sim", "estimators", "models_mjcf"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").write_text(f"WHOSE = 'mine: {name}'\n")
+    (tmp_path / "own.py").write_text(
+        "import estimators, experiments, sim\n"
+        "assert estimators.WHOSE == 'mine: estimators' and sim.WHOSE == 'mine: sim'\n"
+        "assert experiments.WHOSE == 'mine: experiments'\n"
+        "class Own:\n"
+        "    names, output = ('f_m',), 'speed'\n"
+        "    def __init__(self, nominal, period): self.theta = [nominal['f_m']]\n"
+        "    def step(self, u, y): return self.theta\n"
+    )
+    words = ["run", str(short_toml), "--estimator", "own.py:Own", "--estimator", "frozen"]
+    done = subprocess.run(
+        [sys.executable, "-m", "flexaxis.experiments", *words, "--seeds", "4", "--jobs", "2"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "own.py:Own" in done.stdout
