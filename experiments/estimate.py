@@ -93,7 +93,7 @@ def estimate(
         file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
         file.attrs["record_hash"] = first.hash
         for piece in chain([first], pieces):
-            theta, claimed = _filter(estimator, piece, claims)
+            theta, claimed, _ = run_on(estimator, piece, claims=claims)
             span = slice(samples, samples + len(theta))
             file["time"][span], file["theta"][span] = piece.time, theta
             if claimed is not None:
@@ -106,18 +106,39 @@ def estimate(
     return Outcome(names, theta[-1], truth, samples)
 
 
-def _filter(estimator: Estimator, piece: Record, claims: bool) -> tuple[Array, Array | None]:
-    """Return θ (n, p), and the claimed covariance (n, p, p) if wanted, going on from before."""
+def run_on(
+    estimator: Estimator, piece: Record, *, claims: bool = True
+) -> tuple[Array, Array | None, NDArray[np.bool_]]:
+    """Run an estimator on a record or a piece of one, going on from where it is.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    piece : Record
+    claims : bool
+        Whether to ask for the claimed covariance and alarms after every sample, if it has them;
+        if not, or if it has none, its fast `run` is used.
+
+    Returns
+    -------
+    theta : ndarray (n, p)
+    covariance : ndarray (n, p, p) or None
+    alarms : ndarray (n,) of bool
+    """
     y = getattr(piece, estimator.output)
-    if not claims:
-        return run_estimator(estimator, piece.torque, y, piece.valid), None
     n, p = len(y), len(estimator.names)
+    alarms = np.zeros(n, bool)
+    sure = claims and hasattr(estimator, "covariance")
+    if not sure and not (claims and hasattr(estimator, "alarm")):
+        return run_estimator(estimator, piece.torque, y, piece.valid), None, alarms
     theta, claimed = np.empty((n, p)), np.empty((n, p, p))
     there = np.ones(n, bool) if piece.valid is None else piece.valid
     for k in range(n):
         theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
-        claimed[k] = estimator.covariance  # type: ignore[attr-defined]
-    return theta, claimed
+        if sure:
+            claimed[k] = estimator.covariance  # type: ignore[attr-defined]
+        alarms[k] = getattr(estimator, "alarm", False)
+    return theta, claimed if sure else None, alarms
 
 
 @contextmanager

@@ -1,0 +1,97 @@
+"""Make a record of a robot's own log, and report whether it is plausible.
+
+LOG is CSV, MAT (all versions), HDF5 or NetCDF. The report says what to doubt before any estimator
+runs: time stamps, gaps, clipping, resolution, dead time, band of the excitation, and, with
+--model, which parameters that excitation can see.
+
+example:
+  flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
+  flexaxis import bench.mat --map bench.toml --highpass 5 --model two_mass -o rec.nc
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from flexaxis.experiments.logs.options import add_log_options, tables_of
+
+HELP = "make a record of your own log, with a plausibility report"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", type=Path, metavar="LOG")
+    parser.add_argument("-o", "--output", type=Path, metavar="REC.nc", help="default: LOG.nc")
+    parser.add_argument(
+        "--model", metavar="MODEL", help="say which of its parameters the excitation can see"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_log_options(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Import, report and save."""
+    from flexaxis.experiments.benchmark import command_line
+    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.figures import log_figure, visibility_figure
+    from flexaxis.experiments.logs.importing import expected_deviations, import_log
+    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.results import dumps
+
+    axis = find_axis(args.model) if args.model else None
+    found = import_log(
+        args.log,
+        tables_of(args),
+        resample=args.resample,
+        highpass=args.highpass,
+        burn_in=args.burn_in,
+    )
+    seen = expected_deviations(found.record, axis) if axis else {}
+    path = args.output or args.log.with_suffix(".nc")
+    found.record.save(path)
+    rows = [
+        (c.name, "" if c.value is None else f"{c.value:.4g} {c.unit}", c.verdict, c.text)
+        for c in found.checks
+    ]
+    figures = [("The log", log_figure(found.record, found.checks), "")]
+    if seen:
+        figures.append(
+            (
+                "What the excitation can see",
+                visibility_figure(seen),
+                "From the spectrum of the torque alone; orange is not seen.",
+            )
+        )
+    page = Page(
+        title=f"Import of {args.log.name}",
+        command=command_line(args.words),
+        remarks=[(c.verdict, f"{c.name}: {c.text}") for c in found.checks if c.verdict != "ok"],
+        tables=[("Plausibility", ("", "measured", "", ""), rows)],
+        figures=figures,
+    )
+    report = path.with_suffix(".html")
+    write_page(page, report)
+    if args.json:
+        checks = [vars(check) for check in found.checks]
+        print(dumps({"record": str(path), "checks": checks, "seen": seen, "report": str(report)}))
+        return 0
+    _print(rows, seen)
+    print(path)
+    print(report)
+    return 0
+
+
+def _print(rows: list[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for name, value, verdict, text in rows:
+        style = {"ok": None, "note": "yellow", "problem": "red"}[verdict]
+        mark = {"ok": "✓", "note": "!", "problem": "✗"}[verdict]
+        table.add_row(mark, name, value, text, style=style)
+    Console().print(table)
+    for name, deviation in seen.items():
+        text = "seen" if deviation < 0.5 else "NOT seen by this excitation"
+        print(f"  {name}: ±{100 * deviation:.2g} % were all others known: {text}")

@@ -1,0 +1,160 @@
+"""Run an estimator over the log of a real axis: estimates, residuals, changes, alarms.
+
+AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report says
+which parameter changed and when. Where the log has a load angle, it is predicted from the motor
+angle and compared. Status 1 if a change was found.
+
+example:
+  flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
+  flexaxis track rec.nc --model axis.toml --identify f_m --estimator rpem-forgetting
+  flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flexaxis.experiments.logs.options import add_log_options, tables_of
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.logs.track import Tracked
+
+HELP = "run an estimator on a log of your axis"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("log", type=Path, metavar="LOG|REC.nc")
+    parser.add_argument("--model", required=True, metavar="AXIS.toml", help="from identify")
+    parser.add_argument(
+        "--identify",
+        action="append",
+        required=True,
+        metavar="NAME",
+        help="parameter to track, or its inverse, such as 1/J_l; repeat for several",
+    )
+    parser.add_argument("--estimator", default="ekf", metavar="E", help="default: ekf")
+    parser.add_argument(
+        "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="EST.nc", help="default: LOG-track.nc")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_log_options(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Track, report and save."""
+    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.importing import read_any
+    from flexaxis.experiments.logs.track import save, track
+    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.specs import parse
+
+    if not args.start > 0:
+        raise LogError(f"--start {args.start}: give a factor above 0")
+    axis = find_axis(args.model)
+    if not axis.known:
+        raise LogError(
+            f"--model {args.model}: has no nominal values; give the file that "
+            "`flexaxis identify` wrote"
+        )
+    record = read_any(
+        args.log,
+        tables_of(args),
+        resample=args.resample,
+        highpass=args.highpass,
+        burn_in=args.burn_in,
+    )
+    names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
+    spec = parse(args.estimator)
+    found = track(record, axis, spec, identify=names, start=args.start)
+    path = args.output or args.log.with_name(args.log.stem + "-track.nc")
+    save(found, path, estimator=spec.text)
+    report = path.with_suffix(".html")
+    _write_page(found, record.period, report, args)
+    if args.json:
+        print(dumps(_content(found) | {"estimates": str(path), "report": str(report)}))
+    else:
+        _print(found)
+        print(path)
+        print(report)
+    return 1 if found.changes else 0
+
+
+def _content(found: Tracked) -> dict[str, Any]:
+    last = found.last.tolist()
+    return {
+        "last": dict(zip(found.names, last, strict=True)),
+        "nominal": dict(zip(found.names, found.nominal.tolist(), strict=True)),
+        "fit": found.fit,
+        "fit_load": None if found.load is None else found.load.fit,
+        "residual": {"correlation": found.correlation, "white": found.white},
+        "alarms": found.alarms.tolist(),
+        "changes": [vars(change) for change in found.changes],
+    }
+
+
+def _in_words(found: Tracked) -> list[str]:
+    lines = [
+        f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
+        f"({c.scatters:.0f} times its scatter)"
+        for c in found.changes
+    ] or ["no parameter changed"]
+    lines.append(f"fit of a simulation from the torque alone: {found.fit:.1f} %")
+    lines.append(
+        f"residual: correlates with its past by {found.correlation:.3f}, "
+        + ("white" if found.white else "so the estimates explain not all there is")
+    )
+    if found.load is not None:
+        lines.append(f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %")
+    if len(found.alarms):
+        lines.append(f"alarms of the estimator: {len(found.alarms)}")
+    return lines
+
+
+def _print(found: Tracked) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
+    for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True):
+        table.add_row(name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
+    Console().print(table)
+    print("\n".join(_in_words(found)))
+
+
+def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
+    from flexaxis.experiments.benchmark import command_line
+    from flexaxis.experiments.logs.figures import estimates_figure, load_figure, residual_figure
+    from flexaxis.experiments.logs.report import Page, write_page
+
+    figures = [
+        (
+            "Estimates",
+            estimates_figure(found, args.estimator),
+            "Over nominal, with what the estimator claims as ±2σ; a thin line is a change.",
+        ),
+        (
+            "Residual",
+            residual_figure(found, period),
+            "Correlation of the whitened residual with its past: what the model leaves.",
+        ),
+    ]
+    if found.load is not None:
+        text = "Half a second from the middle of the log; the load encoder was hidden."
+        figures.append(("Load angle", load_figure(found), text))
+    rows = [
+        (name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
+        for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True)
+    ]
+    page = Page(
+        title=f"{args.estimator} on {args.log.name}",
+        command=command_line(args.words),
+        remarks=[("note" if found.changes else "ok", text) for text in _in_words(found)],
+        tables=[("Estimates", ("parameter", "last", "nominal", "over nominal"), rows)],
+        figures=figures,
+    )
+    write_page(page, path)

@@ -1,0 +1,1 @@
+"""A robot's own logs: read, import, judge, identify, track."""

@@ -1,0 +1,144 @@
+"""An axis as a file: model, nominal values, delay and noise filter; what identify writes."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.model import Model
+from flexaxis.estimators.tables import MODELS, model_from_tables
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.results import write_text
+from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.parameters import PRESETS
+from flexaxis.sim.record import Record
+from flexaxis.sim.toml_text import toml_text
+
+Array = NDArray[np.float64]
+
+_ROUGH = {
+    "one_mass": {"k_T": 1.0, "J_m": 1e-3, "f_m": 1e-3},
+    "two_mass": {
+        "k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 1e-2, "f_m": 1e-2, "f_l": 1e-2,
+    },
+    "three_mass": PRESETS["n1"].as_dict(),
+}  # fmt: skip
+_KEYS = ("model", "name", "states", "A", "B", "C", "nominal", "delay", "whitening", "noise")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A model with what is known about the axis and its log.
+
+    Attributes
+    ----------
+    model : Model
+        With its nominal values.
+    tables : dict
+        How the model is written in a file, without the nominal values.
+    known : bool
+        Whether somebody gave the nominal values; if not, they are a rough guess of their size.
+    delay : float
+        By which the torque acts late [s].
+    whitening : tuple of float
+        Coefficients of the filter that makes the residuals white; (1,) for none.
+    noise : float or None
+        Standard deviation of the whitened residuals [rad/s], if known.
+    """
+
+    model: Model
+    tables: Mapping[str, Any]
+    known: bool
+    delay: float = 0.0
+    whitening: tuple[float, ...] = (1.0,)
+    noise: float | None = None
+
+    def having(self, values: Mapping[str, float]) -> Axis:
+        """Return the axis with some nominal values replaced."""
+        for name in values:
+            if name not in self.model.parameters:
+                raise LogError(
+                    f"model {self.model.name} has no parameter {name!r}."
+                    f"{did_you_mean(name, self.model.parameters)} It has "
+                    f"{', '.join(self.model.parameters)}"
+                )
+        nominal = dict(self.model.nominal) | dict(values)
+        return replace(self, model=replace(self.model, nominal=nominal))
+
+    def save(self, path: Path) -> None:
+        """Write the axis as TOML."""
+        content = dict(self.tables) | {"delay": self.delay}
+        if self.noise is not None:
+            content |= {"noise": self.noise, "whitening": list(self.whitening)}
+        write_text(path, toml_text(content | {"nominal": dict(self.model.nominal)}))
+
+
+def find_axis(text: str) -> Axis:
+    """Return an axis by the name of a shipped model, or from a TOML file.
+
+    Raises
+    ------
+    LogError
+        If there is no such model or file, or the file is wrong.
+    """
+    if text in MODELS:
+        return Axis(MODELS[text](_ROUGH[text]), {"model": text}, known=False)
+    path = Path(text)
+    if path.suffix != ".toml":
+        raise LogError(
+            f"unknown model {text!r}.{did_you_mean(text, MODELS)} Shipped are "
+            f"{', '.join(MODELS)}; your own is a path to a .toml file"
+        )
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise LogError(f"{path}: not valid TOML: {error}") from error
+    try:
+        return _from_tables(tables)
+    except EstimatorError as error:
+        raise LogError(f"{path}: {error}") from error
+
+
+def _from_tables(tables: Mapping[str, Any]) -> Axis:
+    for key in tables:
+        if key not in _KEYS:
+            raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
+    whitening = tables.get("whitening", [1.0])
+    numbers = (tables.get("delay", 0.0), tables.get("noise", 1.0), *whitening)
+    if not all(isinstance(x, int | float) for x in numbers):
+        raise EstimatorError("delay, noise and whitening are numbers")
+    noise = tables.get("noise")
+    return Axis(
+        model=model_from_tables(tables),
+        tables={k: tables[k] for k in ("model", "name", "states", "A", "B", "C") if k in tables},
+        known=True,
+        delay=float(tables.get("delay", 0.0)),
+        whitening=tuple(map(float, whitening)),
+        noise=None if noise is None else float(noise),
+    )
+
+
+def is_smooth(record: Record) -> bool:
+    """Return whether the torque of a record is a measured, smooth one."""
+    return record.versions.get("torque") == "smooth"
+
+
+def usable(record: Record) -> NDArray[np.bool_]:
+    """Return where the output of a record can be used (N,): there, and past the burn-in."""
+    there = np.ones(len(record.time), bool) if record.valid is None else record.valid.copy()
+    there[record.time - record.time[0] < record.burn_in] = False
+    return there
+
+
+def output_of(record: Record) -> str:
+    """Return which output of a record the estimators are to read."""
+    return "speed" if record.increment is None else "increment"

@@ -1,0 +1,205 @@
+"""From raw samples to an even grid: gaps, jitter, unwrapping, resampling, removal of drift."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, sosfilt, sosfiltfilt
+
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.mapping import Raw
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FEWEST = 200  # samples
+NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Signals on an even grid.
+
+    Attributes
+    ----------
+    time : ndarray (N,)
+        [s].
+    signals : dict of str to ndarray (N,)
+        Of torque (its mean over [t_k, t_{k+1})), angle, speed and load_angle those that there
+        are; finite everywhere.
+    valid : ndarray (N,) of bool
+        False where something is missing.
+    period : float
+        [s].
+    jitter : float
+        Standard deviation of the time stamps about an even grid, over the period.
+    unwrapped : int
+        Turns that the angle was unwrapped by.
+    """
+
+    time: Array
+    signals: dict[str, Array]
+    valid: Flags
+    period: float
+    jitter: float
+    unwrapped: int
+
+
+def prepare(
+    raw: Raw, *, smooth: bool = False, resample: float | None = None, highpass: float | None = None
+) -> Prepared:
+    """Bring a log onto an even grid.
+
+    Parameters
+    ----------
+    raw : Raw
+    smooth : bool
+        Whether the torque is smooth rather than held, see `LogMap.smooth`.
+    resample : float, optional
+        New rate [Hz]; below the log's own, all signals pass the same low-pass without phase.
+        The torque is averaged over the new samples: a sample of it here and there would be
+        aliased, and ruin the estimates.
+    highpass : float, optional
+        Corner [Hz] of a Butterworth filter of fourth order that all signals pass alike, to take
+        away offset and drift. As the model is linear, it holds for the filtered signals too.
+
+    Raises
+    ------
+    LogError
+        If time does not advance, the log is too short, or a rate or corner is impossible.
+    """
+    period, index = _grid(raw.time)
+    length = int(index[-1]) + 1
+    time = raw.time[0] + period * np.arange(length)
+    off = raw.time - time[index]
+    even = float(np.max(abs(off))) <= NEAR * period
+    signals, valid, turns = {}, np.zeros(length, bool), 0
+    valid[index] = True
+    for name in ("torque", "angle", "speed", "load_angle"):
+        values = getattr(raw, name)
+        if values is None:
+            continue
+        there = np.isfinite(values)
+        if there.sum() < FEWEST:
+            raise LogError(f"{name} has {there.sum()} samples; {FEWEST} or more are needed")
+        valid[index[~there]] = False
+        values, at = values[there], raw.time[there]
+        if name.endswith("angle"):
+            values, turned = _unwrapped(values)
+            turns += turned
+        if even:
+            signals[name] = _placed(values, index[there], length)
+        elif name == "torque" and not smooth:
+            signals[name] = _interval_means(at, values, time, period, smooth=False)
+        else:
+            signals[name] = np.interp(time, at, values)
+    if smooth and resample is None:
+        signals["torque"] = _interval_means(time, signals["torque"], time, period, smooth=True)
+    found = Prepared(time, signals, valid, period, float(np.std(off) / period), turns)
+    if resample is not None:
+        found = _resampled(found, resample, smooth=smooth)
+    return found if highpass is None else _without_drift(found, highpass)
+
+
+def check_time(time: Array) -> None:
+    """Raise a LogError if there are too few samples, or time does not advance."""
+    if len(time) < FEWEST:
+        raise LogError(f"the log has {len(time)} samples; {FEWEST} or more are needed")
+    if not np.isfinite(time).all():
+        raise LogError(f"time is missing at sample {int(np.argmin(np.isfinite(time)))}")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        k = int(np.argmax(steps <= 0))
+        raise LogError(
+            f"time goes from {time[k]:.9g} s to {time[k + 1]:.9g} s at sample {k + 1}; it must "
+            "advance: sort the log, take doubled samples out, or give --rate HZ in its place"
+        )
+
+
+def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
+    """Return the period and the place of each sample on the grid."""
+    check_time(time)
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / period), 1))]).astype(int)
+    # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
+    period = float(np.polyfit(places, time, 1)[0]) if places[-1] else period
+    places = np.rint((time - time[0]) / period).astype(int)
+    if (np.diff(places) <= 0).any() or places[-1] > 10 * len(time):
+        raise LogError(
+            "the time stamps are too irregular for an even grid (two samples within one period, "
+            "or mostly gaps); resample the log first, or give --rate HZ in place of the time"
+        )
+    return period, places
+
+
+def _unwrapped(angle: Array) -> tuple[Array, int]:
+    jumps = np.abs(np.diff(angle)) > np.pi
+    if not jumps.any():
+        return angle, 0
+    return np.unwrap(angle), int(jumps.sum())
+
+
+def _placed(values: Array, index: NDArray[np.int64], length: int) -> Array:
+    if len(values) == length:
+        return values.copy()
+    return np.interp(np.arange(length), index, values)
+
+
+def _interval_means(at: Array, values: Array, time: Array, period: float, *, smooth: bool) -> Array:
+    """Return the means over [t, t + T) of a signal that is held, or smooth, between samples."""
+    edges = np.clip(np.append(time, time[-1] + period), at[0], at[-1])
+    if smooth:
+        integral = CubicSpline(at, values).antiderivative()(edges)
+    else:
+        area = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(at))])
+        integral = np.interp(edges, at, area)
+    width = np.diff(edges)
+    # after the last sample nothing is known: its value is kept
+    means = np.divide(
+        np.diff(integral), width, out=np.full(len(width), values[-1]), where=width > 0
+    )
+    return means
+
+
+def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
+    period = 1 / rate
+    span = old.time[-1] - old.time[0]
+    if not period < span / FEWEST:
+        raise LogError(
+            f"--resample {rate:g} Hz leaves {int(span / period)} samples; {FEWEST} are needed"
+        )
+    signals, at = dict(old.signals), old.time
+    if period > 1.001 * old.period:
+        lowpass = butter(8, 0.8 * old.period / period, output="sos")
+        signals = {name: sosfiltfilt(lowpass, values) for name, values in signals.items()}
+        if not smooth:  # what has passed a low-pass is no longer held, but smooth between middles
+            at, smooth = old.time + old.period / 2, True
+    time = old.time[0] + period * np.arange(int(span / period * (1 + 1e-9)) + 1)
+    new = {}
+    for name, values in signals.items():
+        if name == "torque":
+            new[name] = _interval_means(at, values, time, period, smooth=smooth)
+        else:
+            new[name] = CubicSpline(old.time, values)(time)
+    # a new sample is there if the old ones on both sides of it are
+    there = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
+    return Prepared(time, new, there, period, old.jitter, old.unwrapped)
+
+
+def _without_drift(old: Prepared, corner: float) -> Prepared:
+    if not 0 < corner < 0.5 / old.period:
+        raise LogError(
+            f"--highpass {corner:g} Hz: give a corner above 0 and below half the rate, "
+            f"{0.5 / old.period:g} Hz"
+        )
+    # forward only and from rest, as the estimators: a run that begins at rest stays exact
+    sos = butter(4, corner * 2 * old.period, "highpass", output="sos")
+    signals = {
+        name: sosfilt(sos, values - values[0] if name.endswith("angle") else values)
+        for name, values in old.signals.items()
+    }
+    return Prepared(old.time, signals, old.valid, old.period, old.jitter, old.unwrapped)

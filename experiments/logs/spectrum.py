@@ -1,0 +1,155 @@
+"""The frequency response that a log shows, without any model, and a fit of a model to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import csd, welch
+
+from flexaxis.estimators.frequency import frequency_response
+from flexaxis.estimators.model import Model, increment
+from flexaxis.experiments.logs.errors import LogError
+
+Array = NDArray[np.float64]
+
+SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
+
+
+@dataclass(frozen=True)
+class Response:
+    """Frequency response from torque to output where the excitation shows it.
+
+    Attributes
+    ----------
+    omega : ndarray (M,)
+        [rad/s].
+    gain : ndarray (M,) of complex
+    coherence : ndarray (M,)
+        Share of the output that the torque explains.
+    """
+
+    omega: Array
+    gain: NDArray[np.complex128]
+    coherence: Array
+
+
+def measured_response(u: Array, y: Array, *, period: float) -> Response:
+    """Estimate the frequency response by averaged spectra (Welch), where coherence is above 0.8.
+
+    Raises
+    ------
+    LogError
+        If the torque explains the output at fewer than ten frequencies.
+    """
+    segment = min(len(u) // 6, round(4 / period))
+    options = {"fs": 1 / period, "nperseg": segment}
+    frequency, cross = csd(u, y, **options)
+    _, power = welch(u, **options)
+    _, answer = welch(y, **options)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coherence = np.nan_to_num(abs(cross) ** 2 / (power * answer))
+    seen = (coherence > 0.8) & (power > 1e-3 * power.max()) & (frequency > 0)
+    if seen.sum() < 10:
+        raise LogError(
+            f"the torque explains the motion at {seen.sum()} of {len(frequency)} frequencies only; "
+            "the excitation is too poor, or the columns are not torque and motion of one axis"
+        )
+    return Response(2 * np.pi * frequency[seen], (cross / power)[seen], coherence[seen])
+
+
+def fit_response(
+    model: Model,
+    response: Response,
+    *,
+    identify: Sequence[str],
+    period: float,
+    output: str,
+    delay: float | None,
+    earliest: float,
+) -> tuple[Array, float]:
+    """Fit parameters, and the delay unless it is given, to a measured frequency response.
+
+    The error is that of the logarithm, so that resonance and antiresonance count alike. Several
+    starts about the nominal values, as it has local minima.
+
+    Parameters
+    ----------
+    model : Model
+    response : Response
+    identify : sequence of str
+        Parameters to fit; they keep the sign of their nominal values.
+    period : float
+        [s].
+    output : {"speed", "increment"}
+    delay : float or None
+        Known delay of the torque [s].
+    earliest : float
+        Least delay to look for [s].
+
+    Returns
+    -------
+    theta : ndarray (p,)
+    delay : float
+        [s].
+    """
+    chosen = (increment(model, period) if output == "increment" else model).parametrize(identify)
+    # a hundred frequencies, evenly over the logarithm, say all there is to say
+    wanted = np.geomspace(response.omega[0], response.omega[-1], 100)
+    lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))
+    omega, gain = response.omega[lines], response.gain[lines]
+
+    def misfit(x: Array) -> Array:
+        model, _ = frequency_response(chosen, scale(x), omega, period=period)
+        ratio = model / gain * np.exp(-1j * omega * lag(x))
+        return np.concatenate([np.log(abs(ratio) + 1e-300), np.angle(ratio)])
+
+    def slope(x: Array) -> Array:
+        model, slopes = frequency_response(chosen, scale(x), omega, period=period)
+        relative = slopes * scale(x) / model[:, None]
+        late = np.zeros(len(omega)) if delay is not None else -omega * period
+        return np.block([[relative.real, 0 * late[:, None]], [relative.imag, late[:, None]]])
+
+    def scale(x: Array) -> Array:
+        return chosen.theta * np.exp(x[:-1])
+
+    def lag(x: Array) -> float:
+        return float(x[-1] * period) if delay is None else delay
+
+    p = len(chosen.names)
+    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), 4.0]
+    random = np.random.default_rng(0)
+    found = [
+        least_squares(
+            misfit,
+            np.r_[np.clip(spread * random.standard_normal(p), -2, 2), 0.1],
+            jac=slope,
+            bounds=box,
+            loss="soft_l1",
+            f_scale=0.3,
+            max_nfev=60,
+        )
+        for spread in SPREAD
+    ]
+    best = min(found, key=lambda fit: fit.cost).x
+    return scale(best), lag(best)
+
+
+def rough_guess(model: Model, response: Response) -> dict[str, float]:
+    """Guess the size of the parameters of a shipped model of one or two masses, for k_T = 1.
+
+    From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|.
+    """
+    omega, slope = response.omega, response.omega * abs(response.gain)
+    inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
+    resonance = float(omega[np.argmax(slope)])
+    friction = 0.1 * inertia * float(omega[0])
+    guess = {"k_T": 1.0, "J_m": inertia, "f_m": friction}
+    if model.name == "two_mass":
+        stiffness = resonance**2 * inertia / 4
+        guess |= {"J_m": inertia / 2, "J_l": inertia / 2, "f_l": friction}
+        guess |= {"k": stiffness, "d": 0.04 * stiffness / resonance}
+    return guess

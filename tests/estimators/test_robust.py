@@ -1,0 +1,103 @@
+"""Outliers, gaps and standstill: the estimates are not thrown, and P stays bounded."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import EstimatorError, Rpem, three_mass
+from flexaxis.estimators.tables import model_from_tables, one_mass
+
+P0 = [2.97e-4, 5.19e-5, 4.69e-6]
+THETA = np.array([1.0, 1.25, 0.05])
+
+
+def test_outliers_do_not_throw_a_robust_filter(nominal, loop):
+    """One sample in two hundred is off by 30 σ."""
+    y = loop.y.copy()
+    hit = np.random.default_rng(0).random(len(y)) < 0.005
+    y[hit] += 3.0
+    spread = {}
+    for robust in (0.0, 3.0):
+        theta = Rpem(three_mass(nominal), P0=P0, robust=robust).run(loop.u, y)
+        spread[robust] = np.sqrt(np.mean((theta[4000:] / THETA - 1) ** 2, axis=0))
+    clean = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.y)
+    quiet = np.sqrt(np.mean((clean[4000:] / THETA - 1) ** 2, axis=0))
+    assert np.all(spread[0.0] > 1.7 * quiet)  # outliers add 30²/200 = 4.5 times the variance
+    assert np.all(spread[3.0] < 1.35 * quiet)  # three σ at one sample in 200 add 5 %
+
+
+def test_without_outliers_robust_costs_next_to_nothing(nominal, loop):
+    plain = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.y)
+    robust = Rpem(three_mass(nominal), P0=P0, robust=3.0).run(loop.u, loop.y)
+    # 0.3 % of normal residuals are clipped; compare with the standard deviations .12 … .3 %
+    assert np.abs(robust / plain - 1)[4000:].max() < 0.004
+    assert not np.array_equal(robust, plain)
+
+
+def test_a_jump_is_still_followed(nominal, simulated):
+    jump = simulated(30.0, faults={15.0: {**nominal, "f_m": 0.1}})
+    theta = Rpem(three_mass(nominal), P0=P0, robust=3.0).run(jump.u, jump.y)
+    assert abs(theta[-1, 2] / 0.1 - 1) < 0.05
+
+
+@pytest.mark.parametrize("robust", [-1.0, np.nan])
+def test_robust_is_checked(nominal, robust):
+    with pytest.raises(EstimatorError, match="robust"):
+        Rpem(three_mass(nominal), P0=P0, robust=robust)
+
+
+def test_in_a_gap_theta_stays_and_P_grows_by_the_model(nominal, loop):
+    filter_ = Rpem(three_mass(nominal), P0=P0, drift=np.diag([5e-8, 50e-8, 500e-8]))
+    filter_.run(loop.u[:4000], loop.y[:4000])
+    theta, P = filter_.theta, filter_.P
+    missing = np.zeros(200, bool)
+    estimates = filter_.run(loop.u[4000:4200], loop.y[4000:4200], missing)
+    np.testing.assert_array_equal(estimates, np.tile(theta, (200, 1)))
+    np.testing.assert_allclose(filter_.P, P + 200 * np.diag([5e-8, 50e-8, 500e-8]), rtol=1e-12)
+    after = filter_.run(loop.u[4200:], loop.y[4200:])
+    assert np.abs(after[-1] / THETA - 1).max() < 0.05
+
+
+def test_standstill_does_not_wind_up(nominal, simulated):
+    """A pause of 20 s: P ≤ (1−λ)/μ, eq. (12), and no burst when the motion comes back."""
+    rest = simulated(50.0, pause=(10.0, 30.0))
+    filter_ = Rpem(three_mass(nominal), P0=P0, regularization=0.3)
+    trace = filter_.trace(rest.u, rest.y)
+    assert np.linalg.eigvalsh(trace.P).max() <= 0.005 / 0.3 * (1 + 1e-9)
+    assert np.abs(trace.theta[6000:] / THETA - 1).max() < 0.1
+
+
+def test_one_mass_is_the_first_order_lag():
+    model = one_mass({"k_T": 2.0, "J_m": 0.5, "f_m": 0.3}).parametrize(["J_m"])
+    A, B, C = model.matrices(model.theta)
+    assert (A[0, 0], B[0, 0], C[0, 0]) == (-0.6, 4.0, 1.0)
+
+
+def test_a_model_from_tables_is_the_shipped_one():
+    values = {"k_T": 2.0, "J_m": 0.5, "f_m": 0.3}
+    own = model_from_tables(
+        {
+            "name": "mine",
+            "states": ["speed_motor"],
+            "A": [["-f_m/J_m"]],
+            "B": ["k_T/J_m"],
+            "C": ["1"],
+            "nominal": values,
+        }
+    )
+    shipped = one_mass(values).parametrize(["f_m", "1/J_m"])
+    mine = own.parametrize(["f_m", "1/J_m"])
+    np.testing.assert_array_equal(mine.blocks(mine.theta), shipped.blocks(shipped.theta))
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"model": "one_mas"}, "one_mass"),
+        ({"name": "x"}, "has no states, A, B, C, nominal"),
+        ({"model": "one_mass", "nominal": {"J_m": "big"}}, "table of numbers"),
+        ({"name": "x", "states": ["a"], "A": 3, "B": ["1"], "C": ["1"], "nominal": {}}, "rows"),
+    ],
+)
+def test_wrong_tables(tables, message):
+    with pytest.raises(EstimatorError, match=message):
+        model_from_tables(tables)

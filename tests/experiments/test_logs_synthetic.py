@@ -1,0 +1,243 @@
+"""Logs of an axis that is known: read, imported, identified and tracked."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import savemat
+from scipy.linalg import expm
+from scipy.signal import lfilter
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.delay import delay_slope, delayed
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.axis import find_axis
+from flexaxis.experiments.logs.changes import find_changes
+from flexaxis.experiments.logs.identify import noise_model
+from flexaxis.experiments.logs.importing import import_log
+from flexaxis.experiments.logs.track import load_side
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.record import load_record
+
+T = 0.001
+TRUTH = {"J_m": 4e-3, "J_l": 6e-3, "k": 400.0, "d": 0.05, "f_m": 0.05, "f_l": 0.03}
+MAP = {"torque": "u", "angle": "phi"}
+
+
+def bench(seconds=8.0, *, delay=0.0, seed=0, noise=2e-6, change=1.0):
+    """Two masses by the matrix exponential, motor and load angle, torque late by a part of T."""
+    q, rng, N = TRUTH, np.random.default_rng(seed), round(seconds / T)
+    A = np.zeros((4, 4))  # motor angle, load angle, motor speed, load speed
+    A[0, 2] = A[1, 3] = 1
+    A[2] = np.array([-q["k"], q["k"], -q["d"] - q["f_m"], q["d"]]) / q["J_m"]
+    A[3] = np.array([q["k"], -q["k"], q["d"], -q["d"] - q["f_l"]]) / q["J_l"]
+    B = np.array([0, 0, 1 / q["J_m"], 0])
+
+    def held(h):
+        step = expm(np.block([[A, B[:, None]], [np.zeros((1, 5))]]) * h)
+        return step[:4, :4], step[:4, 4]
+
+    (first, first_gain), (second, second_gain) = held(delay * T), held((1 - delay) * T)
+    lines = np.zeros(1001, complex)  # period 2 s, 2 to 200 Hz
+    lines[4:401] = np.exp(2j * np.pi * rng.random(397))
+    u = np.resize(np.fft.irfft(lines, 2000), N)
+    u *= 2 / u.std()
+    x, before, angles = np.zeros(4), 0.0, np.empty((N, 2))
+    for k in range(N):
+        angles[k] = x[:2]
+        factor = change if k >= N // 2 else 1.0
+        x = first @ x + first_gain * before
+        x = second @ x + second_gain * u[k] * factor
+        before = u[k] * factor
+    return u, angles[:, 0] + noise * rng.standard_normal(N), angles[:, 1]
+
+
+def write_csv(path, columns, separator=","):
+    head = separator.join(columns)
+    rows = zip(*columns.values(), strict=True)
+    lines = (separator.join(repr(float(v)) for v in row) for row in rows)
+    path.write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def columns():
+    u, phi, load = bench()
+    return {"t": np.arange(len(u)) * T, "u": u, "phi": phi, "load": load}
+
+
+def run(capsys, *words):
+    status = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return status, out, err
+
+
+def test_all_formats_give_the_same_estimates(tmp_path, capsys):
+    """One three-mass log as CSV, MAT v5, MAT v7.3 and HDF5."""
+    scenario = tmp_path / "rec.nc"
+    assert run(capsys, "simulate", "encoder_fm_step-v1", "--seed", 1, "-o", scenario)[0] == 0
+    source = load_record(scenario)
+    data = {"t": source.time, "u": source.torque, "phi": source.angle}
+    write_csv(tmp_path / "log.csv", data)
+    savemat(tmp_path / "log.mat", {"log": data})
+    for name in ("log73.mat", "log.h5"):
+        with h5py.File(tmp_path / name, "w", userblock_size=512 if "mat" in name else 0) as file:
+            for key, values in data.items():
+                # MATLAB stores a column as one row of HDF5
+                file[f"log/{key}"] = values[None] if "mat" in name else values
+        if "mat" in name:
+            with (tmp_path / name).open("r+b") as file:
+                file.write(b"MATLAB 7.3 MAT-file".ljust(128))
+    found = []
+    for name, group in (
+        ("log.csv", ""),
+        ("log.mat", "log."),
+        ("log73.mat", "log."),
+        ("log.h5", "log."),
+    ):
+        words = ["--time", f"{group}t", "--torque", f"{group}u", "--angle", f"{group}phi"]
+        rec = tmp_path / f"{name}.nc"
+        assert run(capsys, "import", tmp_path / name, *words, "-o", rec)[0] == 0
+        record = load_record(rec)
+        rpem = Rpem(
+            three_mass(preset("n1").as_dict()),
+            P0=[2.97e-4, 5.19e-5, 4.69e-6],
+            period=record.period,
+            output="increment",
+        )
+        found.append(rpem.run(record.torque, record.increment))
+    assert abs(found[0][-1, 2] / 0.075 - 1) < 0.05  # it did follow the fault
+    for other in found[1:]:
+        np.testing.assert_array_equal(other, found[0])
+
+
+def test_identify_then_track_finds_the_truth(columns, tmp_path, capsys):
+    log = write_csv(tmp_path / "log.csv", columns, ";")
+    rec, axis = tmp_path / "rec.nc", tmp_path / "axis.toml"
+    words = ["--time", "t", "--torque", "u", "--angle", "phi", "--load-angle", "load"]
+    assert run(capsys, "import", log, *words, "-o", rec)[0] == 0
+    status, out, err = run(capsys, "identify", rec, "--model", "two_mass", "-o", axis, "--json")
+    assert status == 0, err
+    told = json.loads(out)
+    for name, value in TRUTH.items():
+        found = told["estimates"][name]
+        # four standard deviations; .2 % for the delay-free sampling of the increments
+        assert abs(found["value"] - value) < 4 * found["sd"] + 2e-3 * value, name
+    assert abs(told["estimates"]["delay"]["value"]) < 0.02 * T and told["fit"] > 95
+    words = ["--identify", "k_T,1/J_l,k", "--start", "1.2", "--json"]
+    status, out, _ = run(capsys, "track", rec, "--model", axis, *words)
+    told = json.loads(out)
+    assert status == 0 and told["changes"] == [] and told["fit_load"] > 97
+    assert told["last"]["1/J_l"] == pytest.approx(1 / TRUTH["J_l"], rel=0.01)
+    assert (tmp_path / "rec-track.html").read_text(encoding="utf-8").count("<svg") == 3
+
+
+def test_a_change_of_the_torque_constant_is_named(tmp_path, capsys):
+    u, phi, _ = bench(change=0.9)
+    log = write_csv(
+        tmp_path / "log.csv", {"time": np.arange(len(u)) * T, "torque": u, "angle": phi}
+    )
+    axis = tmp_path / "axis.toml"
+    nominal = "\n".join(f"{name} = {value}" for name, value in TRUTH.items())
+    axis.write_text(f'model = "two_mass"\n[nominal]\nk_T = 1.0\n{nominal}\n', encoding="utf-8")
+    words = ["--model", axis, "--identify", "k_T,1/J_l,k", "-o", tmp_path / "est.nc", "--json"]
+    status, out, _ = run(capsys, "track", log, *words)
+    (change,) = json.loads(out)["changes"]
+    assert status == 1 and change["name"] == "k_T"
+    assert abs(change["time"] - 4.0) <= 0.2  # forty windows of .2 s
+    assert change["relative"] == pytest.approx(-0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 0.8])
+def test_a_delayed_torque_is_recovered(tmp_path, capsys, fraction):
+    """The fraction of a sample by which the torque was late, and the parameters with it."""
+    u, phi, _ = bench(delay=fraction)
+    log = write_csv(
+        tmp_path / "log.csv", {"time": np.arange(len(u)) * T, "torque": u, "angle": phi}
+    )
+    _, out, err = run(
+        capsys, "identify", log, "--model", "two_mass", "--json", "-o", tmp_path / "a.toml"
+    )
+    told = json.loads(out)["estimates"]
+    # the mean of a delayed torque is exact for an inertia's speed, but not for its increments:
+    # up to δ(1−δ)/2·(ωT)² at the upper end of the excitation
+    assert abs(told["delay"]["value"] / T - fraction) < 0.06, err
+    assert told["J_m"]["value"] == pytest.approx(TRUTH["J_m"], rel=0.03)
+    assert told["k"]["value"] == pytest.approx(TRUTH["k"], rel=0.03)
+
+
+def test_delayed_is_exact_for_an_inertia():
+    """Speed of an inertia after each sample, by integrating the late torque on a fine grid."""
+    u = np.random.default_rng(0).standard_normal(50)
+    fine = np.repeat(u, 100)
+    late = np.concatenate([np.zeros(130), fine])[: len(fine)]
+    exact = late.reshape(50, 100).mean(axis=1)
+    np.testing.assert_allclose(delayed(u, 1.3), exact, atol=1e-12)
+    slope = (delayed(u, 1.31) - delayed(u, 1.29)) / 0.02
+    np.testing.assert_allclose(delay_slope(u, 1.3), slope, atol=1e-8)
+    t = np.arange(200)
+    np.testing.assert_allclose(  # a cubic spline of a sine at 40 samples a period
+        delayed(np.sin(t / 6), 0.4, smooth=True)[5:-5], np.sin((t - 0.4) / 6)[5:-5], atol=1e-5
+    )
+
+
+def test_noise_model_finds_the_autoregression():
+    a = [1.0, -1.5, 0.8]
+    e = lfilter([1.0], a, np.random.default_rng(0).standard_normal(20_000))
+    found = noise_model(e, 30)
+    assert len(found) == 3
+    np.testing.assert_allclose(found, a, atol=0.02)  # standard deviation √((1−a₂²)/N) = .004
+    assert len(noise_model(np.random.default_rng(1).standard_normal(20_000), 30)) == 1
+
+
+def test_changes_need_a_change():
+    rng = np.random.default_rng(0)
+    time, psi = np.arange(8000.0), rng.standard_normal((8000, 2))
+    noise = 0.5 * rng.standard_normal(8000)
+    assert find_changes(time, noise, psi, np.ones(2), ("a", "b")) == []
+    shifted = noise + np.where(time < 3000, 0.0, 0.1) * psi[:, 1]
+    (change,) = find_changes(time, shifted, psi, np.ones(2), ("a", "b"))
+    assert change.name == "b" and abs(change.time - 3000) <= 200
+    assert change.relative == pytest.approx(0.1, abs=0.02)
+
+
+def test_load_side_is_the_load_row_of_the_model():
+    side = load_side(find_axis("two_mass").model)
+    assert side.states == ["twist", "speed_load"] and list(side.B) == ["1", "d/J_l"]
+    assert load_side(find_axis("one_mass").model) is None
+
+
+def test_gaps_are_marked_and_estimators_survive_them(columns, tmp_path, capsys):
+    keep = np.ones(len(columns["t"]), bool)
+    keep[3000:3600] = False  # .6 s are not in the log
+    u, phi = columns["u"].copy(), columns["phi"].copy()
+    phi[5000:5050] = np.nan  # and an encoder that says nothing for a while
+    data = {"time": columns["t"], "torque": u, "angle": phi}
+    log = write_csv(tmp_path / "log.csv", {k: v[keep] for k, v in data.items()})
+    record = import_log(log, {}).record
+    assert len(record.time) == len(keep)
+    assert not record.valid[3000:3601].any() and not record.valid[5000:5051].any()
+    assert record.valid.sum() == len(keep) - 601 - 51
+    assert np.isfinite(record.increment).all()
+
+
+def test_resampling_keeps_the_mean_torque_and_the_motion(columns, tmp_path, capsys):
+    """To 500 Hz: a slow sine is kept, a torque above the new Nyquist frequency is gone."""
+    t = columns["t"]
+    fast = 5 * np.sin(2 * np.pi * 410 * t)
+    data = {
+        "time": t,
+        "torque": np.sin(2 * np.pi * 5 * t) + fast,
+        "angle": np.sin(2 * np.pi * 5 * t),
+    }
+    log = write_csv(tmp_path / "log.csv", data)
+    record = import_log(log, {}, resample=500.0).record
+    inner = slice(200, -200)  # off the ends of the filter
+    assert record.period == pytest.approx(0.002)
+    expected = np.sin(2 * np.pi * 5 * record.time)
+    np.testing.assert_allclose(record.angle[inner], expected[inner], atol=1e-3)
+    # a held torque is on average half an old sample late, and is meant over the new sample
+    middle = np.sin(2 * np.pi * 5 * (record.time + 0.001 - 0.0005))
+    np.testing.assert_allclose(record.torque[inner], middle[inner], atol=5e-3)
+    assert np.abs(data["torque"][::2] - np.sin(2 * np.pi * 5 * t[::2])).max() > 1  # the naive way
