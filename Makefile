@@ -14,11 +14,12 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
-.PHONY: help bench test test-slow check format clean
+.PHONY: help bench test test-slow test-browser check format clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
+	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
 	@echo "make clean      remove .venv, results and caches"
 
@@ -30,6 +31,9 @@ test: $(VENV)/.test
 
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -q -m "slow or not slow"
+
+test-browser: $(VENV)/.browser
+	$(BIN)/python -m pytest -q -m browser tests/browser
 
 check: $(VENV)/.check
 	$(BIN)/ruff check .
@@ -45,7 +49,8 @@ format: $(VENV)/.check
 $(VENV)/.core: EXTRA :=
 $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
-$(VENV)/.core $(VENV)/.test $(VENV)/.check: pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.browser: EXTRA := [test,demo]
+$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
 	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.model import Model, increment, three_mass, two_mass
+from flexaxis.estimators.tables import one_mass
 
 if TYPE_CHECKING:
     from flexaxis.estimators.frozen import Frozen
@@ -23,6 +24,7 @@ __all__ = [
     "Rpem",
     "increment",
     "literal_rpem",
+    "one_mass",
     "three_mass",
     "two_mass",
 ]

@@ -107,7 +107,7 @@ def _numba_cache(folder: Path) -> Iterator[None]:
 def _digest(loop: Callable, flat: tuple[int, ...]) -> str:
     # all that the compiled code depends on; a home folder may serve many kinds of machine
     here = Path(__file__).parent
-    sources = [here / f"{name}.py" for name in ("lanes", "emit", "pattern")]
+    sources = [here / f"{name}.py" for name in ("lanes", "emit", "pattern", "kernel")]
     sources.append(Path(loop.__code__.co_filename))
     machine = get_host_cpu_name(), get_host_cpu_features().flatten(), numba.__version__
     content = b"".join(source.read_bytes() for source in sources)

@@ -10,6 +10,8 @@ from flexaxis.estimators.lanes import advance, evaluate
 from flexaxis.estimators.pattern import Pattern
 from flexaxis.estimators.plan import MAX_ORDER
 
+KNOWN = 50.0  # samples from which on the noise variance can judge a residual
+
 
 def tuning_type(pattern: Pattern) -> np.dtype:
     """Return the record type of what stays as it is while a filter runs."""
@@ -26,6 +28,8 @@ def tuning_type(pattern: Pattern) -> np.dtype:
             ("lower", float, (p,)),
             ("upper", float, (p,)),
             ("memory", float),  # of the noise variance [samples]
+            ("correct", float),  # 1 where the state moves with θ, else 0
+            ("clip", float),  # of residuals [standard deviations]; 0 for never
         ],
         align=True,
     )
@@ -42,6 +46,7 @@ def state_type(pattern: Pattern) -> np.dtype:
             ("X", float, (pattern.n + 1, lanes)),  # x and output, with their derivatives
             ("psi", float, (p,)),
             ("gain", float, (p,)),
+            ("moved", float, (p,)),  # θ in the last measurement update
             ("epsilon", float),
             ("noise", float),
             ("samples", float),  # that the noise variance is the mean of
@@ -67,6 +72,8 @@ def rpem_loop(pattern: Pattern) -> Callable:
         tuning, state = tunings[0], states[0]
         for k in range(len(u)):
             measure(tuning, state, y[k], valid[k])
+            if tuning["correct"] > 0.0:
+                correct_state(state)
             predict(tuning, state)
             evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
             advance(
@@ -91,6 +98,7 @@ def measure(tuning, state, y, valid):
     p = len(theta)
     for i in range(p):
         psi[i] = state["X"][-1, 1 + i]
+        state["moved"][i] = 0.0
     state["epsilon"] = np.nan
     if valid:
         state["epsilon"] = y - state["X"][-1, 0]
@@ -101,16 +109,33 @@ def measure(tuning, state, y, valid):
                 gain[i] += P[i, j] * psi[j]
             s += psi[i] * gain[i]
         weight = 1.0 / s
+        surprise = state["epsilon"]
+        if tuning["clip"] > 0.0 and state["samples"] >= KNOWN:
+            limit = tuning["clip"] * np.sqrt(state["noise"] * s)
+            if surprise > limit:
+                surprise = limit
+            elif surprise < -limit:
+                surprise = -limit
         for i in range(p):
-            theta[i] += gain[i] * (state["epsilon"] * weight)
+            state["moved"][i] = gain[i] * (surprise * weight)
+            theta[i] += state["moved"][i]
         subtract(P, gain, weight)
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-        state["noise"] += (state["epsilon"] ** 2 * weight - state["noise"]) / state["samples"]
+        state["noise"] += (surprise**2 * weight - state["noise"]) / state["samples"]
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
             theta[i] = tuning["lower"][i]
         elif theta[i] > tuning["upper"][i]:
             theta[i] = tuning["upper"][i]
+
+
+@jit
+def correct_state(state):
+    """Move state and output to where the new θ would have taken them, x ← x + z Δθ."""
+    X, moved = state["X"], state["moved"]
+    for i in range(len(X)):
+        for j in range(len(moved)):
+            X[i, 0] += X[i, 1 + j] * moved[j]
 
 
 @jit

@@ -15,7 +15,8 @@ class Estimator(Protocol):
     Anything with names, an output and a step.
 
     Optional: ``run(u, y, valid=None) -> (N, p)``, the same numbers faster; ``covariance`` (p, p);
-    ``alarm`` (bool); ``reset()``.
+    ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters``
+    (names of what has changed); ``reset()``.
 
     Attributes
     ----------

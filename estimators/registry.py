@@ -1,22 +1,26 @@
 """The estimators by name: one entry each, with its options and the knob that trades its speed."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.model import three_mass
+from flexaxis.estimators.recipes import (
+    DEFAULT_IDENTIFY,
+    ekf,
+    forgetful,
+    frozen,
+    oracle_reset,
+    relocate,
+    rpem_drift,
+    rpem_forgetting,
+)
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.ekf import JointEkf
-    from flexaxis.estimators.frozen import Frozen
     from flexaxis.estimators.protocol import Estimator
-    from flexaxis.estimators.reference import LiteralRpem
-    from flexaxis.estimators.rpem import Rpem
+
+__all__ = ["DEFAULT_IDENTIFY", "REGISTRY", "Entry", "entry", "oracle_reset", "rpem_forgetting"]
 
 REGULARIZATION = 0.3
 """
@@ -29,8 +33,6 @@ leaves its value by more than 2.5 % at the restart (30 % at μ = 1e-3), the lag 
 0.01 s of the best μ, and the standard deviations without a pause fall by less than 1.5 % (4 % at
 μ = 1). It is meant for parameters of the order of one; scale it for others, as 1/θ².
 """
-
-DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 
 
 @dataclass(frozen=True)
@@ -45,9 +47,9 @@ class Entry:
         One line for lists and reports.
     factory : callable
         ``factory(nominal, period, *, identify, output, P0=None, torque=None, <options>)``. θ(0) is
-        read from ``nominal``, a mapping of physical parameters to values; ``P0`` is used if given,
-        else the paper's recipe on ``torque``, the (N,) torque of a nominal run, else the known
-        P(0) of the paper's three parameters.
+        read from ``nominal``, a mapping of physical parameters to values for the paper's axis, or
+        another model with its own; ``P0`` is used if given, else the paper's recipe on ``torque``,
+        the (N,) torque of a nominal run, else the known P(0) of the paper's three parameters.
     options : mapping
         Names of the options with their defaults.
     knob : str or None
@@ -73,156 +75,6 @@ def entry(name: str) -> Entry:
     if name not in REGISTRY:
         raise EstimatorError(f"unknown estimator {name!r}: {did_you_mean(name, REGISTRY)}")
     return REGISTRY[name]
-
-
-def rpem_forgetting(
-    nominal: Mapping[str, float],
-    period: float,
-    *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
-    regularization: float = 0.0,
-    literal: bool = False,
-) -> "Rpem | LiteralRpem":
-    """Make the method with forgetting factor λ, eq. (13); see `Entry` for the arguments."""
-    from flexaxis.estimators import LiteralRpem, Rpem, priors
-
-    model = three_mass(nominal)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=forgetting,
-        regularization=regularization,
-        output=output,
-    )
-    known = priors.known_P(identify, forgetting=forgetting)
-    return (LiteralRpem if literal else Rpem)(
-        model,
-        identify=identify,
-        P0=_initial_P(P0, torque, recipe, known),
-        period=period,
-        forgetting=forgetting,
-        regularization=regularization,
-        output=output,
-    )
-
-
-def rpem_drift(
-    nominal: Mapping[str, float],
-    period: float,
-    *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    scale: float = 1.0,
-    regularization: float = 0.0,
-) -> "Rpem":
-    """Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32)."""
-    from flexaxis.estimators import Rpem, priors
-
-    model = three_mass(nominal)
-    if not scale > 0:
-        raise EstimatorError(f"scale is {scale}; the factor on Δ must be above 0")
-    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        drift=drift,
-        regularization=regularization,
-        output=output,
-    )
-    known = priors.known_P(identify, forgetting=None, scale=scale)
-    return Rpem(
-        model,
-        identify=identify,
-        P0=_initial_P(P0, torque, recipe, known),
-        period=period,
-        drift=drift,
-        regularization=regularization,
-        output=output,
-    )
-
-
-def frozen(
-    nominal: Mapping[str, float],
-    period: float,
-    *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-) -> "Frozen":
-    """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
-    from flexaxis.estimators import Frozen
-
-    return Frozen(three_mass(nominal), identify=identify, output=output)
-
-
-def ekf(
-    nominal: Mapping[str, float],
-    period: float,
-    *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    walk: float = 0.0018,
-    noise: float = 0.1,
-    spread: float = 0.2,
-) -> "JointEkf":
-    """
-    Make the joint extended Kalman filter.
-
-    Parameters
-    ----------
-    walk : float
-        Standard deviation of the random walk of every θ after a second, relative to θ(0). The
-        default has the variance of `rpem-forgetting` on the nominal axis, as geometric mean over
-        the paper's three parameters (16 runs of 40 s, seeds 0 to 15).
-    noise : float
-        Standard deviation of the output [rad/s].
-    spread : float
-        Standard deviation of θ(0), relative to it.
-    """
-    from flexaxis.estimators.ekf import JointEkf
-
-    if not walk > 0 or not spread > 0:
-        raise EstimatorError(f"walk is {walk} and spread {spread}; both must be above 0")
-    model = three_mass(nominal)
-    theta = model.parametrize(identify).theta
-    return JointEkf(
-        model,
-        identify=identify,
-        P0=(spread * theta) ** 2,
-        drift=period * (walk * theta) ** 2,
-        noise=noise,
-        period=period,
-        output=output,
-    )
-
-
-def _initial_P(
-    given: ArrayLike | None,
-    torque: ArrayLike | None,
-    recipe: Callable[[ArrayLike], NDArray[np.float64]],
-    known: NDArray[np.float64] | None,
-) -> ArrayLike:
-    if given is not None:
-        return given
-    if torque is not None:
-        return recipe(torque)
-    if known is not None:
-        return known
-    raise EstimatorError(
-        f"P(0) is known only for {', '.join(DEFAULT_IDENTIFY)}; for other parameters give P0, "
-        "or the torque of a nominal run for the recipe"
-    )
 
 
 REGISTRY: Mapping[str, Entry] = {
@@ -257,6 +109,13 @@ REGISTRY: Mapping[str, Entry] = {
             "scale",
         ),
         Entry(
+            "rpem-corrected",
+            "rpem-forgetting whose state follows every change of its parameters",
+            partial(rpem_forgetting, state_correction=True),
+            {"forgetting": 0.995, "regularization": 0.0},
+            "forgetting",
+        ),
+        Entry(
             "literal-rpem",
             "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
             partial(rpem_forgetting, literal=True),
@@ -269,6 +128,42 @@ REGISTRY: Mapping[str, Entry] = {
             ekf,
             {"walk": 0.0018, "noise": 0.1, "spread": 0.2},
             "walk",
+        ),
+        *(
+            Entry(
+                name,
+                summary,
+                partial(forgetful, rule=rule),
+                {"forgetting": 0.995},
+                "forgetting",
+            )
+            for name, rule, summary in (
+                ("vector-forgetting", "vector", "a forgetting factor for each parameter"),
+                ("directional-forgetting", "directional", "forgets along the gradient only (SIFt)"),
+                ("efra", "efra", "exponential forgetting and resetting, P bounded on both sides"),
+                ("variable-forgetting", "variable", "forgets while the residual is large"),
+            )
+        ),
+        Entry(
+            "cusum-reset",
+            "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
+            partial(forgetful, rule="cusum"),
+            {"forgetting": 0.995, "reset": 0.1},
+            "forgetting",
+        ),
+        Entry(
+            "relocate",
+            "detects a jump, rewinds to it and refits whichever physical parameter explains it",
+            relocate,
+            {"forgetting": 0.995, "alarm": 10.0, "gain": 14.0},
+            "forgetting",
+        ),
+        Entry(
+            "oracle-reset",
+            "a control that is told when a fault happens, and begins anew there",
+            oracle_reset,
+            {"forgetting": 0.995},
+            "forgetting",
         ),
         Entry("frozen", "never moves: what doing nothing scores", frozen, {}),
     )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.design import Design, covariance_matrix, make_design
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.kernel import rpem_loop, state_type, tuning_type
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.noise import MEMORY
@@ -48,6 +49,16 @@ class Rpem:
     output : {"speed", "increment"}
         What y is: the motor speed at t_k, or the increment (φ[k]−φ[k−1])/T of the motor angle.
 
+    state_correction : bool
+        Whether the state follows every change of θ, x ← x + z Δθ with z = ∂x/∂θ, so that it is
+        what the new θ would have made of the past. Not in the paper, whose state keeps what the
+        old estimates did to it; without it a jump is followed more slowly and with overshoot.
+    robust : float
+        Standard deviations, 3 say, beyond which a residual counts as one of that size, so that
+        an outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
+        estimation of a location parameter*, Ann. Math. Stat. 35, 1964). The first 50 samples are
+        not judged, as the running noise variance is not known yet; 0 for never.
+
     Attributes
     ----------
     names : tuple of str
@@ -89,6 +100,8 @@ class Rpem:
         regularization: float = 0.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
         output: str = "speed",
+        state_correction: bool = False,
+        robust: float = 0.0,
     ) -> None:
         self._design = make_design(
             model,
@@ -105,7 +118,11 @@ class Rpem:
         self.names, self.output = self._design.model.names, output
         self.bounds = self._design.lower, self._design.upper
         pattern, coefficients = split(self._design.model)
-        self._tuning, self._start = _records(self._design, pattern, coefficients)
+        self._tuning, self._start = filter_records(self._design, pattern, coefficients)
+        self._tuning["correct"] = float(state_correction)
+        if not (np.isfinite(robust) and robust >= 0):
+            raise EstimatorError(f"robust is {robust}; give standard deviations, such as 3, or 0")
+        self._tuning["clip"] = float(robust)
         self._loop = rpem_loop(pattern)
         self._sample = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(self.names)))
         self.reset()
@@ -125,6 +142,20 @@ class Rpem:
     @P.setter
     def P(self, value: ArrayLike) -> None:
         self._state["P"][0] = covariance_matrix("P", value, len(self.names))
+
+    def restart(self, P: ArrayLike) -> None:
+        """
+        Begin anew after a change that is known to have happened at the last sample.
+
+        The state stays, but its sensitivities become zero: it does not depend on the new θ yet.
+
+        Parameters
+        ----------
+        P : (p,) or (p, p) array_like
+            What is known of the new θ, for a noise variance of one.
+        """
+        self.P = P
+        self._state["X"][0, :, 1:] = 0.0
 
     @property
     def psi(self) -> Array:  # noqa: D102
@@ -187,9 +218,10 @@ class Rpem:
         return trace(self, u, y, valid)
 
 
-def _records(
+def filter_records(
     design: Design, pattern: Pattern, coefficients: Array
 ) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return tuning and start of a filter, as records for the compiled loop."""
     order, substeps = plan(design.model, design.lower, design.upper, design.period)
     row, column, _ = np.array(pattern.entries).T
     scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run

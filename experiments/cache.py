@@ -47,9 +47,9 @@ class RecordCache:
     folder: Path
     limit: int = LIMIT
 
-    def get(self, scenario: Scenario, seed: int) -> Record | None:
+    def get(self, scenario: Scenario, seed: int, *, repeat: int = 0) -> Record | None:
         """Return a record, or None if it is not here; a damaged entry is removed."""
-        path = self._path(scenario, seed)
+        path = self._path(scenario, seed, repeat)
         try:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
                 record = Record(
@@ -69,9 +69,9 @@ class RecordCache:
             return None
         return record
 
-    def put(self, scenario: Scenario, record: Record) -> None:
+    def put(self, scenario: Scenario, record: Record, *, repeat: int = 0) -> None:
         """Keep a record; a folder that is full or cannot be written is no error."""
-        path = self._path(scenario, record.seed or 0)
+        path = self._path(scenario, record.seed or 0, repeat)
         part = path.with_name(f"{path.name}.{uuid4().hex}.part")
         with suppress(OSError):
             try:
@@ -113,8 +113,9 @@ class RecordCache:
             path.unlink(missing_ok=True)
         return len(entries)
 
-    def _path(self, scenario: Scenario, seed: int) -> Path:
-        key = f"{scenario.hash} {seed} {sorted(versions().items())} {_code()}"
+    def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
+        run = f"{seed}.{repeat}" if repeat else f"{seed}"
+        key = f"{scenario.hash} {run} {sorted(versions().items())} {_code()}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 
@@ -139,19 +140,19 @@ def default_cache() -> RecordCache:
 
 
 def records(
-    scenario: Scenario, seeds: Sequence[int], store: RecordCache | None
+    scenario: Scenario, seeds: Sequence[int], store: RecordCache | None, *, repeat: int = 0
 ) -> tuple[list[Record], int]:
     """Return the records of some seeds, simulating those that the cache lacks, and their number.
 
     A cached record is bit for bit what simulating it gives, whatever the batch.
     """
-    known = {seed: store.get(scenario, seed) for seed in seeds} if store else {}
+    known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
     missing = [seed for seed in seeds if known.get(seed) is None]
-    made = simulate(scenario, missing) if missing else []
+    made = simulate(scenario, missing, repeat=repeat) if missing else []
     for seed, record in zip(missing, made, strict=True):
         known[seed] = record
         if store:
-            store.put(scenario, record)
+            store.put(scenario, record, repeat=repeat)
     if store and made:
         store.evict()
     return [record for record in known.values() if record], len(missing)

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
+from keyword import iskeyword
 
 COMMANDS = (
     "list",
@@ -20,11 +21,20 @@ COMMANDS = (
     "simulate",
     "estimate",
     "run",
+    "compare",
+    "check",
+    "new",
     "report",
     "view",
+    "demo",
     "cache",
     "speed",
+    "tradeoff",
+    "tune",
     "paper",
+    "import",
+    "identify",
+    "track",
 )
 
 EPILOG = """\
@@ -49,7 +59,8 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        module = import_module(f"flexaxis.experiments.commands.{name}")
+        suffix = "_" if iskeyword(name) else ""
+        module = import_module(f"flexaxis.experiments.commands.{name}{suffix}")
         sub = commands.add_parser(
             name,
             help=module.HELP,

@@ -31,6 +31,11 @@ _COLOURS = {
     "literal-rpem": "#CC79A7",
     "ekf": "#009E73",
     "frozen": "#7F7F7F",
+    "relocate": "#882255",
+    "oracle-reset": "#999933",
+    "cusum-reset": "#44AA99",
+    "base": "#0072B2",
+    "candidate": "#D55E00",
 }
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments import theory
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.scores import relative_error, score
 from flexaxis.experiments.specs import Spec, build, parse, parse_all
@@ -37,12 +38,16 @@ CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
 
 @dataclass(frozen=True)
 class Task:
-    """A scenario, some of its seeds, the estimators that get the records, and where these lie."""
+    """A scenario, some of its seeds, the estimators that get the records, and where these lie.
+
+    `repeat` as in `simulate`: 0, or the number of another noise on the same runs.
+    """
 
     scenario: Scenario
     estimators: tuple[str, ...]
     seeds: tuple[int, ...]
     store: RecordCache | None = None
+    repeat: int = 0
 
 
 @dataclass(frozen=True)
@@ -88,6 +93,7 @@ def run(
     jobs: int = 1,
     executor: Executor | None = None,
     store: RecordCache | None = None,
+    repeat: int = 0,
 ) -> Iterator[Done]:
     """Run every estimator on every record, and give the cases of each task, in order.
 
@@ -106,6 +112,8 @@ def run(
         Where to run the tasks instead of a pool of our own.
     store : RecordCache, optional
         Where records are kept; without one every record is simulated.
+    repeat : int
+        As in `simulate`: 0, or the number of another noise on the same runs.
 
     Raises
     ------
@@ -118,7 +126,8 @@ def run(
     for spec in parse_all(names):
         for scenario in scenarios:
             build(spec, scenario)  # wrong options are found before anything is computed
-    todo = [replace(task, store=store) for task in tasks(scenarios, names, seeds, jobs=jobs)]
+    planned = tasks(scenarios, names, seeds, jobs=jobs)
+    todo = [replace(task, store=store, repeat=repeat) for task in planned]
     return _spread(todo, jobs, executor)
 
 
@@ -151,7 +160,7 @@ def run_task(task: Task) -> Done:
     specs = [parse(text) for text in task.estimators]
     for spec in specs:
         _warm(spec, task.scenario)
-    found, simulated = records(task.scenario, task.seeds, task.store)
+    found, simulated = records(task.scenario, task.seeds, task.store, repeat=task.repeat)
     cases = [_case(task.scenario, record, spec) for record in found for spec in specs]
     return Done(cases, simulated)
 
@@ -165,10 +174,9 @@ def _warm(spec: Spec, scenario: Scenario) -> None:
 def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
     assert record.true_parameters is not None  # a simulated record knows the truth
     estimator = build(spec, scenario)
-    y = getattr(record, scenario.output)
     start = time.perf_counter()
     where = f"{scenario.name}, seed {record.seed}"
-    theta = _estimates(spec, estimator, record.torque, y, record.valid, where=where)
+    theta, claimed = _with_claim(spec, estimator, scenario, record, where=where)
     seconds = time.perf_counter() - start
     names, truth = tuple(estimator.names), record.true_parameters
     identity = {
@@ -187,15 +195,60 @@ def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
         rows = score(scenario, names, theta, truth, getattr(estimator, "bounds", None))
         curve = theta[::CURVE_STEP] / true_theta(names, scenario.nominal.as_array())
         relative = relative_error(scenario, names, theta, truth)
+        beside = _theory(scenario, names, record, theta, claimed, estimator)
+        beside_theory = [
+            asdict(row) | asdict(limit) | {"score": theory.score(row.lag, limit)} | beside
+            for row, limit in zip(rows, theory.limits(scenario, names, record.torque), strict=True)
+        ]
         return Case(
             scenario=scenario.name,
             estimator=spec.text,
             seed=record.seed or 0,
             names=names,
-            rows=[identity | asdict(row) | {"cost": cost} for row in rows],
+            rows=[identity | row | {"cost": cost} for row in beside_theory],
             curve=curve.astype(np.float32),
             relative={name: error.astype(np.float32) for name, error in relative.items()},
         )
+
+
+def _with_claim(
+    spec: Spec, estimator: Any, scenario: Scenario, record: Record, *, where: str
+) -> tuple[NDArray[np.float64], Any]:
+    """Return the estimates, and the covariance claimed at the first fault, or at the end."""
+    events = scenario.events()
+    stop = events[0].index if events and hasattr(estimator, "covariance") else scenario.samples
+    y = getattr(record, scenario.output)
+    valid = record.valid
+    parts = []
+    claimed = None
+    for part in (slice(0, stop), slice(stop, None)):
+        if part.start < scenario.samples:
+            gaps = None if valid is None else valid[part]
+            u = record.torque[part]
+            parts.append(_estimates(spec, estimator, u, y[part], gaps, where=where))
+        if claimed is None:
+            claimed = getattr(estimator, "covariance", None)
+    return np.concatenate(parts), claimed
+
+
+def _theory(  # noqa: PLR0917
+    scenario: Scenario,
+    names: tuple[str, ...],
+    record: Record,
+    theta: NDArray[np.float64],
+    claimed: Any,
+    estimator: Any,
+) -> dict[str, Any]:
+    """Return what stands beside the scores of all parameters of a case."""
+    assert record.true_parameters is not None  # a simulated record knows the truth
+    events = scenario.events()
+    last = (events[0].index if events else scenario.samples) - 1
+    error = theta[last] - true_theta(names, record.true_parameters[last])
+    found = theory.detection(scenario, names, getattr(estimator, "findings", None))
+    return {
+        "nees": theory.nees(error, claimed),
+        "detection": None if found is None else asdict(found),
+    }
 
 
 def _estimates(

@@ -2,8 +2,8 @@
 
 Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
-TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. All but the first run the code
-they name.
+TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
+in any language. All but the first run the code they name.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
+from flexaxis.experiments.pipe import PipeEstimator
 from flexaxis.experiments.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.parameters import preset
@@ -33,6 +34,7 @@ from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate
 
 ENTRY_POINTS = "flexaxis.estimators"
+PIPE = "pipe:"
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,8 @@ def parse(text: str) -> Spec:
     EstimatorError
         If there is no such estimator or option, or its file cannot be imported.
     """
+    if text.startswith(PIPE):  # brackets are part of the command
+        return Spec(text, partial(PipeEstimator, text.removeprefix(PIPE)), {})
     name, _, rest = text.partition("[")
     make = _find(name.strip())
     options = _options(rest, text)
@@ -91,7 +95,9 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         If an option is refused, or the estimator reads another output than the scenario gives.
     """
     known = _keywords(spec.make)
-    offered = {"identify": scenario.identify, "output": scenario.output}
+    offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
+    if spec.make is oracle_reset:  # the control alone is told when
+        offered["onsets"] = tuple(event.index for event in scenario.events())
     given = {k: v for k, v in offered.items() if k in known} | dict(spec.options)
     if "torque" in known and "P0" not in given and not _has_stored_prior(scenario):
         given["torque"] = nominal_torque(scenario)
@@ -162,7 +168,7 @@ def _find(name: str) -> Callable[..., Estimator]:
         return installed[name].load()
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
-        "shows them; your own is named path/file.py:Class or package.module:Class"
+        "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
     )
 
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.harness import CURVE_STEP, Case
 from flexaxis.experiments.scores import finite
+from flexaxis.experiments.theory import RMSE_AT
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
 BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
 
 
@@ -76,6 +76,7 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
     first = rows[0]
     alive = [case.relative for case in group if not case.rows[i]["diverged"]]
     relative = [errors[first["parameter"]] for errors in alive if first["parameter"] in errors]
+    scores = [row["score"] for row in kept if row.get("score") is not None]
     lags = [row["lag"] for row in kept if row["lag"] is not None]
     return {
         "scenario": first["scenario"],
@@ -93,7 +94,13 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
         "std_interval": _std_interval(kept),
         "bias": _mean(kept, "bias"),
         "cross_talk": _root_mean_square(kept, "cross_talk"),
-        "rmse": rmse(relative),
+        "rmse": (errors := rmse(relative)),
+        "efficiency": efficiency(errors, kept),
+        "score": finite(np.mean(scores)) if scores else None,
+        "score_interval": interval(scores),
+        "nees": _mean(kept, "nees"),
+        "nees_interval": interval(_values(kept, "nees").tolist()),
+        "detection": detection(kept),
         "diverged": sum(row["diverged"] for row in rows),
         "never_settled": sum(bool(row["never_settled"]) for row in rows),
         "cost": {"us_per_sample": float(np.median([r["cost"]["us_per_sample"] for r in rows]))},
@@ -139,6 +146,22 @@ def rmse(relative: Sequence[NDArray[np.float32]]) -> dict[str, float]:
     return {str(n): float(np.sqrt(np.mean(runs[:, n] ** 2))) for n in RMSE_AT if n < runs.shape[1]}
 
 
+def efficiency(errors: dict[str, float], rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Return rmse over the oracle Cramér–Rao bound, n samples after onset; 1 is perfect."""
+    limits = [row["bound"] for row in rows if row.get("bound")]
+    return {
+        n: value / float(np.sqrt(np.mean([limit[n] ** 2 for limit in limits])))
+        for n, value in errors.items()
+        if limits and n in limits[0]
+    }
+
+
+def detection(rows: list[dict[str, Any]]) -> dict[str, float | None] | None:
+    """Return alarms and false alarms a run, missed faults a run, mean delay [s], share isolated."""
+    found = [row["detection"] for row in rows if row.get("detection")]
+    return {key: _mean(found, key) for key in found[0]} if found else None
+
+
 def _median_time(times: Sequence[float | None]) -> float | None:
     if not times:
         return None
@@ -147,7 +170,7 @@ def _median_time(times: Sequence[float | None]) -> float | None:
 
 
 def _values(rows: list[dict[str, Any]], key: str) -> Array:
-    return np.array([row[key] for row in rows if row[key] is not None], float)
+    return np.array([row[key] for row in rows if row.get(key) is not None], float)
 
 
 def _mean(rows: list[dict[str, Any]], key: str) -> float | None:

@@ -12,6 +12,7 @@ from flexaxis.experiments.report import number, settled
 
 CAPTION = """\
 lag after the fault, ± 95 % half-width over seeds; std before it [% of nominal]
+score: 0 for doing nothing, 100 on the oracle Cramér–Rao bound (steps only)
 x-talk: largest error caused in another parameter [% of nominal]
 lost: diverged runs; open: runs never settled; µs: time per sample"""
 
@@ -24,7 +25,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
     for heading in ("estimator", "θ"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("lag [s]", "t10 [s]", "std [%]", "x-talk", "lost", "open", "µs"):
+    for heading in ("lag [s]", "t10 [s]", "score", "std [%]", "x-talk", "lost", "open", "µs"):
         table.add_column(heading, justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}
     shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
@@ -43,6 +44,7 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
         row["parameter"],
         _with_half_width(row["lag"], row["lag_interval"]),
         settled(row["t10"], changed),
+        _with_half_width(row.get("score"), row.get("score_interval"), digits=2),
         number(row["std"]),
         number(cross_talk, 2),
         str(row["diverged"]),
@@ -51,10 +53,12 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
     ]
 
 
-def _with_half_width(value: float | None, interval: Sequence[float] | None) -> str:
+def _with_half_width(
+    value: float | None, interval: Sequence[float] | None, *, digits: int = 3
+) -> str:
     if interval is None or interval[0] == interval[1]:
-        return number(value)
-    return f"{number(value)} ±{(interval[1] - interval[0]) / 2:.1g}"
+        return number(value, digits)
+    return f"{number(value, digits)} ±{(interval[1] - interval[0]) / 2:.1g}"
 
 
 def _cost(microseconds: float) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -30,36 +32,64 @@ def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
     """
     if record.true_angle_m is None or record.true_angle_g is None or record.true_angle_a is None:
         raise OutputError("the record has no true angles to show; `flexaxis simulate` makes one")
+    angles = [record.true_angle_m, record.true_angle_g, record.true_angle_a]
     ratio = record.scenario["parameters"]["r"]
-    rigid = ratio * record.true_angle_m
-    gear = rigid + exaggerate * (record.true_angle_g - rigid)
-    arm = rigid + exaggerate * (record.true_angle_a - rigid)
-    return np.column_stack([record.true_angle_m, gear, arm])
+    return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
+
+
+def exaggerated(
+    angles: NDArray[np.float64], *, ratio: float, exaggerate: float
+) -> NDArray[np.float64]:
+    """Return motor, gear and arm angle (…, 3) [rad] to be drawn, from the true ones."""
+    drawn = np.array(angles)
+    rigid = ratio * drawn[..., :1]
+    drawn[..., 1:] = rigid + exaggerate * (drawn[..., 1:] - rigid)
+    return drawn
 
 
 def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None:
     """Write one picture (PNG) of the axis at a time of the record [s]."""
     import matplotlib.image
 
-    mujoco, model, data = _scene()
-    data.qpos[:] = poses(record, exaggerate=exaggerate)[_sample(record, at)]
-    mujoco.mj_forward(model, data)
+    with camera(width=1280, height=720) as shoot:
+        pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
+    with writing(path):
+        matplotlib.image.imsave(path, pixels)
+
+
+@contextmanager
+def camera(
+    *, width: int, height: int
+) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.uint8]]]:
+    """Give a function from angles (3,) [rad] to a picture (height, width, 3), without a display.
+
+    Raises
+    ------
+    OutputError
+        If nothing can be drawn on this machine.
+    """
+    mujoco, model, data = scene()
     try:
-        with mujoco.Renderer(model, height=720, width=1280) as renderer:
-            renderer.update_scene(data, camera="view")
-            pixels = renderer.render()
+        renderer = mujoco.Renderer(model, height=height, width=width)
     except Exception as error:  # each platform fails in its own way
         raise OutputError(
             f"no picture can be drawn here: {error}. Without a display set MUJOCO_GL=egl or "
             "MUJOCO_GL=osmesa (Debian: libegl1, libosmesa6)"
         ) from error
-    with writing(path):
-        matplotlib.image.imsave(path, pixels)
+
+    def shoot(angles: NDArray[np.float64]) -> NDArray[np.uint8]:
+        data.qpos[:] = angles
+        mujoco.mj_forward(model, data)
+        renderer.update_scene(data, camera="view")
+        return renderer.render()  # type: ignore[no-any-return]
+
+    with renderer:
+        yield shoot
 
 
 def window(record: Record, *, start: float, exaggerate: float) -> None:
     """Replay a record in a window, in real time, until it ends or the window is closed."""
-    mujoco, model, data = _scene()
+    mujoco, model, data = scene()
     angles = poses(record, exaggerate=exaggerate)
     try:
         viewer = import_module("mujoco.viewer").launch_passive(model, data)
@@ -79,7 +109,8 @@ def window(record: Record, *, start: float, exaggerate: float) -> None:
             time.sleep(stride * period)
 
 
-def _scene() -> tuple[Any, Any, Any]:
+def scene() -> tuple[Any, Any, Any]:
+    """Return the engine's module, and model and data of the axis with floor, light and camera."""
     import mujoco
 
     _, assets = model_files("three_mass")

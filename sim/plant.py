@@ -54,6 +54,10 @@ class Plant:
         Steps of the fourth-order Runge-Kutta method in one period.
     threads : int
         Threads that share the runs.
+    coulomb : float
+        Coulomb friction of the motor [N m].
+    backlash : float
+        Width of the gap of the gear spring [rad on the arm side]; its damper acts in the gap too.
 
     Raises
     ------
@@ -68,9 +72,11 @@ class Plant:
         period: float = PERIOD,
         substeps: int = 5,
         threads: int = 1,
+        coulomb: float = 0.0,
+        backlash: float = 0.0,
     ) -> None:
         values = _as_rows(parameters)
-        model = _compile(period / substeps)
+        model = _compile(period / substeps, coulomb=coulomb, backlash=backlash)
         self._batch = Batch(model, len(values), threads)
         self._substeps = substeps
         self._places = _places(self._batch, model)
@@ -185,11 +191,16 @@ def _quiet() -> Iterator[None]:
         before.set()
 
 
-def _compile(timestep: float) -> mujoco.MjModel:
+def _compile(timestep: float, *, coulomb: float, backlash: float) -> mujoco.MjModel:
     xml, _ = model_files("three_mass")
     spec = mujoco.MjSpec.from_string(xml)
     spec.option.timestep = timestep
     spec.compiler.discardvisual = True  # shapes only cost time here
+    motor = spec.joint("motor")
+    motor.frictionloss = coulomb
+    # the engine's friction is soft by default, which is wrong by half here
+    motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
+    spec.tendon("gear").springlength = [-backlash / 2, backlash / 2]
     return spec.compile()
 
 

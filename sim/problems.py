@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -89,7 +89,8 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
         return top.model_fields
     if words[0] in _KINDS:
         return _KINDS[words[0]][words[1]].model_fields
-    table = top.model_fields[words[0]].annotation
+    annotation = top.model_fields[words[0]].annotation
+    table = next(iter(get_args(annotation)), annotation)  # one that may be None is a union
     return table.model_fields if isinstance(table, type) and issubclass(table, BaseModel) else ()
 
 

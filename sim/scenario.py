@@ -22,6 +22,7 @@ from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
+from flexaxis.sim.nonlinear import BacklashConfig, FrictionConfig
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, NoiseConfig
@@ -82,6 +83,8 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     noise, encoder, delay, controller, excitation, fault
         Tables of their own.
+    friction, backlash
+        What the axis has beyond the linear model; None for neither.
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
@@ -98,6 +101,8 @@ class Scenario(Config):
     encoder: EncoderConfig = EncoderConfig()
     delay: DelayConfig = DelayConfig()
     controller: ControllerConfig = ControllerConfig()
+    friction: FrictionConfig | None = None
+    backlash: BacklashConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.sim.controller import Controller
 from flexaxis.sim.errors import ScenarioError, SimulationError
+from flexaxis.sim.nonlinear import SUBSTEPS
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -37,13 +38,14 @@ def simulate(
     scenario: Scenario,
     seeds: Sequence[int],
     *,
+    repeat: int = 0,
     threads: int = 1,
     progress: Progress | None = None,
 ) -> list[Record]:
     """Run a scenario once for each seed, all in one batch.
 
-    A record depends on scenario and seed alone: not on the other seeds, their order or the
-    number of threads.
+    A record depends on scenario, seed and repeat alone: not on the other seeds, their order or
+    the number of threads.
 
     Parameters
     ----------
@@ -51,6 +53,8 @@ def simulate(
         What to run.
     seeds : sequence of int
         Numbers of the runs, from 0.
+    repeat : int
+        Measure the same run again: the same excitation and faults, other noise.
     threads : int
         Threads that share the runs.
     progress : callable, optional
@@ -71,7 +75,7 @@ def simulate(
     reference = np.column_stack(
         [scenario.excitation.reference(times, _stream(scenario, s, "excitation")) for s in seeds]
     )
-    angle_noise = _white(scenario, seeds, "angle", scenario.noise.angle)
+    angle_noise = _white(scenario, seeds, "angle", scenario.noise.angle, repeat)
     truth = _closed_loop(
         scenario,
         seeds,
@@ -84,7 +88,8 @@ def simulate(
     angle = measured_angle(
         delayed(truth.angles[:, :, 0], late), angle_noise, counts=scenario.encoder.counts
     )
-    speed = delayed(truth.speed, late) + _white(scenario, seeds, "speed", scenario.noise.speed)
+    noise = _white(scenario, seeds, "speed", scenario.noise.speed, repeat)
+    speed = delayed(truth.speed, late) + noise
     return _records(scenario, seeds, truth, angle, speed)
 
 
@@ -99,15 +104,15 @@ def _stream(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
     return stream(scenario.hash, seed, purpose)
 
 
-def _white(scenario: Scenario, seeds: list[int], signal: str, deviation: float) -> Array:
+def _white(
+    scenario: Scenario, seeds: list[int], signal: str, deviation: float, repeat: int
+) -> Array:
     """Return white noise (N, R) for a measured signal."""
     shape = scenario.samples, len(seeds)
     if not deviation:
         return np.zeros(shape)
-    columns = [
-        _stream(scenario, seed, f"noise.{signal}").standard_normal(scenario.samples)
-        for seed in seeds
-    ]
+    purpose = f"noise.{signal}" + (f".{repeat}" if repeat else "")
+    columns = [_stream(scenario, seed, purpose).standard_normal(scenario.samples) for seed in seeds]
     return deviation * np.column_stack(columns)
 
 
@@ -122,7 +127,7 @@ def _closed_loop(
 ) -> _Truth:
     """Simulate the loop around the plant; all arrays are time first, runs second."""
     samples, runs = reference.shape
-    plant = Plant([scenario.nominal] * runs, threads=threads)
+    plant = _plant(scenario, runs, threads)
     controller = Controller(scenario.controller, runs)
     changes = _parameter_changes(scenario)
     measured, counts = scenario.feedback == "measured", scenario.encoder.counts
@@ -144,6 +149,19 @@ def _closed_loop(
         if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
             progress((k + 1) / samples)
     return _Truth(torque, speed, angles[late:])
+
+
+def _plant(scenario: Scenario, runs: int, threads: int) -> Plant:
+    nominal = [scenario.nominal] * runs
+    if not (scenario.friction or scenario.backlash):
+        return Plant(nominal, threads=threads)
+    return Plant(
+        nominal,
+        substeps=SUBSTEPS,
+        threads=threads,
+        coulomb=scenario.friction.coulomb if scenario.friction else 0.0,
+        backlash=scenario.backlash.gear if scenario.backlash else 0.0,
+    )
 
 
 def _parameter_changes(scenario: Scenario) -> dict[int, Array]:

@@ -15,14 +15,24 @@ from flexaxis.sim.errors import ScenarioError
 
 # A scenario whose content changes gets a new name (-v2); these are never edited, only added to.
 FROZEN = {
+    "backlash_fm_step-v1": "46309ad95edee30a",
+    "coulomb-v1": "5028193a1567c2f5",
+    "coulomb_fm_step-v1": "ebcf109c556f2101",
+    "dg_double-v1": "62bceb22e5ca37ef",
     "encoder_fm_step-v1": "69e61f594931c860",
     "fm_double-v1": "d3bb881aec3cd7a2",
     "fm_ramp-v1": "c5c2d1fc08490fd0",
     "fm_step-v1": "4728e23aa5f4f744",
+    "ja_big_step-v1": "51b0f7464a4b3bbb",
     "ja_step-v1": "03ed2464327b9d4b",
+    "jm_step-v1": "85a03dd2955ae6c4",
+    "ka_step-v1": "76af8d20a7ebebd5",
+    "kg_step-v1": "450e98ce68d92ff8",
     "kt_step-v1": "a67f5e82d45a56ae",
     "paper_nominal-v1": "eb8e646c9e100f4e",
     "pause_fm_step-v1": "46afcb944f875562",
+    "repair-v1": "9dbdaacaadb7ee8d",
+    "two_faults-v1": "d53702ddccc8b659",
 }
 
 

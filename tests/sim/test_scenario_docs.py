@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from pydantic import BaseModel
@@ -25,8 +26,13 @@ ROWS = {
 def leaves(table: type[BaseModel], prefix: str = ""):
     """Yield each plain key of a table and of the tables in it, with its default."""
     for name, field in table.model_fields.items():
+        optional = [
+            t for t in get_args(field.annotation) if isinstance(t, type) and t is not type(None)
+        ]
         if isinstance(field.default, BaseModel) and name != "excitation":
             yield from leaves(type(field.default), f"{name}.")
+        elif field.default is None and issubclass(optional[0], BaseModel):
+            yield from leaves(optional[0], f"{name}.")
         elif name not in ("excitation", "fault", "parameters", "kind"):
             yield prefix + name, field
 

@@ -1,0 +1,65 @@
+"""Lab 2: the gradient, and where it gets its information from, equation (28)."""
+
+# %% Data
+# 40 s of the axis in its closed loop, without faults.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.estimators import three_mass
+from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
+from flexaxis.estimators.predictor import predict
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.sim.simulate import simulate
+
+scenario = find_scenario("paper_nominal-v1")
+record = simulate(scenario, [1000])[0]
+names = ("k_T", "1/J_a", "f_m")
+model = three_mass(scenario.nominal.as_dict()).parametrize(names)
+
+# %% The gradient over time
+# psi says how much the predicted speed moves when a parameter does. A parameter with a small psi
+# can only be estimated slowly, or noisily.
+y_hat, psi = predict(model, model.theta, record.torque)
+time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
+for name, power in zip(names, time_average, strict=True):
+    print(f"mean square of psi for {name:6s} {power:8.1f}")
+
+# %% Is it the derivative?
+# Never trust a gradient that you have not differenced.
+step = 1e-5 * model.theta[2]
+only_f_m = np.array([0, 0, step])
+up = predict(model, model.theta + only_f_m, record.torque)[0]
+down = predict(model, model.theta - only_f_m, record.torque)[0]
+error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).max()
+print(f"psi of f_m against a central difference: {error:.1e}")
+
+# %% The same number from the spectrum
+# Equation (28): each line of the torque, times how strongly it moves the output at that frequency.
+omega, power = line_spectrum(record.torque[-4000:])
+from_spectrum = np.diag(information(model, model.theta, omega, power))
+ratio = time_average / from_spectrum
+print("time average over sum of (28):", ratio.round(4))
+
+# %% Where it comes from
+# Question 1: which frequencies tell us about J_a, and which about friction?
+# Question 2: the excitation costs wear. Which band would you drop if only f_m mattered?
+_, slopes = frequency_response(model, model.theta, omega)
+share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)
+share /= share[-1]
+for i, name in enumerate(names):
+    plt.plot(omega, share[:, i], label=name)
+plt.xlim(0, 200)
+plt.xlabel("frequency [rad/s]")
+plt.ylabel("share of the information below it")
+plt.legend()
+plt.show()
+half = {name: omega[np.searchsorted(share[:, i], 0.5)] for i, name in enumerate(names)}
+print(
+    "half of the information lies below [rad/s]:", {k: round(float(v), 1) for k, v in half.items()}
+)
+
+# %% Check
+print(f"check: ratios within {100 * np.abs(ratio - 1).max():.2f} % of one")
+assert error < 1e-5
+assert np.abs(ratio - 1).max() < 0.01
+assert list(np.argsort(time_average)) == [0, 1, 2], "k_T has the least, f_m the most"

@@ -1,0 +1,64 @@
+"""Lab 3, forgetting: what speed costs in variance, in theory and in experiment."""
+
+# %% Theory in two lines
+# With forgetting, P settles at (1 - lambda) Q^-1 (equation 29), the estimate has the variance
+# sigma^2 P / 2, and an error dies out as lambda^k. All of that is known before any experiment.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.adaptation import estimate_covariance, steady_P
+from flexaxis.estimators.frequency import information, line_spectrum
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.sim.simulate import simulate
+
+SEEDS = range(1000, 1006)
+LAMBDAS = (0.98, 0.99, 0.995, 0.998)
+names, T, sigma = ("k_T", "1/J_a", "f_m"), 0.005, 0.1
+scenario = find_scenario("fm_step-v1").override(
+    {"name": "lab3", "duration": 40.0, "fault[0].at": 30.0}
+)
+records = simulate(scenario, SEEDS)
+axis = three_mass(scenario.nominal.as_dict())
+model = axis.parametrize(names)
+nominal, onset = model.theta, round(30 / T)
+
+quiet = slice(2000, 6000)  # two periods of the excitation, before the fault
+Q = information(model, nominal, *line_spectrum(records[0].torque[quiet]))
+
+# %% Experiment
+# Friction grows by half at 30 s. Before it we measure how noisy the estimate is, after it how late.
+rows = []
+for forgetting in LAMBDAS:
+    P = steady_P(Q, forgetting=forgetting)
+    theory = np.sqrt(estimate_covariance(P, sigma**2)[2, 2])
+    noise, lag = [], []
+    for record in records:
+        rpem = Rpem(axis, P0=P, forgetting=forgetting)
+        f_m = rpem.run(record.torque, record.speed)[:, 2]
+        noise.append(np.mean((f_m[quiet] - nominal[2]) ** 2))
+        lag.append(T * np.sum(np.abs(f_m[onset : onset + 1000] / nominal[2] - 1.5)) / 0.5)
+    rows.append(
+        (forgetting, theory / nominal[2], np.sqrt(np.mean(noise)) / nominal[2], np.mean(lag))
+    )
+
+# %% Side by side
+# Question 1: by which factor does the deviation change when the memory is halved?
+# Question 2: the lag is longer than the memory T/(1 - lambda) says. Which assumption fails?
+print("lambda   std theory   std measured   lag [s]   T/(1-lambda) [s]")
+for forgetting, theory, measured, lag in rows:
+    print(
+        f"{forgetting:6.3f} {100 * theory:10.3f} % {100 * measured:12.3f} %"
+        f" {lag:9.2f} {T / (1 - forgetting):14.2f}"
+    )
+_, theory, measured, lag = np.array(rows).T
+plt.loglog(100 * measured, lag, "o-")
+plt.xlabel("standard deviation of f_m before the fault [%]")
+plt.ylabel("lag after it [s]")
+plt.show()
+
+# %% Check
+ratio = measured[2] / theory[2]
+print(f"check: at lambda 0.995 the measured deviation is {ratio:.2f} of theory")
+assert 0.85 < ratio < 1.2
+assert np.all(np.diff(lag) > 0) and np.all(np.diff(measured) < 0), "speed has its price"

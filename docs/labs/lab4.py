@@ -1,0 +1,72 @@
+"""Lab 4: a Delta for each parameter. Choose how fast each estimate follows, and get it."""
+
+# %% The design rule
+# Covariance modification adds Delta to P in every sample (equation 10). In steady state
+# P Q P = Delta (30), and an error dies out as exp(-P Q k). So a wanted time constant tau gives
+# Delta_ii = 1/(tau_i^2 Q_ii), tau in samples.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.adaptation import drift_for, steady_P, tracking_error
+from flexaxis.estimators.frequency import information, line_spectrum
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.sim.simulate import simulate
+
+names, T = ("k_T", "1/J_a", "f_m"), 0.005
+SEEDS = range(1000, 1004)
+scenario = find_scenario("fm_step-v1").override({"name": "lab4", "fault[0].factor": 1.1})
+records = simulate(scenario, SEEDS)
+axis = three_mass(scenario.nominal.as_dict())
+model = axis.parametrize(names)
+onset = 2000
+Q = information(model, model.theta, *line_spectrum(records[0].torque[:onset]))
+print("diagonal of Q:", np.diag(Q).round(1))
+correlation = Q[0, 2] / np.sqrt(Q[0, 0] * Q[2, 2])
+print(f"correlation of k_T and f_m: {correlation:.2f}")
+
+
+# %% Three wishes
+# f_m faster and faster; the other two stay at 2 s. Question 1: what happens to the noise of f_m,
+# and what to that of k_T?
+def experiment(tau):
+    """Return time, predicted and measured error of f_m (1000,) after the fault, and its noise."""
+    Delta = drift_for([2.0, 2.0, tau], Q)
+    P = steady_P(Q, drift=Delta)
+    after = T * np.arange(1000)
+    predicted = tracking_error(P, Q, after)[:, 2, 2]
+    runs = []
+    for record in records:
+        rpem = Rpem(axis, P0=P, drift=Delta)
+        runs.append(rpem.run(record.torque, record.speed)[:, 2] / model.theta[2])
+    mean = np.mean(runs, axis=0)
+    noise = np.sqrt(np.mean((np.array(runs)[:, 1000:onset] - 1) ** 2))
+    return after, predicted, (1.1 - mean[onset : onset + 1000]) / 0.1, noise
+
+
+results = {tau: experiment(tau) for tau in (0.5, 1.0, 2.0)}
+
+# %% Predicted and measured
+# Question 2: off-diagonal elements of Q slow f_m down. What would a full Delta change
+# (`drift_for(..., coupled=True)`)?
+lags = {}
+for tau, (after, predicted, measured, noise) in results.items():
+    (line,) = plt.plot(after, measured, label=f"tau {tau} s")
+    plt.plot(after, predicted, "--", color=line.get_color())
+    lags[tau] = T * predicted.sum(), T * measured.sum()
+    print(
+        f"tau {tau:3.1f} s: lag predicted {lags[tau][0]:.2f} s, measured {lags[tau][1]:.2f} s, "
+        f"noise {100 * noise:.2f} %"
+    )
+plt.xlabel("time after the fault [s]")
+plt.ylabel("error of f_m over the size of the fault")
+plt.legend()
+plt.show()
+
+# %% Check
+ratio = lags[1.0][1] / lags[1.0][0]
+noises = [noise for *_, noise in results.values()]
+print(f"check: for tau = 1 s the lag is {lags[1.0][1]:.2f} s, {ratio:.2f} of the prediction")
+assert 0.9 < ratio < 1.4
+assert 0.8 < lags[1.0][1] < 1.6, "the wish came true"
+assert noises[0] > noises[1] > noises[2], "the faster, the noisier"

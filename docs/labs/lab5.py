@@ -1,0 +1,61 @@
+"""Lab 5, windup and mu: what happens to an estimator when nothing moves."""
+
+# %% A pause
+# The axis moves for 10 s, stands for 20 s, and moves again. Friction grows by half while it stands.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.priors import known_P
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.sim.simulate import simulate
+
+FORGETTING = 0.995
+scenario = find_scenario("pause_fm_step-v1")
+record = simulate(scenario, [1000])[0]
+axis = three_mass(scenario.nominal.as_dict())
+names, restart = ("k_T", "1/J_a", "f_m"), 6000
+truth = axis.parametrize(names).theta * [1, 1, 1.5]
+
+
+# %% Three values of mu
+# While psi is zero, forgetting divides P by lambda in every sample: after 20 s by 0.995^4000.
+# Question 1: how large is that number? Question 2: equation (12) stops the growth. Where?
+def run(mu):
+    """Return the largest eigenvalue of P (N,), and the estimates over truth (N, 3)."""
+    rpem = Rpem(
+        axis, P0=known_P(names, forgetting=FORGETTING), forgetting=FORGETTING, regularization=mu
+    )
+    trace = rpem.trace(record.torque, record.speed)
+    return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth
+
+
+results = {mu: run(mu) for mu in (0.0, 0.03, 0.3)}
+
+# %% Look
+figure, (above, below) = plt.subplots(2, 1, sharex=True)
+for mu, (largest, theta) in results.items():
+    above.semilogy(record.time, largest, label=f"mu {mu:g}")
+    below.plot(record.time, theta[:, 1].clip(0.5, 1.5))
+above.set_ylabel("largest eigenvalue of P")
+above.legend()
+below.set_ylabel("1/J_a over truth")
+below.set_xlabel("time [s]")
+plt.show()
+
+# %% The price at the restart
+# Question 3: what does a mu that is far too large do to the estimates while the axis moves?
+print("  mu     peak of P   (1-lambda)/mu   largest error of k_T, 1/J_a after the restart")
+for mu, (largest, theta) in results.items():
+    bound = (1 - FORGETTING) / mu if mu else np.inf
+    burst = np.abs(theta[restart : restart + 400, :2] - 1).max()
+    print(f"{mu:5.2f} {largest.max():12.3g} {bound:12.3g} {100 * burst:12.1f} %")
+
+# %% Check
+largest, theta = results[0.3]
+bound = (1 - FORGETTING) / 0.3
+bursts = [np.abs(t[restart : restart + 400, :2] - 1).max() for _, t in results.values()]
+print(f"check: P peaks at {largest.max() / bound:.3f} of its bound, the burst is {bursts[-1]:.3f}")
+assert 0.9 < largest.max() / bound <= 1 + 1e-9
+assert results[0.0][0].max() > 1e3 * bound, "without mu, P winds up"
+assert bursts[-1] < 0.1 < bursts[0]

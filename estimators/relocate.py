@@ -1,0 +1,329 @@
+"""
+Detect, rewind, refit: a recursive filter that finds out what has changed, and when.
+
+The main filter is the prediction-error method with forgetting, its state corrected. A CUSUM on
+its residual raises an alarm. Then every hypothesis, "parameter i changed at sample k₀", is fitted
+to the data since; the one with the most evidence wins, if it explains enough. The filter is rewound
+to k₀, given the fitted value and an open mind about it, and run through the data again. Hypotheses
+range over all physical parameters of the model, not only over those that are identified.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.design import make_design
+from flexaxis.estimators.history import (
+    LENGTH,
+    repetition,
+    watched_loop,
+    watched_state_type,
+    watched_tuning_type,
+    widened,
+)
+from flexaxis.estimators.hypotheses import FINE, SPREAD, Case, Finding, Hypotheses
+from flexaxis.estimators.model import Model, increment
+from flexaxis.estimators.pattern import split
+from flexaxis.estimators.refit import Change, Past, explain, replay
+from flexaxis.estimators.rpem import filter_records
+from flexaxis.estimators.sampled import terms
+from flexaxis.estimators.signals import check_sample, check_signals
+
+Array = NDArray[np.float64]
+
+SUSPECT_BOX = (0.4, 2.5)  # times nominal, for parameters that are not identified
+WARM_UP = 200  # samples before the first alarm
+LOOKS = (0, 1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40, 50, 64, 80, 100)  # after an alarm
+SETTLED = 400  # samples after which a change of an unidentified parameter is taken as known
+RECENT = 60  # samples by which the residual is judged in the end
+EXCESS = 1.5  # residual variance over that before the alarm that is "not explained"
+
+
+class Relocate:
+    """
+    Prediction-error method that rewinds and refits after an abrupt change.
+
+    Parameters
+    ----------
+    model : Model
+        Linear grey-box model, such as ``three_mass(nominal)``.
+    identify : sequence of str
+        Parameters to estimate, or their inverses.
+    suspects : sequence of str
+        Parameters that are not estimated but may change; a change of one is found, named and
+        put into the model.
+    theta0 : (p,) array_like, optional
+        θ(0); the model's nominal values by default.
+    P0 : (p,) or (p, p) array_like
+        P(0), for a noise variance of one.
+    period : float
+        Sampling period T [s].
+    forgetting : float
+        λ of the main filter.
+    alarm : float
+        Evidence at which the residual is looked into [nats].
+    gain : float
+        Evidence that a change needs to be accepted [nats].
+    bounds : (lower, upper), optional
+        Box of θ; 0.1 to 10 times θ(0) by default.
+    output : {"speed", "increment"}
+        What y is.
+
+    Attributes
+    ----------
+    names, output, bounds
+        As given.
+    theta : (p,) array
+        The estimate.
+    covariance : (p, p) array
+        Its claimed covariance, R̂ P/2.
+    alarm : bool
+        Whether a change was found in the last sample.
+    findings : tuple of Finding
+        All that was found, the latest with its present value.
+
+    Raises
+    ------
+    EstimatorError
+        If an option cannot be used.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+        suspects: Sequence[str] = (),
+        theta0: ArrayLike | None = None,
+        P0: ArrayLike,
+        period: float = 0.005,
+        forgetting: float = 0.995,
+        alarm: float = 10.0,
+        gain: float = 14.0,
+        bounds: tuple[ArrayLike, ArrayLike] | None = None,
+        output: str = "speed",
+    ) -> None:
+        narrow = make_design(
+            model,
+            identify=identify,
+            theta0=theta0,
+            P0=P0,
+            period=period,
+            forgetting=forgetting,
+            drift=None,
+            regularization=0.0,
+            bounds=bounds,
+            output=output,
+        )
+        self.names, self.output = narrow.model.names, output
+        self.bounds = narrow.lower, narrow.upper
+        self._p, self._gain = len(self.names), gain
+        known = {name.removeprefix("1/") for name in self.names}
+        others = [name for name in suspects if name not in known]
+        chosen = increment(model, period) if output == "increment" else model
+        wide = chosen.parametrize([*self.names, *others])
+        rest = wide.theta[self._p :]
+        P = np.zeros((len(wide.theta),) * 2)
+        P[: self._p, : self._p] = narrow.P0
+        design = replace(
+            narrow,
+            model=wide,
+            theta0=np.r_[narrow.theta0, rest],
+            P0=P,
+            drift=np.zeros_like(P),
+            lower=np.r_[narrow.lower, SUSPECT_BOX[0] * rest],
+            upper=np.r_[narrow.upper, SUSPECT_BOX[1] * rest],
+        )
+        pattern, coefficients = split(wide)
+        tuning, start = filter_records(design, pattern, coefficients)
+        self._tuning = widened(tuning, watched_tuning_type(pattern))
+        self._tuning["threshold"], self._tuning["growth"] = alarm, 4.0
+        self._start = widened(start, watched_state_type(pattern))
+        self._start["stop"] = WARM_UP
+        order, substeps = int(tuning["order"][0]), int(tuning["substeps"][0])
+        self._hypotheses = Hypotheses(
+            terms=terms(wide, order, substeps, period),
+            box=(design.lower, design.upper),
+            identified=self._p,
+            forgetting=narrow.forgetting,
+        )
+        self._wide_names = wide.names
+        self._loop = watched_loop(pattern)
+        self._compile()
+        self.reset()
+
+    def _compile(self) -> None:
+        """Let everything compile now rather than at the first alarm."""
+        given, theta = self._hypotheses.terms, self._start["theta"][0]
+        one, present, zero = np.zeros(1), np.ones(1, bool), np.zeros((1, given.n))
+        past = Past(theta[None], zero, one, one, one, present, 1.0)
+        explain(given, past, np.arange(1), *self._hypotheses.box, SPREAD, 0, theta, FINE)
+        p = len(theta)
+        X, P = np.zeros((1 + p, given.n + 1)), np.zeros((p, p))
+        replay(given, theta, X, P, one, one, present, 1.0)
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._state = self._start.copy()
+        self._case: Case | None = None
+        self._found: list[Finding] = []
+        self._free: list[tuple[int, int]] = []  # unidentified parameter, count to freeze it at
+        self.alarm = False
+
+    @property
+    def theta(self) -> Array:  # noqa: D102
+        return self._state["theta"][0, : self._p].copy()
+
+    @property
+    def covariance(self) -> Array:  # noqa: D102
+        return self._state["noise"][0] * self._state["P"][0, : self._p, : self._p] / 2
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:  # noqa: D102
+        return tuple(self._found)
+
+    def step(self, u: float, y: float | None) -> Array:
+        """
+        Take one sample and return θ[k] (p,); y is None in a gap.
+
+        Parameters
+        ----------
+        u : float
+            Torque held from t_k on.
+        y : float or None
+            Output measured at t_k.
+        """
+        check_sample(u, y)
+        return self.run([u], [0.0 if y is None else y], [y is not None])[0]
+
+    def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
+        """
+        Take N samples, from the current state on, and return θ (N, p).
+
+        Parameters
+        ----------
+        u, y : (N,) array_like
+        valid : (N,) array_like of bool, optional
+            False where y is missing.
+        """
+        u, y, present = check_signals(u, y, valid)
+        estimates = np.empty((len(u), self._p))
+        state = self._state[0]
+        done = 0
+        while done < len(u):
+            before = int(state["count"])
+            self.alarm = False
+            self._loop(
+                self._tuning, self._state, u[done:], y[done:], present[done:], estimates[done:]
+            )
+            done += int(state["count"]) - before
+            self._attend()
+            estimates[done - 1] = state["theta"][: self._p]
+        return estimates
+
+    def _attend(self) -> None:
+        """Do what is due after a sample: open a case, look into it, or close it."""
+        state = self._state[0]
+        ringing = state["armed"] and state["evidence"] > self._tuning["threshold"][0]
+        if not ringing and state["count"] != state["stop"]:
+            return
+        if ringing:
+            onset = int(state["quiet"])
+            noise = float(state["past_noise"][onset % LENGTH])
+            repeated = repetition(float(state["past_correlation"][onset % LENGTH]))
+            self._case = Case(int(state["count"]) - 1, onset, noise, repeated)
+            state["armed"] = 0
+        if self._case is not None:
+            self._look(self._case)
+        elif state["count"] == WARM_UP:
+            self._arm()
+        self._freeze()
+        self._set_stop()
+
+    def _look(self, case: Case) -> None:
+        state = self._state[0]
+        age = int(state["count"]) - 1 - case.alarm
+        if age in LOOKS:
+            self._judge(case)
+        if age >= LOOKS[-1]:
+            self._close(case)
+
+    def _arm(self) -> None:
+        state = self._state[0]
+        state["armed"], state["evidence"], state["quiet"] = 1, 0.0, state["count"]
+
+    def _set_stop(self) -> None:
+        count = int(self._state["count"][0])
+        due = [when for _, when in self._free]
+        if self._case is not None:
+            due += [self._case.alarm + 1 + age for age in LOOKS]
+        if count < WARM_UP:
+            due.append(WARM_UP)
+        self._state["stop"] = min((when for when in due if when > count), default=-1)
+
+    def _judge(self, case: Case) -> None:
+        """Compare the hypotheses on the data so far, and take up the best if it is good enough."""
+        past = self._hypotheses.past(self._state[0], case)
+        if len(past.u) < 2:
+            return
+        best, change, odds = self._hypotheses.compare(case, past)
+        limit = EXCESS + 6 * np.sqrt(2 * case.repeated / len(past.u[change.onset :]))
+        needed = case.likelihood[-1] + self._gain * case.repeated
+        if change.unexplained > limit:
+            self._retract(case, past)
+        elif case.active is not None or odds > needed:
+            self._take_up(case, past, change, self._hypotheses.choices[best])
+
+    def _retract(self, case: Case, past: Past) -> None:
+        """Take back a change that later data do not bear out."""
+        if case.active is not None:
+            onset = min(case.onset - case.first, len(past.theta) - 1)
+            same = Change(onset, past.theta[onset], 0.0, 0.0)
+            self._take_up(case, past, same, np.arange(0))
+
+    def _take_up(self, case: Case, past: Past, change: Change, active: NDArray[np.int64]) -> None:
+        """Rewind to a change, and write down what changed, or how that is seen now."""
+        self._hypotheses.rewind(self._state[0], case, past, change, active)
+        if case.active is None:
+            self.alarm = True
+            self._found.append(Finding(int(self._state["count"][0]) - 1, case.onset, (), ()))
+        case.active, case.before = active, past.theta[change.onset]
+        self._update_finding(case)
+
+    def _update_finding(self, case: Case) -> None:
+        assert case.active is not None and case.before is not None  # a change was accepted
+        ratio = self._state["theta"][0, case.active] / case.before[case.active]
+        self._found[-1] = replace(
+            self._found[-1],
+            onset=case.onset,
+            parameters=tuple(self._wide_names[i] for i in case.active),
+            ratio=tuple(ratio.tolist()),
+        )
+
+    def _close(self, case: Case) -> None:
+        """End a case; where the residual stays large, say so and take it as the new noise."""
+        state = self._state[0]
+        count = int(state["count"])
+        recent = np.arange(max(count - RECENT, case.alarm), count) % LENGTH
+        squares = state["past_epsilon"][recent] ** 2 / state["past_scale"][recent]
+        variance = float(np.mean(squares))
+        if variance > EXCESS * case.variance:
+            state["noise"] = variance
+            if case.active is None:
+                self.alarm = True
+                self._found.append(Finding(count - 1, case.onset, (), ()))
+        if case.active is not None:
+            self._update_finding(case)
+            self._free += [(int(i), count + SETTLED) for i in case.active if i >= self._p]
+        self._case = None
+        self._arm()
+
+    def _freeze(self) -> None:
+        """Fix unidentified parameters at what they have been found to be."""
+        state = self._state[0]
+        for i, when in self._free:
+            if when == state["count"]:
+                state["P"][i, :] = state["P"][:, i] = 0.0
+        self._free = [(i, when) for i, when in self._free if when > state["count"]]

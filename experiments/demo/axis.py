@@ -1,0 +1,155 @@
+"""The axis as it runs: plant and loop; faults, noise and excitation may change at any time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.theta import true_theta
+from flexaxis.sim.controller import Controller, ControllerConfig
+from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.excitation import Multisine
+from flexaxis.sim.parameters import AxisParameters, preset
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.sensors import NoiseConfig
+from flexaxis.sim.streams import stream
+from flexaxis.sim.timing import PERIOD, sample_index
+
+Array = NDArray[np.float64]
+
+EXCITATION = ("on", "stop-and-go", "off")
+SPELL = 10.0
+"""Seconds that the axis moves, and then stands, in stop-and-go."""
+
+FACTORS = (0.5, 2.0)
+"""Least and largest fault: beyond them the controller, made for the nominal axis, loses grip."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What happened in n samples.
+
+    Attributes
+    ----------
+    torque, speed : ndarray (n,)
+        Command [N m] and measured motor speed [rad/s].
+    excited : ndarray (n,) of bool
+        Where the reference moves.
+    """
+
+    torque: Array
+    speed: Array
+    excited: NDArray[np.bool_]
+
+    def then(self, later: Samples, *, keep: int) -> Samples:
+        """Return these samples and later ones, the last `keep` of them."""
+        return Samples(
+            np.concatenate([self.torque, later.torque])[-keep:],
+            np.concatenate([self.speed, later.speed])[-keep:],
+            np.concatenate([self.excited, later.excited])[-keep:],
+        )
+
+
+NO_SAMPLES = Samples(np.empty(0), np.empty(0), np.empty(0, bool))
+
+
+class LiveAxis:
+    """The nominal axis in its closed loop, advanced by any number of samples at a time.
+
+    Parameters
+    ----------
+    seed : int
+        Of reference phases and noise: the same seed and the same actions give the same run.
+
+    Attributes
+    ----------
+    nominal : AxisParameters
+        Parameters without a fault.
+    parameters : AxisParameters
+        Those that act now.
+    noise : float
+        Standard deviation of the measured speed [rad/s].
+    excitation : {"on", "stop-and-go", "off"}
+        Whether the reference moves; where it does not, it keeps its value.
+    """
+
+    def __init__(self, *, seed: int = 0) -> None:
+        self.nominal = self.parameters = preset("n1")
+        self.noise = NoiseConfig().speed
+        self.samples = 0
+        self._excitation, self._since = "on", 0
+        self._signal = Multisine().one_period(stream("demo", seed, "excitation"))
+        self._clock = 0
+        self._white = stream("demo", seed, "noise.speed")
+        self._plant = Plant([self.nominal])
+        self._controller = Controller(ControllerConfig(), 1)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.samples * PERIOD
+
+    @property
+    def excitation(self) -> str:  # noqa: D102
+        return self._excitation
+
+    @excitation.setter
+    def excitation(self, mode: str) -> None:
+        if mode not in EXCITATION:
+            raise FlexaxisError(unknown("excitation", mode, EXCITATION))
+        self._excitation, self._since = mode, self.samples
+
+    @property
+    def excited(self) -> bool:
+        """Whether the reference moves in the next sample."""
+        if self._excitation != "stop-and-go":
+            return self._excitation == "on"
+        return (self.samples - self._since) // sample_index(SPELL) % 2 == 0
+
+    @property
+    def angles(self) -> Array:
+        """Motor, gear and arm angle (3,) [rad]."""
+        return self._plant.angles[0].copy()
+
+    def theta(self, names: tuple[str, ...]) -> Array:
+        """Return the true values (p,) of estimated parameters."""
+        return true_theta(names, self.parameters.as_array())
+
+    def set_factors(self, factors: dict[str, float]) -> None:
+        """Set parameters to factors times nominal, and all others to nominal.
+
+        Raises
+        ------
+        FlexaxisError
+            If a parameter is unknown, or a factor outside of what the loop can stand.
+        """
+        values = self.nominal.as_dict()
+        for name, factor in factors.items():
+            if name not in values or name == "r":  # a gear does not change its teeth
+                raise FlexaxisError(unknown("parameter", name, [n for n in values if n != "r"]))
+            if not FACTORS[0] <= factor <= FACTORS[1]:
+                raise FlexaxisError(
+                    f"{name} × {factor:g}: the loop is safe for factors from {FACTORS[0]:g} to "
+                    f"{FACTORS[1]:g}"
+                )
+            values[name] *= factor
+        parameters = AxisParameters(**values)
+        self._plant.set_parameters([parameters])
+        self.parameters = parameters
+
+    def advance(self, samples: int) -> Samples:
+        """Simulate some samples and return what was commanded and measured in them."""
+        torque, speed = np.empty((2, samples))
+        excited = np.empty(samples, bool)
+        for k in range(samples):
+            excited[k] = self.excited
+            speed[k] = self._plant.speed_m[0]
+            self._clock += int(excited[k])  # else the reference keeps its last value
+            reference = self._signal[[(self._clock - 1) % len(self._signal)]]
+            torque[k] = self._controller.torque(reference, self._plant.angle_m)[0]
+            self._plant.step(torque[k : k + 1])
+            self.samples += 1
+        speed += self.noise * self._white.standard_normal(samples)
+        return Samples(torque, speed, excited)

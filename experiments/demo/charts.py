@@ -1,0 +1,170 @@
+"""The curves of the page: estimates with bands, diag P, and the trade-off, drawn by the browser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.demo.dots import Dot
+from flexaxis.experiments.demo.racer import NAMES
+from flexaxis.experiments.demo.session import SPAN, Curves
+from flexaxis.experiments.theta import physical
+from flexaxis.sim.parameters import PARAMETER_UNITS
+
+Array = NDArray[np.float64]
+
+COLOURS = ("#0072B2", "#D55E00")
+"""Of the two racers, whoever they are: distinct also for the colour-blind."""
+
+DASHES = ((), (10, 4), (2, 4))
+FAR = 4.0
+"""Estimates are drawn up to this many times nominal, so that a burst leaves the rest to be seen."""
+
+
+def unit(name: str) -> str:
+    """Return the unit of an estimated parameter."""
+    parameter, exponent = physical(name)
+    text = PARAMETER_UNITS[parameter]
+    return text if exponent > 0 else f"1/({text})"
+
+
+class Charts:
+    """The charts of a page.
+
+    Parameters
+    ----------
+    gui : viser.GuiApi
+        Where they are put.
+    nominal : ndarray (p,)
+        Nominal values of the estimated parameters.
+    """
+
+    def __init__(self, gui: Any, nominal: Array) -> None:
+        self._nominal = nominal
+        self._estimates = [_estimate_chart(gui, name) for name in NAMES]
+        self._P = _P_chart(gui)
+        self._dots = _dot_chart(gui)
+        self._drawn: list[Dot] = []
+
+    def update(self, curves: Curves, dots: Sequence[Dot]) -> None:
+        """Draw the last seconds, and the dots if there are new ones."""
+        if len(curves.time) < 2:
+            return
+        for i, chart in enumerate(self._estimates):
+            chart.data = estimate_lines(curves, i, float(self._nominal[i]))
+        self._P.data = P_lines(curves)
+        if list(dots) != self._drawn:
+            self._drawn = list(dots)
+            self._dots.data = dot_columns(dots)
+
+
+def estimate_lines(curves: Curves, i: int, nominal: float) -> tuple[Array, ...]:
+    """Return time, truth, and for each racer +2σ, −2σ and the estimate; each (M,)."""
+    lines = [curves.time, curves.truth[:, i]]
+    for racer in range(curves.theta.shape[1]):
+        theta = curves.theta[:, racer, i]
+        band = 2 * np.nan_to_num(curves.deviation[:, racer, i])
+        lines += [theta + band, theta - band, theta]
+    low, high = nominal / FAR, nominal * FAR
+    return (curves.time, *(np.clip(line, low, high) for line in lines[1:]))
+
+
+def P_lines(curves: Curves) -> tuple[Array, ...]:
+    """Return time and log₁₀ of the diagonal of P for each racer and parameter, each (M,).
+
+    An estimator without a P lies on the lowest line there is, for the browser knows no gaps.
+    """
+    P = curves.P.reshape(len(curves.P), -1)
+    lowest = P[np.isfinite(P)].min(initial=1.0)
+    return (curves.time, *np.log10(np.where(np.isfinite(P), P, lowest)).T)
+
+
+def dot_columns(dots: Sequence[Dot]) -> tuple[Array, ...]:
+    """Return std (M,) in rising order, and a column (M,) of lags for each racer and parameter.
+
+    A column is far below the chart where the dot belongs to another one.
+    """
+    rows = sorted(dots, key=lambda dot: dot.std)
+    columns = np.full((2 * len(NAMES), len(rows) + 2), 1e-9)
+    for place, dot in enumerate(rows, start=1):
+        columns[len(NAMES) * dot.racer + NAMES.index(dot.parameter), place] = dot.lag
+    std = np.array([1e-9, *(dot.std for dot in rows), 1e9])
+    return (std, *columns)
+
+
+def _estimate_chart(gui: Any, name: str) -> Any:
+    from viser import uplot
+
+    series = [uplot.Series(label="t"), uplot.Series(label="truth", stroke="#000", dash=(6, 4))]
+    for colour in COLOURS:
+        faint = {"stroke": "transparent", "points": {"show": False}}
+        series += [uplot.Series(label=f"{s}2σ", **faint) for s in "+−"]  # type: ignore[typeddict-item]
+        series.append(uplot.Series(label="estimate", stroke=colour, width=2))
+    return gui.add_uplot(
+        data=_nothing(len(series)),
+        series=tuple(series),
+        bands=tuple(
+            uplot.Band(series=(2 + 3 * i, 3 + 3 * i), fill=colour + "30")
+            for i, colour in enumerate(COLOURS)
+        ),
+        title=f"{name} [{unit(name)}]",
+        **_look(),
+    )
+
+
+def _P_chart(gui: Any) -> Any:
+    from viser import uplot
+
+    lines = [
+        uplot.Series(label=name, stroke=colour, width=2, dash=dash)
+        for colour in COLOURS
+        for name, dash in zip(NAMES, DASHES, strict=True)
+    ]
+    return gui.add_uplot(
+        data=_nothing(1 + len(lines)),
+        series=(uplot.Series(label="t"), *lines),
+        title="log₁₀ diag P: k_T —, 1/J_a – –, f_m · ·",
+        **_look(),
+    )
+
+
+def _dot_chart(gui: Any) -> Any:
+    from viser import uplot
+
+    dots = [
+        uplot.Series(
+            label=name,
+            stroke="transparent",
+            points={"show": True, "size": size, "width": 2, "stroke": colour, "fill": fill},
+        )
+        for colour in COLOURS
+        for name, size, fill in zip(NAMES, (9, 12, 9), ("#fff", colour + "40", colour), strict=True)
+    ]
+    return gui.add_uplot(
+        data=dot_columns(()),
+        series=(uplot.Series(label="std"), *dots),
+        title="lag after a fault [s] over std before [%]: k_T ○, 1/J_a ◎, f_m ●",
+        scales={
+            "x": uplot.Scale(time=False, distr=3, log=10, auto=False, range=(0.01, 100)),
+            "y": uplot.Scale(distr=3, log=10, auto=False, range=(0.05, 10)),
+        },
+        legend=uplot.Legend(show=False),
+        height=170,
+    )
+
+
+def _look() -> dict[str, Any]:
+    from viser import uplot
+
+    return {
+        "scales": {"x": uplot.Scale(time=False)},
+        "legend": uplot.Legend(show=False),
+        "height": 110,
+    }
+
+
+def _nothing(series: int) -> tuple[Array, ...]:
+    return (np.array([0.0, SPAN]), *np.ones((series - 1, 2)))

@@ -1,0 +1,193 @@
+"""An estimator in the race: built by name, turned by its knobs while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.priors import DRIFT, known_P
+from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.experiments.demo.axis import Samples
+from flexaxis.experiments.specs import parse
+from flexaxis.experiments.theta import physical
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.parameters import AxisParameters
+from flexaxis.sim.timing import PERIOD, sample_index
+
+Array = NDArray[np.float64]
+
+NAMES = tuple(DEFAULT_IDENTIFY)
+SETTLE = sample_index(2.0)
+"""Samples in which a fresh predictor finds the state of the axis: five times its slowest decay."""
+REPLAY = sample_index(3.0)
+"""Samples that an estimator without a P to hand over sees again."""
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The knobs of the method; each estimator uses those that it has.
+
+    Attributes
+    ----------
+    forgetting : float
+        λ, eq. (9).
+    drift : mapping of str to float
+        Diagonal of Δ, eq. (10), by parameter.
+    regularization : float
+        μ, eq. (12).
+    """
+
+    forgetting: float = 0.995
+    drift: Mapping[str, float] = field(default_factory=lambda: dict(DRIFT))
+    regularization: float = 0.0
+
+
+class Racer:
+    """An estimator with its tuning, at the axis from some time on.
+
+    Parameters
+    ----------
+    text : str
+        As for `--estimator`: a name of the registry, or ``path/file.py:Class``, with options.
+    nominal : AxisParameters
+        What it is told, and where it starts.
+
+    Attributes
+    ----------
+    text : str
+        As given.
+    tuning : Tuning
+        Where its knobs stand.
+    knobs : tuple of str
+        Which of the fields of `Tuning` it has.
+    theta : ndarray (p,)
+        Its estimate.
+
+    Raises
+    ------
+    EstimatorError, FlexaxisError
+        If there is no such estimator, or it is not one of the three parameters and the speed.
+    """
+
+    def __init__(self, text: str, nominal: AxisParameters) -> None:
+        self.text, self._spec, self._nominal = text, parse(text), nominal
+        self.name = text.partition("[")[0].strip()
+        options = dict(getattr(REGISTRY.get(self.name), "options", {})) | dict(self._spec.options)
+        self._knobs = {
+            key: options[key] for key in ("forgetting", "regularization") if key in options
+        }
+        if self.name in ("rpem-drift", "rpem-drift-mu"):
+            self._knobs["drift"] = {name: options["scale"] * DRIFT[name] for name in NAMES}
+        self.knobs = tuple(self._knobs)
+        self.tuning = replace(Tuning(), **self._knobs)
+        self.theta = np.array([getattr(nominal, p) ** float(e) for p, e in map(physical, NAMES)])
+        self._estimator = self._build()
+        if tuple(self._estimator.names) != NAMES or self._estimator.output != "speed":
+            raise FlexaxisError(
+                f"{text} estimates {', '.join(self._estimator.names)} from the "
+                f"{self._estimator.output}; the demo races {', '.join(NAMES)} from the speed"
+            )
+
+    @property
+    def label(self) -> str:
+        """Name and where the knobs stand, in a few characters."""
+        tuning, words = self.tuning, []
+        if "forgetting" in self.knobs:
+            words.append(f"λ {tuning.forgetting:g}")
+        if "drift" in self.knobs:
+            words.append("Δ " + "/".join(f"{tuning.drift[name]:.0e}" for name in NAMES))
+        if "regularization" in self.knobs:
+            words.append(f"μ {tuning.regularization:g}")
+        return f"{self.text} {', '.join(words)}".strip()
+
+    @property
+    def P(self) -> Array:
+        """Diagonal of P (p,), for a noise variance of one; NaN where the estimator has none."""
+        P = getattr(self._estimator, "P", None)
+        return np.full(len(NAMES), np.nan) if P is None else np.diag(P).copy()
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (p,) that the estimator claims; NaN where it claims none."""
+        covariance = getattr(self._estimator, "covariance", None)
+        if covariance is None:
+            return np.full(len(NAMES), np.nan)
+        return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+    def run(self, samples: Samples) -> Array:
+        """Take samples and return the estimates (n, p)."""
+        estimates = run_estimator(self._estimator, samples.torque, samples.speed)
+        self.theta = estimates[-1].copy()
+        return estimates
+
+    def tune(self, tuning: Tuning, recent: Samples) -> None:
+        """Turn the knobs, and go on from the same estimate and the same P.
+
+        Parameters
+        ----------
+        tuning : Tuning
+            New values; those of knobs that it has not are ignored.
+        recent : Samples
+            The last seconds, from which the predictor finds the state of the axis again.
+
+        Raises
+        ------
+        EstimatorError
+            If a value is not allowed; then nothing has changed.
+        """
+        before, old = self.tuning, self._estimator
+        if not self.knobs or all(getattr(tuning, k) == getattr(before, k) for k in self.knobs):
+            return
+        self.tuning = tuning
+        try:
+            fresh = self._build()
+        except ValueError:
+            self.tuning = before
+            raise
+        self._estimator = fresh
+        self.join(recent)
+        with suppress(AttributeError):  # not every estimator has a P, or lets it be set
+            fresh.P = old.P  # type: ignore[attr-defined]
+
+    def join(self, recent: Samples) -> None:
+        """Let a fresh estimator find the state of the axis that is running already.
+
+        In a gap of the measurement a predictor follows the torque and forgets that it began at
+        rest. An estimator that has no P is then shown the end of the past once more.
+        """
+        if self.name not in REGISTRY or not len(recent.torque):  # others need not know gaps
+            return
+        gap = slice(-SETTLE - REPLAY, -REPLAY)
+        if hasattr(self._estimator, "P"):
+            gap = slice(-SETTLE, None)
+        torque = recent.torque[gap]
+        run_estimator(self._estimator, torque, np.zeros(len(torque)), np.zeros(len(torque), bool))
+        if gap.stop is not None:
+            run_estimator(self._estimator, recent.torque[-REPLAY:], recent.speed[-REPLAY:])
+
+    def _build(self) -> Estimator:
+        """Make the estimator with the knobs where they stand, starting at the present estimate."""
+        values = self._nominal.as_dict()
+        for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=True):
+            values[parameter] = value ** float(exponent)
+        tuning = self.tuning
+        if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
+            drift = np.array([tuning.drift[name] for name in NAMES])
+            scale = float(np.exp(np.mean(np.log(drift / [DRIFT[name] for name in NAMES]))))
+            P0 = known_P(NAMES, forgetting=None, scale=scale)
+            assert P0 is not None  # these are the paper's parameters
+            return Rpem(
+                three_mass(values),
+                identify=NAMES,
+                P0=P0,
+                drift=drift,
+                regularization=tuning.regularization,
+            )
+        options = dict(self._spec.options) | {key: getattr(tuning, key) for key in self.knobs}
+        return self._spec.make(values, PERIOD, **options)

@@ -1,0 +1,170 @@
+"""A case beside its theory: bound, score, consistency of the claimed covariance, detection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.bounds import jump_bound, lag_bound
+from flexaxis.experiments.scores import Window, finite, windows
+from flexaxis.experiments.theta import physical, started_nominal, true_theta
+from flexaxis.sim.faults import Step
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What theory says of one parameter in one case; None is "not defined here".
+
+    Attributes
+    ----------
+    lag_null : float or None
+        Lag of an estimator that never moves [s].
+    lag_bound : float or None
+        Lag on the oracle Cramér–Rao bound [s].
+    bound : dict of str to float
+        The bound on the standard deviation of θ̂ over D, by the number of samples after onset.
+    """
+
+    lag_null: float | None = None
+    lag_bound: float | None = None
+    bound: dict[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What the findings of an estimator are worth in one case.
+
+    Attributes
+    ----------
+    alarms : int
+        All findings.
+    false_alarms : int
+        Findings outside the windows of all faults.
+    delay : float or None
+        From a fault to the first finding in its window, mean over those detected [s].
+    missed : int
+        Faults without a finding in their window.
+    isolated : float or None
+        Share of the faults detected whose first finding ends up naming the right parameter alone.
+    """
+
+    alarms: int
+    false_alarms: int
+    delay: float | None
+    missed: int
+    isolated: float | None
+
+
+def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
+    """Return the limits of each estimated parameter, for the first window after its fault.
+
+    The bound is that of steps on an axis that the linear model describes; where there is anything
+    else it is not defined.
+    """
+    spans = windows(scenario, names)
+    found = []
+    for i, name in enumerate(names):
+        mine = [w for w in spans if w.parameter == physical(name)[0]]
+        single = len(mine) == 1 and mine[0].start == _onset(scenario, mine[0])
+        linear = not (scenario.friction or scenario.backlash)
+        steps = all(isinstance(fault, Step) for fault in scenario.fault)
+        if not (single and linear and steps and mine[0].stop > mine[0].start):
+            found.append(Limits())
+            continue
+        window = mine[0]
+        deviation = jump_bound(scenario, names, window.start, window.stop, torque)[:, i]
+        relative = deviation / window.size
+        found.append(
+            Limits(
+                lag_null=_lag_null(scenario, names, i, window),
+                lag_bound=lag_bound(deviation, window.size, period=scenario.period),
+                bound={str(n): float(relative[n]) for n in RMSE_AT if n < len(relative)},
+            )
+        )
+    return found
+
+
+def _onset(scenario: Scenario, window: Window) -> int:
+    return next(e.index for e in scenario.events() if e.parameter == window.parameter)
+
+
+def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
+    told = started_nominal(scenario)
+    start = true_theta(names, np.array([told[name] for name in PARAMETER_NAMES]))[i]
+    truth = true_theta(names, scenario.true_parameters()[window.start : window.stop])[:, i]
+    return finite(scenario.period * np.sum(np.abs(start - truth)) / window.size)
+
+
+def score(lag: float | None, limit: Limits) -> float | None:
+    """Return 100 ln(lag_null/lag)/ln(lag_null/lag_bound): 0 for doing nothing, 100 on the bound."""
+    null, bound = limit.lag_null, limit.lag_bound
+    if not lag or not null or not bound or bound >= null:
+        return None
+    return float(100 * np.log(null / lag) / np.log(null / bound)) if lag != null else 0.0
+
+
+def nees(error: Array, covariance: Any) -> float | None:
+    """Return θ̃ᵀ Σ⁻¹ θ̃, which for an honest Σ is χ² with p degrees of freedom on average p.
+
+    Parameters
+    ----------
+    error : ndarray (p,)
+        θ̃.
+    covariance : array_like (p, p) or None
+        Σ, as claimed.
+    """
+    if covariance is None:
+        return None
+    scale = np.sqrt(np.abs(np.diag(np.asarray(covariance, float))))
+    if not (np.isfinite(error).all() and np.all(scale > 0)):
+        return None
+    try:
+        scaled = error / scale
+        return finite(float(scaled @ np.linalg.solve(covariance / np.outer(scale, scale), scaled)))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def detection(
+    scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
+) -> Detection | None:
+    """Score the findings of an estimator; None for one that has none to give.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    names : sequence of str
+        Estimated parameters.
+    findings : sequence, optional
+        Each with ``alarm`` (sample) and ``parameters`` (names).
+    """
+    if findings is None:
+        return None
+    spans = windows(scenario, names)
+    alarms = np.array([finding.alarm for finding in findings], int)
+    inside = np.zeros(len(alarms), bool)
+    delays, named = [], []
+    for window in spans:
+        within = (alarms >= window.start) & (alarms < window.stop)
+        inside |= within
+        if within.any():
+            first = findings[int(np.argmax(within))]
+            delays.append(scenario.period * (first.alarm - window.start))
+            named.append([physical(name)[0] for name in first.parameters] == [window.parameter])
+    return Detection(
+        alarms=len(alarms),
+        false_alarms=int(np.sum(~inside)),
+        delay=float(np.mean(delays)) if delays else None,
+        missed=len(spans) - len(delays),
+        isolated=float(np.mean(named)) if named else None,
+    )

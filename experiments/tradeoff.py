@@ -1,0 +1,232 @@
+"""
+Speed against variance over an estimator's own knob, with the bound drawn in.
+
+One setting of a knob ranks nothing: whoever forgets faster is faster and noisier. So each estimator
+is swept over its knob, and compared where its standard deviation is that of a reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments import figures, harness
+from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.summary import pool
+from flexaxis.sim.scenario import Scenario
+
+REFERENCE = "rpem-forgetting"
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
+
+
+def with_knob(name: str, factor: float) -> str:
+    """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
+
+    A forgetting factor λ is turned in 1−λ, any other knob as it is.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator is not registered.
+
+    Examples
+    --------
+    >>> with_knob("rpem-forgetting", 2.0)
+    'rpem-forgetting[forgetting=0.99]'
+    """
+    knob, value = _knob(name)
+    if knob is None:
+        return name
+    return with_value(name, 1 - (1 - value) * factor if knob == "forgetting" else value * factor)
+
+
+def with_value(name: str, value: float) -> str:
+    """Return an estimator with its knob at a value."""
+    knob, _ = _knob(name)
+    return f"{name}[{knob}={value:.12g}]"
+
+
+def _knob(name: str) -> tuple[str | None, float]:
+    if name not in REGISTRY:
+        raise EstimatorError(
+            f"{name!r} is not registered, and only registered estimators say which option is their "
+            f"knob. Known: {', '.join(REGISTRY)}"
+        )
+    entry = REGISTRY[name]
+    return entry.knob, float(entry.options[entry.knob]) if entry.knob else 0.0
+
+
+def sweep(
+    scenarios: Sequence[Scenario],
+    estimators: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    factors: Sequence[float] = FACTORS,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[harness.Done], None] | None = None,
+) -> list[dict[str, Any]]:
+    """
+    Run every estimator at every setting of its knob.
+
+    Returns
+    -------
+    list of dict
+        One for each scenario, estimator and setting that has a fault in an estimated parameter:
+        ``scenario, estimator, setting, parameter``, pooled ``lag, lag_interval, t10, std,
+        std_interval, diverged, seeds``, ``ratio`` (geometric mean over the
+        parameters of std over that of the reference at its default), ``own_ratio`` (that of the
+        faulted parameter) and ``bound`` (lag).
+    """
+    names = list(dict.fromkeys([REFERENCE, *estimators]))
+    texts = {with_knob(n, f): n for n in names for f in (factors if n in estimators else (1.0,))}
+    texts |= {with_knob(REFERENCE, 1.0): REFERENCE}
+    cases: list[harness.Case] = []
+    for done in harness.run(scenarios, list(texts), seeds, jobs=jobs, store=store):
+        cases += done.cases
+        if advance:
+            advance(done)
+    rows, _ = pool(cases, scenarios)
+    limits = _limits(cases)
+    points = []
+    for scenario in scenarios:
+        mine = [row for row in rows if row["scenario"] == scenario.name]
+        reference = _stds(mine, with_knob(REFERENCE, 1.0))
+        for row in mine:
+            if row["changed"] and texts[row["estimator"]] in estimators:
+                ratios = _ratios(_stds(mine, row["estimator"]), reference)
+                points.append(
+                    {key: row[key] for key in _KEPT}
+                    | {
+                        "estimator": texts[row["estimator"]],
+                        "setting": row["estimator"],
+                        "ratio": float(np.exp(np.mean(np.log(list(ratios.values())))))
+                        if ratios
+                        else None,
+                        "own_ratio": ratios.get(row["parameter"]),
+                        "bound": limits.get((scenario.name, row["parameter"])),
+                    }
+                )
+    return points
+
+
+_KEPT = (
+    "scenario",
+    "parameter",
+    "lag",
+    "lag_interval",
+    "t10",
+    "std",
+    "std_interval",
+    "diverged",
+    "seeds",
+)
+
+
+def _stds(rows: Sequence[Mapping[str, Any]], setting: str) -> dict[str, float]:
+    return {r["parameter"]: r["std"] for r in rows if r["estimator"] == setting and r["std"]}
+
+
+def _ratios(own: Mapping[str, float], reference: Mapping[str, float]) -> dict[str, float]:
+    return {name: own[name] / reference[name] for name in own if name in reference}
+
+
+def _limits(cases: Sequence[harness.Case]) -> dict[tuple[str, str], float]:
+    """Return the mean lag on the bound by scenario and parameter."""
+    found: dict[tuple[str, str], list[float]] = {}
+    for case in cases:
+        for row in case.rows:
+            if row["lag_bound"] is not None:
+                found.setdefault((case.scenario, row["parameter"]), []).append(row["lag_bound"])
+    return {key: float(np.mean(values)) for key, values in found.items()}
+
+
+def matched(points: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """
+    Return the lag of each estimator where its standard deviation is that of the reference.
+
+    Between the two settings on either side, straight in the logarithms; None where the sweep does
+    not reach that deviation.
+    """
+    groups = dict.fromkeys((p["scenario"], p["parameter"], p["estimator"]) for p in points)
+    return [_match(points, *group) for group in groups]
+
+
+def _match(
+    points: Sequence[Mapping[str, Any]], scenario: str, parameter: str, estimator: str
+) -> dict[str, Any]:
+    mine = [
+        p
+        for p in points
+        if (p["scenario"], p["parameter"], p["estimator"]) == (scenario, parameter, estimator)
+        and p["ratio"] and p["lag"]
+    ]  # fmt: skip
+    mine.sort(key=lambda p: p["ratio"])
+    ratios = np.log([p["ratio"] for p in mine])
+
+    def at_one(key: str) -> float | None:
+        values = [p[key] for p in mine]
+        if not mine or not ratios[0] <= 1e-9 or not ratios[-1] >= -1e-9 or not all(values):
+            return None
+        return float(np.exp(np.interp(0.0, ratios, np.log(values))))
+
+    bound = next((p["bound"] for p in mine if p["bound"]), None)
+    lag = at_one("lag")
+    return {
+        "scenario": scenario,
+        "parameter": parameter,
+        "estimator": estimator,
+        "lag": lag,
+        "own_ratio": at_one("own_ratio"),
+        "bound": bound,
+        "over_bound": lag / bound if lag and bound else None,
+    }
+
+
+def figure(points: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw lag over std for each scenario, a line an estimator, the bound as a dashed line."""
+    scenarios = list(dict.fromkeys((p["scenario"], p["parameter"]) for p in points))
+    columns = min(3, max(1, len(scenarios)))
+    rows = -(-len(scenarios) // columns)
+    fig = Figure(figsize=(0.6 + 3.6 * columns, 0.8 + 3.2 * rows), layout="constrained")
+    axes = fig.subplots(rows, columns, squeeze=False).ravel()
+    for ax in axes[len(scenarios) :]:
+        ax.set_axis_off()
+    for ax, (scenario, parameter) in zip(axes, scenarios, strict=False):
+        mine = [p for p in points if (p["scenario"], p["parameter"]) == (scenario, parameter)]
+        _panel(ax, mine)
+        ax.set_title(f"{scenario}: {figures.symbol(parameter)}", fontsize=10)
+    handles, labels = axes[0].get_legend_handles_labels()
+    fig.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False, fontsize=8)
+    return fig
+
+
+def _panel(ax: Any, points: Sequence[Mapping[str, Any]]) -> None:
+    for estimator in dict.fromkeys(p["estimator"] for p in points):
+        line = sorted(
+            (p for p in points if p["estimator"] == estimator and p["std"] and p["lag"]),
+            key=lambda p: p["std"],
+        )
+        x, y = [p["std"] for p in line], [p["lag"] for p in line]
+        low = [p["lag"] - (p["lag_interval"] or [p["lag"]] * 2)[0] for p in line]
+        high = [(p["lag_interval"] or [p["lag"]] * 2)[1] - p["lag"] for p in line]
+        ax.errorbar(
+            x, y, yerr=np.maximum(0, [low, high]) if line else None, marker="o", ms=4, lw=1.2,
+            capsize=2, color=figures.colour(estimator), label=estimator,
+        )  # fmt: skip
+    bound = next((p["bound"] for p in points if p["bound"]), None)
+    if bound:
+        ax.axhline(bound, color="k", ls="--", lw=1, label="oracle Cramér–Rao bound")
+    ax.set(xscale="log", yscale="log", xlabel="std before the fault [% of nominal]")
+    ax.set_ylabel("lag after the fault [s]")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
+    ax.grid(alpha=0.25)

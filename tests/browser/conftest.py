@@ -1,0 +1,116 @@
+"""A browser without a screen, driven over its DevTools protocol: no more than the test needs."""
+
+import base64
+import json
+import shutil
+import subprocess
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--window-size=1300,1250",
+    "--remote-debugging-port=0",
+)
+
+
+def find() -> str | None:
+    """The path of Chromium, or None where it is not installed."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
+@pytest.fixture
+def browser(tmp_path):
+    """A fresh Chromium."""
+    if find() is None:
+        pytest.skip("no Chromium on the path")
+    with Browser(tmp_path / "profile") as page:
+        yield page
+
+
+class Browser:
+    """One page in a Chromium of its own; `requests` has every address that it asked for."""
+
+    def __init__(self, profile: Path) -> None:
+        from websockets.sync.client import connect
+
+        self.requests: list[str] = []
+        self.errors: list[str] = []
+        self._number = 0
+        words = [find(), *FLAGS, f"--user-data-dir={profile}", "about:blank"]
+        self._process = subprocess.Popen(
+            words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        port = self._port(profile / "DevToolsActivePort")
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/json") as answer:
+            pages = [target for target in json.load(answer) if target["type"] == "page"]
+        self._socket = connect(pages[0]["webSocketDebuggerUrl"], max_size=2**27, proxy=None)
+        for domain in ("Network", "Page", "Runtime"):
+            self._call(f"{domain}.enable")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self._socket.close()
+        self._process.terminate()
+        self._process.wait(30)
+
+    def open(self, address: str) -> None:
+        self._call("Page.navigate", url=address)
+
+    def run(self, script: str):
+        """Return the value of an expression in the page, None if it fails."""
+        answer = self._call("Runtime.evaluate", expression=script, returnByValue=True)
+        if "exceptionDetails" in answer:  # such as a page that has no body yet
+            return None
+        return answer["result"].get("value")
+
+    def wait(self, script: str, *, seconds: float, what: str):
+        """Return the value of an expression as soon as it is true."""
+        end = time.monotonic() + seconds
+        while not (value := self.run(script)):
+            assert time.monotonic() < end, f"not within {seconds} s: {what}"
+            time.sleep(0.25)
+        return value
+
+    def screenshot(self, path: Path) -> None:
+        answer = self._call("Page.captureScreenshot", format="png")
+        path.write_bytes(base64.b64decode(answer["data"]))
+
+    def _port(self, file: Path) -> str:
+        end = time.monotonic() + 60
+        while not file.exists() or not file.read_text():
+            assert self._process.poll() is None and time.monotonic() < end, (
+                "Chromium does not start"
+            )
+            time.sleep(0.1)
+        return file.read_text().splitlines()[0]
+
+    def _call(self, method: str, **parameters):
+        self._number += 1
+        message = {"id": self._number, "method": method, "params": parameters}
+        self._socket.send(json.dumps(message))
+        while True:
+            answer = json.loads(self._socket.recv(timeout=120))
+            if answer.get("method") == "Network.requestWillBeSent":
+                self.requests.append(answer["params"]["request"]["url"])
+            elif answer.get("method") == "Network.webSocketCreated":
+                self.requests.append(answer["params"]["url"])
+            elif answer.get("method") == "Runtime.exceptionThrown":
+                self.errors.append(str(answer["params"]["exceptionDetails"])[:500])
+            elif answer.get("id") == self._number:
+                assert "error" not in answer, answer
+                return answer["result"]

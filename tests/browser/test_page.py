@@ -1,0 +1,135 @@
+"""The demo in a real browser: it loads, asks nobody outside, and a click moves the curve."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.browser
+pytest.importorskip("viser", reason="the extra `demo` is not installed")
+pytest.importorskip("mjviser", reason="the extra `demo` is not installed")
+
+PICTURES = Path(__file__).parents[2] / "results" / "browser"
+
+# The number in a column of the table of estimates: 1 truth, 2 estimator A, 3 estimator B.
+CELL = """
+[...document.querySelectorAll("tr")].filter(row => row.cells[0]?.innerText.trim() == "{name}")
+  .map(row => parseFloat(row.cells[{column}].innerText))[0]
+"""
+CLICK = """
+(() => {{
+  const buttons = [...document.querySelectorAll("button")];
+  const wanted = buttons.filter(b => b.innerText.includes("{text}"));
+  wanted[0]?.click();
+  return wanted.length;
+}})()
+"""
+# How far the end of estimator A's line lies above its beginning, in heights of the f_m chart.
+RISE = """
+(() => {
+  const canvas = document.querySelectorAll(".uplot canvas")[2];
+  if (!canvas) return null;
+  const {width, height} = canvas;
+  const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
+  const found = [];
+  for (let x = 0; x < width; x++) for (let y = 0; y < height; y++) {
+    const i = 4 * (y * width + x);
+    const [red, green, blue] = pixels.slice(i, i + 3);
+    if (red < 40 && Math.abs(green - 114) < 40 && blue > 150) found.push([x, y]);
+  }
+  if (!found.length) return null;
+  const last = found[found.length - 1][0], first = found[0][0];
+  const level = (from, to) => {
+    const ys = found.filter(([x]) => x >= from && x <= to).map(([, y]) => y);
+    return ys.reduce((a, b) => a + b, 0) / ys.length;
+  };
+  const part = (last - first) / 10;
+  return (level(first, first + part) - level(last - part, last)) / height;
+})()
+"""
+
+
+@contextmanager
+def demo(*words, code="from flexaxis.experiments.cli import main; sys.exit(main())"):
+    """The demo in a process of its own, and its address; ended by SIGTERM, with status 0."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    command = [sys.executable, "-c", f"import sys; {code}", "demo", "--no-browser", "--port", port]
+    process = subprocess.Popen(
+        [str(word) for word in (*command, *words)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONUNBUFFERED": "1"},
+    )
+    try:
+        yield re.search(r"http://\S+", process.stdout.readline())[0]
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.stdout.read()
+        process.stdout.close()
+        status = process.wait(60)
+    assert status == 0
+
+
+def number(browser, name, column):
+    return browser.run(CELL.format(name=name, column=column))
+
+
+def break_and_watch(browser, *, seconds):
+    """Click "f_m × 2" once the curves run, and wait until both estimators have followed."""
+    browser.wait(
+        "document.querySelectorAll('.uplot canvas').length >= 5", seconds=60, what="charts"
+    )
+    time_shown = "parseFloat(document.body.innerText.match(/t = (\\d+) s/)?.[1])"
+    browser.wait(f"{time_shown} > 10", seconds=90, what="10 s of the axis")
+    assert browser.run(CLICK.format(text="f_m × 2")) == 1
+    for column in (1, 2, 3):
+        reached = f"Math.abs({CELL.format(name='f_m', column=column).strip()} / 0.1 - 1) < 0.06"
+        browser.wait(reached, seconds=seconds, what=f"column {column} of f_m at 0.1")
+    browser.wait(f"{RISE.strip()} > 0.3", seconds=seconds, what="the line of f_m risen")
+
+
+def test_a_click_moves_the_curve(browser):
+    with demo("--speed", "1.5") as address:
+        browser.open(address)
+        browser.wait("document.body.innerText.includes('f_m × 2')", seconds=60, what="the buttons")
+        assert number(browser, "f_m", 1) in (None, 0.05)
+        break_and_watch(browser, seconds=60)
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        browser.screenshot(PICTURES / "after_fault.png")
+        outside = [
+            url for url in browser.requests if not re.match(rf"{address}|data:|blob:|ws://127", url)
+        ]
+        assert not outside
+        assert len(browser.requests) > 1 and not browser.errors
+
+
+def test_a_button_that_does_nothing_is_found_out(browser):
+    """The check above can fail."""
+    dead = (
+        "from flexaxis.experiments.demo.session import DemoSession;"
+        "DemoSession.inject = lambda self, parameter, factor: None;"
+        "from flexaxis.experiments.cli import main; sys.exit(main())"
+    )
+    with demo("--speed", "3", code=dead) as address:
+        browser.open(address)
+        with pytest.raises(AssertionError, match="column 1 of f_m"):
+            break_and_watch(browser, seconds=8)
+
+
+def test_two_viewers_see_the_same(browser, tmp_path):
+    with demo("--speed", "3") as address, type(browser)(tmp_path / "second") as other:
+        for page in (browser, other):
+            page.open(address)
+            page.wait("document.body.innerText.includes('f_m × 2')", seconds=60, what="the buttons")
+        assert browser.run(CLICK.format(text="f_m × 2")) == 1
+        for page in (browser, other):
+            truth = f"{CELL.format(name='f_m', column=1).strip()} == 0.1"
+            page.wait(truth, seconds=30, what="the fault on both pages")

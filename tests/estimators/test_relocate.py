@@ -1,0 +1,151 @@
+"""Detect, rewind, refit: its parts against closed forms, the whole against known faults."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.plan import plan
+from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.priors import known_P
+from flexaxis.estimators.refit import Past, explain, replay
+from flexaxis.estimators.relocate import Relocate
+from flexaxis.estimators.sampled import sample, terms
+
+NAMES = ("k_T", "1/J_a", "f_m")
+SUSPECTS = ("J_m", "J_g", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")
+P0 = known_P(NAMES, forgetting=0.995)
+
+
+def table(nominal, names=NAMES):
+    model = three_mass(nominal).parametrize(names)
+    order, substeps = plan(model, 0.4 * model.theta, 2.5 * model.theta, 0.005)
+    return model, terms(model, order, substeps, 0.005)
+
+
+@pytest.fixture
+def relocate(nominal):
+    return Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0)
+
+
+def test_the_sampled_system_is_the_matrix_exponential(nominal, by_hand):
+    model, given = table(nominal)
+    D = sample(given, model.theta, np.arange(3))
+    A, B = by_hand(nominal)
+    exact = expm(np.block([[A[:5, :5], B[:5, None]], [np.zeros((1, 6))]]) * 0.005)[:5]
+    np.testing.assert_allclose(D[0, :5], exact, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(D[0, 5, :5], exact[2, :5], rtol=1e-10, atol=1e-12)  # y is x_3
+    none = np.arange(0)
+    for i, h in enumerate(1e-5 * np.diag(model.theta)):
+        up, down = (sample(given, model.theta + side, none)[0] for side in (h, -h))
+        slope = (up - down) / (2 * h[i])
+        # central differences: h² of truncation and 1e-16/h of rounding
+        np.testing.assert_allclose(D[1 + i], slope, rtol=1e-5, atol=1e-8 * abs(slope).max())
+
+
+def test_replay_is_least_squares(nominal, loop):
+    model, given = table(nominal)
+    N, theta = 400, 1.02 * model.theta
+    y_hat, psi = predict(model, theta, loop.u[: N + 1])
+    spread = (0.1 * theta) ** 2
+    delta = replay(
+        given, theta, np.zeros((4, 6)), np.diag(spread), loop.u[:N], loop.y[1 : N + 1],
+        np.ones(N, bool), 1.0,
+    )  # fmt: skip
+    R = np.diag(1 / spread) + psi[1:].T @ psi[1:]
+    expected = np.linalg.solve(R, psi[1:].T @ (loop.y[1 : N + 1] - y_hat[1:]))
+    np.testing.assert_allclose(delta, expected, rtol=1e-6)
+
+
+def test_explain_finds_parameter_and_time_of_a_change_without_noise(nominal, simulated):
+    model, given = table(nominal, ("f_m", "k_g"))
+    run = simulated(2.0, sigma=0.0, faults={1.0: nominal | {"k_g": 0.8 * nominal["k_g"]}})
+    D = sample(given, model.theta, np.arange(0))[0]
+    x, states = np.zeros(5), []
+    for u in run.u[:260]:
+        states.append(x)
+        x = (D[:5] @ np.r_[x, u])[:5]
+    first, count = 150, 100
+    able = slice(first, first + count)
+    squares = (run.y[able] - np.array(states)[able, 2]) ** 2 / 1e-4
+    past = Past(
+        np.tile(model.theta, (count, 1)), np.array(states)[able], -np.cumsum(squares) / 2,
+        run.u[first:-1], run.y[first + 1 :], np.ones(399 - first, bool), 1e-4,
+    )  # fmt: skip
+    found = {
+        i: explain(given, past, np.array([i]), 0.4 * model.theta, 2.5 * model.theta, 0.5, 40,
+                   model.theta, np.array([-12, 6, 12]))
+        for i in (0, 1)
+    }  # fmt: skip
+    onset, theta, evidence, unexplained = found[1]
+    assert first + onset == 200
+    assert theta[1] / model.theta[1] == pytest.approx(0.8, abs=1e-4)
+    assert evidence > found[0][2] + 100 and unexplained < 0.01 < found[0][3]
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("f_m", 1.5), ("1/J_a", 1.1), ("k_T", 0.9), ("k_g", 0.8), ("J_m", 1.1)]
+)
+def test_names_the_parameter_and_its_size(nominal, simulated, relocate, name, factor):
+    parameter = name.removeprefix("1/")
+    run = simulated(12.0, seed=3, faults={6.0: nominal | {parameter: factor * nominal[parameter]}})
+    theta = relocate.run(run.u, run.y)
+    (finding,) = relocate.findings
+    assert finding.parameters == (name,)
+    ratio = finding.ratio[0] ** (-1 if name.startswith("1/") else 1)
+    assert ratio - 1 == pytest.approx(factor - 1, rel=0.08)  # four deviations of the refit
+    assert abs(finding.onset - 1200) <= 10 and finding.alarm - 1200 < 40
+    truth = np.array([nominal["k_T"], 1 / nominal["J_a"], nominal["f_m"]])
+    if name in NAMES:
+        truth[NAMES.index(name)] *= finding.ratio[0]
+    np.testing.assert_allclose(theta[-1], truth, rtol=0.015)
+
+
+def test_without_a_change_it_is_the_corrected_rpem(nominal, loop, relocate):
+    plain = Rpem(three_mass(nominal), P0=P0, state_correction=True)
+    np.testing.assert_allclose(relocate.run(loop.u, loop.y), plain.run(loop.u, loop.y), rtol=1e-9)
+    assert relocate.findings == ()
+
+
+def test_steps_blocks_and_the_whole_agree(nominal, simulated, relocate):
+    run = simulated(8.0, seed=1, faults={5.0: nominal | {"f_m": 0.1}})
+    whole = relocate.run(run.u, run.y)
+    found = relocate.findings
+    relocate.reset()
+    parts = [relocate.run(run.u[a:b], run.y[a:b]) for a, b in ((0, 900), (900, 1003))]
+    steps, alarms = [], []
+    for u, y in zip(run.u[1003:], run.y[1003:], strict=True):
+        steps.append(relocate.step(u, y))
+        alarms.append(relocate.alarm)
+    np.testing.assert_array_equal(whole, np.vstack([*parts, steps]))
+    assert relocate.findings == found
+    assert np.flatnonzero(alarms).tolist() == [found[0].alarm - 1003]
+
+
+def test_the_past_does_not_know_the_future(nominal, simulated, relocate):
+    run = simulated(8.0, seed=2, faults={5.0: nominal | {"f_m": 0.1}})
+    theta = relocate.run(run.u, run.y)
+    other = run.y.copy()
+    other[1020:] += 1.0
+    relocate.reset()
+    np.testing.assert_array_equal(relocate.run(run.u, other)[:1020], theta[:1020])
+
+
+def test_no_model_of_the_change_is_said_and_said_once(nominal, simulated, relocate):
+    run = simulated(12.0, seed=4)
+    y = run.y.copy()
+    y[1200:] += 2.0 * np.random.default_rng(0).standard_normal(1200)  # the sensor goes bad
+    relocate.run(run.u, y)
+    assert [finding.parameters for finding in relocate.findings] == [()]
+
+
+def test_a_gap_and_an_increment_model(nominal, simulated):
+    run = simulated(10.0, seed=5, faults={6.0: nominal | {"f_m": 0.1}})
+    filter_ = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, output="increment")
+    y = run.increment + 0.1 * np.random.default_rng(1).standard_normal(len(run.u))
+    valid = np.ones(len(y), bool)
+    valid[1100:1120] = False
+    theta = filter_.run(run.u, y, valid)
+    (finding,) = filter_.findings
+    assert finding.parameters == ("f_m",)
+    assert theta[-1, 2] == pytest.approx(0.1, rel=0.02)

@@ -1,0 +1,145 @@
+"""Lessons: what is read, what is refused, what is drawn."""
+
+import os
+import shutil
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo.lesson import LessonError, default_lesson, load_lesson, parse_lesson
+from flexaxis.experiments.demo.session import DemoSession
+
+SHORT = """
+title = "short"
+duration = 4.0
+speed = 4.0
+frames = 5
+[[act]]
+at = 2.0
+fault = "f_m"
+factor = 2.0
+say = "worn"
+[[act]]
+at = 1.0
+racer = "B"
+drift = {f_m = 1e-7}
+regularization = 0.1
+noise = 0.0
+"""
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Record the short lesson in a process of its own, as on a computer without a display."""
+
+    def record(name):
+        script, target = tmp_path / "short.toml", tmp_path / name
+        script.write_text(SHORT, encoding="utf-8")
+        command = [sys.executable, "-m", "flexaxis.experiments.cli", "demo", "--record", target]
+        hidden = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
+        environment = {key: value for key, value in os.environ.items() if key not in hidden}
+        done = subprocess.run(
+            [*command, "--script", script],
+            capture_output=True,
+            text=True,
+            check=False,
+            env=environment,
+        )
+        if "no picture can be drawn here" in done.stderr:
+            pytest.skip(done.stderr.splitlines()[-1])
+        assert (done.returncode, done.stdout.strip()) == (0, str(target)), done.stderr
+        return target
+
+    return record
+
+
+def test_the_default_lesson_can_be_played():
+    lesson = load_lesson(None)
+    session = DemoSession(estimators=lesson.estimators)
+    for act in lesson.act:
+        act.do(session)
+    assert session.factors == {"f_m": 2.0, "J_a": 1.25, "k_T": 0.9}
+
+
+def test_all_problems_are_said_at_once():
+    text = (
+        'titel = "a"\nduration = -1.0\n'
+        '[[act]]\nat = "soon"\nfalt = "f_m"\n'
+        '[[act]]\nat = 1.0\nfault = "f_m"\n'
+    )
+    with pytest.raises(LessonError) as problem:
+        parse_lesson(text, source="mine.toml")
+    lines = str(problem.value).splitlines()
+    assert len(lines) == 5 and all(line.startswith("mine.toml: ") for line in lines)
+    assert "Did you mean 'title'" in str(problem.value)
+    assert "Did you mean 'fault'" in str(problem.value)
+    assert "fault and factor go together" in lines[-1]
+
+
+def test_an_act_turns_the_knobs_of_one_racer():
+    session = DemoSession()
+    first, _ = sorted(parse_lesson(SHORT, source="short").act, key=lambda act: act.at)
+    before = session.racers[0].tuning
+    first.do(session)
+    assert session.racers[0].tuning == before and session.axis.noise == 0
+    assert session.racers[1].tuning.regularization == 0.1
+    assert session.racers[1].tuning.drift == {"k_T": 5e-8, "1/J_a": 5e-7, "f_m": 1e-7}
+
+
+def test_a_recording_has_the_pictures_of_the_lesson(recorded):
+    from PIL import Image
+
+    target = recorded("short.gif")
+    with Image.open(target) as movie:
+        assert movie.n_frames == 5  # 4 s at four times real time, five pictures a second
+        assert movie.info["duration"] == 200
+        pictures = []
+        for number in range(movie.n_frames):
+            movie.seek(number)
+            pictures.append(np.asarray(movie.convert("RGB")).astype(int))
+    changed = [np.abs(b - a).max(axis=2) > 40 for a, b in pairwise(pictures)]
+    curves = [change[:, 420:].sum() for change in changed]
+    assert min(curves) > 0, "the curves go on"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--record", "a.avi"], "a recording is a .gif or .mp4 file"),
+        (["--script", "a.toml"], "--script is for --record"),
+        (["--record", "a.gif", "--script", "none.toml"], "none.toml: cannot be read"),
+        (["--speed", "0"], "--speed 0: give a factor"),
+        (["--record", "a.gif", "--estimator", "ekf"], "two estimators race, not 1"),
+        (["--record", "a.gif", "--estimator", "ekf", "--estimator", "ekg"], "Did you mean 'ekf'"),
+        (["--record", "no/such/folder/a.gif"], "there is no folder no/such/folder"),
+    ],
+)
+def test_wrong_use_is_one_line_and_status_2(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["demo", *words]) == 2
+    (line,) = [text for text in capsys.readouterr().err.splitlines() if "flexaxis:" in text]
+    assert message in line
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg on the path")
+def test_a_film_for_lectures(recorded):
+    target = recorded("short.mp4")
+    words = ["ffmpeg", "-i", str(target), "-f", "framecrc", "-"]
+    found = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert sum(not line.startswith("#") for line in found.splitlines()) == 5
+
+
+def test_mp4_needs_ffmpeg(monkeypatch, capsys):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    assert main(["demo", "--record", "a.mp4"]) == 2
+    assert "needs ffmpeg" in capsys.readouterr().err
+
+
+def test_the_script_to_start_from_is_printed(capsys):
+    assert main(["demo", "--print-script"]) == 0
+    text = capsys.readouterr().out
+    assert text == default_lesson() and parse_lesson(text, source="printed") == load_lesson(None)

@@ -1,0 +1,75 @@
+"""Scores beside theory: fixed points of the score, consistency, what counts as an alarm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments import theory
+from flexaxis.experiments.bounds import jump_bound
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.theory import Limits, detection, limits, nees, score
+from flexaxis.sim.simulate import simulate
+
+NAMES = ("k_T", "1/J_a", "f_m")
+
+
+@dataclass(frozen=True)
+class Finding:
+    alarm: int
+    parameters: tuple[str, ...]
+
+
+@pytest.fixture(scope="module")
+def torque():
+    return simulate(find_scenario("fm_step-v1"), [0])[0].torque
+
+
+def test_limits_of_a_step(torque):
+    k_T, J_a, f_m = limits(find_scenario("fm_step-v1"), NAMES, torque)
+    assert k_T == J_a == Limits()
+    assert f_m.lag_null == pytest.approx(5.0)
+    deviation = jump_bound(find_scenario("fm_step-v1"), NAMES, 2000, 3000, torque)[:, 2]
+    assert f_m.bound["100"] == pytest.approx(deviation[100] / 0.025)
+    assert set(f_m.bound) == {"20", "50", "100", "200", "400"}
+
+
+@pytest.mark.parametrize(
+    "name", ["fm_ramp-v1", "repair-v1", "coulomb_fm_step-v1", "pause_fm_step-v1", "kg_step-v1"]
+)
+def test_no_bound_where_it_is_not_defined(name, torque):
+    assert limits(find_scenario(name), NAMES, np.resize(torque, 10000)) == [Limits()] * 3
+
+
+def test_the_score_of_doing_nothing_and_of_the_bound():
+    limit = Limits(lag_null=5.0, lag_bound=0.1)
+    assert score(5.0, limit) == 0.0
+    assert score(0.1, limit) == pytest.approx(100)
+    assert score(np.sqrt(0.5), limit) == pytest.approx(50)
+    assert score(6.0, limit) < 0
+    assert score(None, limit) is None and score(1.0, Limits()) is None
+
+
+def test_nees_is_the_number_of_parameters_for_an_honest_claim():
+    rng = np.random.default_rng(0)
+    covariance = np.array([[1e-6, 4e-4], [4e-4, 1.0]])
+    errors = rng.multivariate_normal([0, 0], covariance, 4000)
+    honest = [nees(error, covariance) for error in errors]
+    assert np.mean(honest) == pytest.approx(2.0, abs=0.15)  # sd of χ²₂ over √4000: 0.03
+    assert nees(errors[0], covariance / 2) == pytest.approx(2 * honest[0])
+    assert nees(errors[0], None) is None
+    assert nees(np.array([np.nan, 0.0]), covariance) is None
+    assert nees(errors[0], np.zeros((2, 2))) is None
+
+
+def test_what_counts_as_an_alarm():
+    scenario = find_scenario("two_faults-v1")  # f_m at 2000, J_a at 2200
+    given = [(900, ()), (2010, ("f_m",)), (2100, ("k_T",)), (2220, ("k_a",))]
+    found = detection(scenario, NAMES, [Finding(*finding) for finding in given])
+    assert (found.alarms, found.false_alarms, found.missed) == (4, 1, 0)
+    assert found.delay == pytest.approx((10 + 20) / 2 * 0.005)
+    assert found.isolated == 0.5
+    nothing = detection(scenario, NAMES, [])
+    assert nothing.missed == 2 and nothing.delay is None and nothing.isolated is None
+    assert detection(scenario, NAMES, None) is None
+    assert theory.detection(scenario, NAMES, [Finding(2210, ("1/J_a",))]).isolated == 1.0

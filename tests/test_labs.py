@@ -1,0 +1,56 @@
+"""The labs run, and their checks hold; a check bites if what it checks is broken."""
+
+import re
+import runpy
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+LABS = sorted((Path(__file__).parents[1] / "docs" / "labs").glob("lab*.py"))
+
+
+@pytest.fixture(autouse=True)
+def no_window(monkeypatch):
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    monkeypatch.setattr(pyplot, "show", lambda: pyplot.close("all"))
+    yield
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize("path", LABS, ids=lambda path: path.stem)
+def test_lab_checks_itself(path, capsys):
+    runpy.run_path(str(path))
+    assert re.search(r"^check: .*\d", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_there_are_six_and_the_page_names_them():
+    page = LABS[0].with_name("README.md").read_text(encoding="utf-8")
+    assert [path.name for path in LABS] == re.findall(r"\]\((lab\d\.py)\)", page)
+
+
+MISTAKES = {  # a typical slip, and the lab that must find it
+    "lab1": ("-r * k_g / J_m, 0", "-k_g / J_m, 0"),
+    "lab2": ("record.torque[-4000:])\nfrom", "record.torque[-3900:])\nfrom"),
+    "lab3": (
+        "P = steady_P(Q, forgetting=forgetting)",
+        "P = 2 * steady_P(Q, forgetting=forgetting)",
+    ),
+    "lab4": ("drift_for([2.0, 2.0, tau], Q)", "drift_for([2.0, 2.0, 2 * tau], Q)"),
+    "lab5": ("regularization=mu\n", "regularization=mu / 2\n"),
+    "lab6": ("reset * rpem.P, 0.0", "rpem.P, 0.0"),
+}
+
+
+@pytest.mark.parametrize("lab", MISTAKES)
+def test_a_mistake_is_found(lab, tmp_path):
+    path = next(path for path in LABS if path.stem == lab)
+    right, wrong = MISTAKES[lab]
+    text = path.read_text(encoding="utf-8")
+    assert right in text
+    copy = tmp_path / path.name
+    copy.write_text(text.replace(right, wrong), encoding="utf-8")
+    with pytest.raises(AssertionError):
+        runpy.run_path(str(copy))
