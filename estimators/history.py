@@ -7,7 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.compiler import compile_loop, jit
-from flexaxis.estimators.kernel import correct_state, measure, predict, state_type, tuning_type
+from flexaxis.estimators.kernel import (
+    correct_state,
+    grown,
+    measure,
+    predict,
+    state_type,
+    tuning_type,
+)
 from flexaxis.estimators.lanes import advance, evaluate
 from flexaxis.estimators.pattern import Pattern
 
@@ -17,13 +24,13 @@ COLOUR_MEMORY = 2000.0  # samples of which the correlation of the residual is th
 
 def watched_tuning_type(pattern: Pattern) -> np.dtype:
     """Return the record type of `tuning_type` and the settings of the alarm."""
-    return _grown(tuning_type(pattern), [("threshold", float), ("growth", float)])
+    return grown(tuning_type(pattern), [("threshold", float), ("growth", float)])
 
 
 def watched_state_type(pattern: Pattern) -> np.dtype:
     """Return the record type of `state_type`, the alarm and the past after each measurement."""
     p, lanes = pattern.p, pattern.lanes
-    return _grown(
+    return grown(
         state_type(pattern),
         [
             ("count", int),  # samples taken
@@ -53,12 +60,6 @@ def widened(record: NDArray[np.void], kind: np.dtype) -> NDArray[np.void]:
     for name in record.dtype.names or ():
         wide[name] = record[name]
     return wide
-
-
-def _grown(record: np.dtype, fields: list) -> np.dtype:
-    assert record.fields is not None and record.names is not None  # it is a record
-    known = [(name, record.fields[name][0]) for name in record.names]
-    return np.dtype(known + fields, align=True)
 
 
 @lru_cache

@@ -55,6 +55,17 @@ def state_type(pattern: Pattern) -> np.dtype:
     )
 
 
+def grown(kind: np.dtype, fields: list) -> np.dtype:
+    """
+    Return a record type with more fields, which come first.
+
+    Behind the others they would make numba take the record for one of the smaller type, which it
+    calls experimental, as soon as both are compiled in one process.
+    """
+    assert kind.fields is not None and kind.names is not None  # it is a record
+    return np.dtype(fields + [(name, kind.fields[name][0]) for name in kind.names], align=True)
+
+
 @lru_cache
 def rpem_loop(pattern: Pattern) -> Callable:
     """

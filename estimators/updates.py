@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from flexaxis.estimators.compiler import compile_loop, jit
-from flexaxis.estimators.kernel import correct_state, measure, state_type, tuning_type
+from flexaxis.estimators.kernel import correct_state, grown, measure, state_type, tuning_type
 from flexaxis.estimators.lanes import advance, evaluate
 from flexaxis.estimators.pattern import Pattern
 
@@ -20,20 +20,15 @@ RULES = ("vector", "directional", "efra", "variable", "cusum")
 
 def rule_tuning_type(pattern: Pattern) -> np.dtype:
     """Return the record type of `tuning_type` and what the rules need."""
-    kind, p = tuning_type(pattern), pattern.p
-    assert kind.fields is not None and kind.names is not None  # it is a record
-    known = [(name, kind.fields[name][0]) for name in kind.names]
+    p = pattern.p
     extra = [("rule", int), ("rates", float, (p,)), ("reset_P", float, (p, p)), ("level", float)]
-    return np.dtype(known + extra, align=True)
+    return grown(tuning_type(pattern), extra)
 
 
 def rule_state_type(pattern: Pattern) -> np.dtype:
     """Return the record type of `state_type` and what the rules remember."""
-    kind, p = state_type(pattern), pattern.p
-    assert kind.fields is not None and kind.names is not None  # it is a record
-    known = [(name, kind.fields[name][0]) for name in kind.names]
-    extra = [("work", float, (p, p)), ("sums", float, (4,))]
-    return np.dtype(known + extra, align=True)
+    p = pattern.p
+    return grown(state_type(pattern), [("work", float, (p, p)), ("sums", float, (4,))])
 
 
 @lru_cache

@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -117,3 +121,22 @@ def test_any_class_with_a_step_is_an_estimator():
     theta = run_estimator(Mine(), [1.0, 2.0, 3.0], [0.5, 0.5, 0.5], [True, False, True])
     np.testing.assert_array_equal(theta, [[1.5], [-1.0], [3.5]])
     assert run_estimator(Mine(), [], []).shape == (0, 1)
+
+
+ALL = """
+from flexaxis.estimators.registry import REGISTRY
+for entry in REGISTRY.values():
+    entry.factory({nominal!r}, 0.005)
+"""
+
+
+@pytest.mark.slow
+def test_all_compile_in_one_process_without_a_warning(nominal, tmp_path):
+    """Loops share functions; what one leaves compiled must not be taken for another's."""
+    subprocess.run(
+        [sys.executable, "-W", "error", "-c", ALL.format(nominal=dict(nominal))],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+        check=True,
+        capture_output=True,
+        timeout=300,
+    )
