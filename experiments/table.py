@@ -44,7 +44,7 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
         row["parameter"],
         _with_half_width(row["lag"], row["lag_interval"]),
         settled(row["t10"], changed),
-        _with_half_width(row.get("score"), row.get("score_interval"), digits=2),
+        _score(row.get("score")),
         number(row["std"]),
         number(cross_talk, 2),
         str(row["diverged"]),
@@ -59,6 +59,10 @@ def _with_half_width(
     if interval is None or interval[0] == interval[1]:
         return number(value, digits)
     return f"{number(value, digits)} ±{(interval[1] - interval[0]) / 2:.1g}"
+
+
+def _score(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0f}"
 
 
 def _cost(microseconds: float) -> str:
