@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments import harness, results
+from flexaxis.experiments import harness, results, tradeoff
 from flexaxis.experiments.cache import RecordCache
-from flexaxis.experiments.report import render
+from flexaxis.experiments.report import faults_in_words, render
 from flexaxis.experiments.summary import pool
 from flexaxis.sim.scenario import Scenario
 
@@ -31,6 +31,9 @@ class Plan:
     seeds : sequence of int
     command : str
         The line that runs it again.
+    swept_scenarios : sequence of Scenario
+    swept_estimators : sequence of str
+        Registered estimators to sweep over their knobs on these, for the trade-off figure.
     """
 
     title: str
@@ -38,11 +41,15 @@ class Plan:
     estimators: Sequence[str]
     seeds: Sequence[int]
     command: str
+    swept_scenarios: Sequence[Scenario] = ()
+    swept_estimators: Sequence[str] = ()
 
     @property
     def cases(self) -> int:
-        """Number of cases: one estimator on one record."""
-        return len(self.scenarios) * len(self.estimators) * len(self.seeds)
+        """Number of cases: one estimator, at one setting, on one record."""
+        plain = len(self.scenarios) * len(self.estimators)
+        swept = len(self.swept_scenarios) * len(tradeoff.settings(self.swept_estimators))
+        return (plain + swept) * len(self.seeds)
 
 
 def benchmark(
@@ -85,11 +92,37 @@ def benchmark(
             if advance:
                 advance(done)
         rows, curves = pool(cases, plan.scenarios)
-        found = results.Results(_summary(plan, rows), curves)
+        swept = _sweep(plan, jobs=jobs, store=store, advance=advance)
+        found = results.Results(_summary(plan, rows) | {"tradeoff": swept}, curves)
         results.save(folder, found)
         results.write_text(folder / results.REPORT, render(found))
         writer.finish()
     return found
+
+
+def _sweep(
+    plan: Plan,
+    *,
+    jobs: int,
+    store: RecordCache | None,
+    advance: Callable[[harness.Done], None] | None,
+) -> dict[str, Any] | None:
+    """Return the points of the trade-off figure, and the lags at equal variance."""
+    if not plan.swept_scenarios:
+        return None
+    points = tradeoff.sweep(
+        plan.swept_scenarios,
+        plan.swept_estimators,
+        plan.seeds,
+        jobs=jobs,
+        store=store,
+        advance=advance,
+    )
+    return {
+        "points": points,
+        "matched": tradeoff.matched(points),
+        "faults": {s.name: faults_in_words(s) for s in plan.swept_scenarios},
+    }
 
 
 def _summary(plan: Plan, rows: list[dict[str, Any]]) -> dict[str, Any]:

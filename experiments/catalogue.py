@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import NamedTuple
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -18,13 +19,42 @@ _HOME = files("flexaxis.experiments")
 
 @dataclass(frozen=True)
 class Suite:
-    """A named group: which scenarios, which estimators, how many seeds."""
+    """A named group: which scenarios, which estimators, how many seeds.
+
+    `swept_scenarios` and `swept_estimators` are those of which its report leads with the whole
+    curve of speed against variance.
+    """
 
     name: str
     card: str
     scenarios: tuple[str, ...]
     estimators: tuple[str, ...]
     seeds: int
+    swept_scenarios: tuple[str, ...] = ()
+    swept_estimators: tuple[str, ...] = ()
+
+
+class Selection(NamedTuple):
+    """What names of suites and scenarios stand for.
+
+    Attributes
+    ----------
+    scenarios : list of Scenario
+        Each once, in the order given.
+    estimators : list of str
+        Those of the suites named; of `smoke` if none was.
+    seeds : int
+        The largest number that a suite named; of `smoke` if none was.
+    swept_scenarios : list of Scenario
+    swept_estimators : list of str
+        What the suites named sweep over the knobs; none where none was named.
+    """
+
+    scenarios: list[Scenario]
+    estimators: list[str]
+    seeds: int
+    swept_scenarios: list[Scenario]
+    swept_estimators: list[str]
 
 
 def _tomls(folder: str) -> dict[str, Traversable]:
@@ -75,25 +105,25 @@ def find_suite(name: str) -> Suite:
     table = tomllib.loads(known[name].read_text(encoding="utf-8"))
     scenarios = scenario_names() if table["scenarios"] == "all" else table["scenarios"]
     estimators = list(REGISTRY) if table["estimators"] == "all" else table["estimators"]
-    return Suite(name, table["card"], tuple(scenarios), tuple(estimators), table["seeds"])
+    swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
+    return Suite(
+        name,
+        table["card"],
+        tuple(scenarios),
+        tuple(estimators),
+        table["seeds"],
+        tuple(swept["scenarios"]),
+        tuple(swept["estimators"]),
+    )
 
 
-def select(names: Sequence[str]) -> tuple[list[Scenario], list[str], int]:
+def select(names: Sequence[str]) -> Selection:
     """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
 
     Parameters
     ----------
     names : sequence of str
         Suites, catalogue names and TOML paths, mixed.
-
-    Returns
-    -------
-    scenarios : list of Scenario
-        Each once, in the order given.
-    estimators : list of str
-        Those of the suites named; of `smoke` if none was.
-    seeds : int
-        The largest number that a suite named; of `smoke` if none was.
 
     Raises
     ------
@@ -113,8 +143,14 @@ def select(names: Sequence[str]) -> tuple[list[Scenario], list[str], int]:
         raise ScenarioError(*problems)
     _check_names_differ(scenarios)
     sources = suites or [find_suite("smoke")]
-    estimators = list(dict.fromkeys(e for suite in sources for e in suite.estimators))
-    return list(scenarios.values()), estimators, max(suite.seeds for suite in sources)
+    swept = dict.fromkeys(name for suite in suites for name in suite.swept_scenarios)
+    return Selection(
+        scenarios=list(scenarios.values()),
+        estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
+        seeds=max(suite.seeds for suite in sources),
+        swept_scenarios=[find_scenario(name) for name in swept],
+        swept_estimators=list(dict.fromkeys(e for s in suites for e in s.swept_estimators)),
+    )
 
 
 def _check_names_differ(scenarios: dict[str, Scenario]) -> None:

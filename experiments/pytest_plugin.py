@@ -84,7 +84,7 @@ def gate(
     from flexaxis.experiments.compare.report import markdown
     from flexaxis.experiments.seeds import parse_seeds
 
-    scenarios, _, number = select(names)
+    scenarios, _, number, *_ = select(names)
     question = Question(
         base=base,
         candidate=candidate,

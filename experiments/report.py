@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from flexaxis.experiments import figures
+from flexaxis.experiments import figures, lead, tradeoff
 from flexaxis.experiments.results import Results
+from flexaxis.experiments.summary import Curve
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "report.html"
+DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
 
 
 def render(results: Results) -> str:
@@ -24,23 +27,59 @@ def render(results: Results) -> str:
     from jinja2 import Environment, StrictUndefined
 
     environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"number": number, "pair": pair, "settled": settled}
+    environment.filters |= {"number": number, "pair": pair, "settled": settled, "shade": shade}
     folder = files("flexaxis.experiments") / "templates"
     template = environment.from_string((folder / TEMPLATE).read_text(encoding="utf-8"))
     summary = results.summary
+    scenarios = {
+        name: scenario_from(entry["definition"], source=name)
+        for name, entry in summary["scenarios"].items()
+    }
     return template.render(
         summary=summary,
-        sections=[_section(name, results) for name in summary["scenarios"]],
-        tradeoff=figures.svg(figures.speed_variance(summary["rows"]))
-        if any(row["changed"] for row in summary["rows"])
-        else None,
+        sections=[_section(name, scenarios[name], results) for name in scenarios],
+        figure=_tradeoff_figure(summary),
+        swept=summary.get("tradeoff"),
+        answers=_answers(summary, scenarios),
         findings=findings(summary["rows"]),
+        standings=lead.standings(summary["rows"]),
+        scores=lead.matrix(summary["rows"], _scored(summary["rows"])),
+        mismatch=_mismatch(summary["rows"], scenarios),
         colour=figures.colour,
     )
 
 
-def _section(name: str, results: Results) -> dict[str, Any]:
-    scenario = scenario_from(results.summary["scenarios"][name]["definition"], source=name)
+def _tradeoff_figure(summary: Mapping[str, Any]) -> str | None:
+    """Return the curves over the knobs where they were swept, else a point an estimator."""
+    if summary.get("tradeoff"):
+        return figures.svg(tradeoff.figure(summary["tradeoff"]["points"]))
+    if any(row["changed"] for row in summary["rows"]):
+        return figures.svg(figures.speed_variance(summary["rows"]))
+    return None
+
+
+def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> list[str]:
+    swept = summary.get("tradeoff")
+    if not swept:
+        return []
+    words = {name: faults_in_words(scenario) for name, scenario in scenarios.items()}
+    return lead.answers(swept["matched"], swept["faults"] | words)
+
+
+def _scored(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(row["scenario"] for row in rows if row.get("score") is not None))
+
+
+def _mismatch(
+    rows: Sequence[Mapping[str, Any]], scenarios: Mapping[str, Scenario]
+) -> dict[str, Any] | None:
+    names = lead.mismatched(scenarios)
+    if not names:
+        return None
+    return {"matrix": lead.matrix(rows, names), "words": lead.mismatch_in_words(rows, names)}
+
+
+def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
     curves = [curve for curve in results.curves if curve.scenario == name]
     return {
         "name": name,
@@ -48,9 +87,25 @@ def _section(name: str, results: Results) -> dict[str, Any]:
         "faults": faults_in_words(scenario),
         "hash": results.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
-        "figure": figures.svg(figures.trajectories(curves, scenario)),
+        "figure": figures.svg(figures.trajectories(_drawn(curves, results), scenario)),
         "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
     }
+
+
+def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
+    """Return the trajectories to draw: where there are many, the reference and the fastest."""
+    if len(curves) <= DRAWN:
+        return list(curves)
+    lags = {
+        row["estimator"]: row["lag"]
+        for row in results.summary["rows"]
+        if row["scenario"] == curves[0].scenario and row["lag"] is not None
+    }
+    order = sorted(
+        curves,
+        key=lambda c: (c.estimator != tradeoff.REFERENCE, lags.get(c.estimator, math.inf)),
+    )
+    return order[:DRAWN]
 
 
 def faults_in_words(scenario: Scenario) -> str:
@@ -101,6 +156,14 @@ def number(value: float | None, digits: int = 3) -> str:
 def pair(interval: Sequence[float] | None) -> str:
     """Return an interval for a table."""
     return "" if interval is None else f"{interval[0]:.3g} … {interval[1]:.3g}"
+
+
+def shade(score: float | None) -> str:
+    """Return the background of a score: white for doing nothing, green on the bound, else red."""
+    if score is None:
+        return "transparent"
+    strength = min(abs(score), 100.0) / 100
+    return f"rgb({'0 158 115' if score >= 0 else '213 94 0'} / {0.45 * strength:.2f})"
 
 
 def settled(value: float | None, changed: bool) -> str:

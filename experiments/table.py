@@ -25,7 +25,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
     for heading in ("estimator", "θ"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("lag [s]", "t10 [s]", "score", "std [%]", "x-talk", "lost", "open", "µs"):
+    for heading in ("lag [s]", "t10 [s]", "score", "std %", "x-talk", "lost", "open", "µs"):
         table.add_column(heading, justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}
     shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
@@ -45,7 +45,7 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
         _with_half_width(row["lag"], row["lag_interval"]),
         settled(row["t10"], changed),
         _score(row.get("score")),
-        number(row["std"]),
+        number(row["std"], 2),
         number(cross_talk, 2),
         str(row["diverged"]),
         str(row["never_settled"]) if changed else "–",
@@ -54,7 +54,7 @@ def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
 
 
 def _with_half_width(
-    value: float | None, interval: Sequence[float] | None, *, digits: int = 3
+    value: float | None, interval: Sequence[float] | None, *, digits: int = 2
 ) -> str:
     if interval is None or interval[0] == interval[1]:
         return number(value, digits)
@@ -66,7 +66,7 @@ def _score(value: float | None) -> str:
 
 
 def _cost(microseconds: float) -> str:
-    return number(microseconds, 2) if microseconds < 100 else f"{microseconds:.0f}"
+    return f"{microseconds:.2f}" if microseconds < 10 else f"{microseconds:.0f}"
 
 
 def _cross_talk(rows: Sequence[Mapping[str, Any]], row: Mapping[str, Any]) -> float | None:

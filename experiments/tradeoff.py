@@ -7,6 +7,7 @@ is swept over its knob, and compared where its standard deviation is that of a r
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments import figures, harness
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.specs import parse
 from flexaxis.experiments.summary import pool
 from flexaxis.sim.scenario import Scenario
 
@@ -28,12 +30,9 @@ FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob
 def with_knob(name: str, factor: float) -> str:
     """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
 
-    A forgetting factor λ is turned in 1−λ, any other knob as it is.
-
-    Raises
-    ------
-    EstimatorError
-        If the estimator is not registered.
+    A forgetting factor λ is turned in 1−λ, any other knob as it is. An estimator of your own says
+    which option is its knob in the attribute `knob` of its class; one without, or with options
+    already, stays as it is.
 
     Examples
     --------
@@ -53,13 +52,26 @@ def with_value(name: str, value: float) -> str:
 
 
 def _knob(name: str) -> tuple[str | None, float]:
-    if name not in REGISTRY:
-        raise EstimatorError(
-            f"{name!r} is not registered, and only registered estimators say which option is their "
-            f"knob. Known: {', '.join(REGISTRY)}"
-        )
-    entry = REGISTRY[name]
-    return entry.knob, float(entry.options[entry.knob]) if entry.knob else 0.0
+    """Return the name of the option that is the knob, and its default."""
+    spec = parse(name)
+    if spec.options:
+        return None, 0.0
+    if name in REGISTRY:
+        entry = REGISTRY[name]
+        return entry.knob, float(entry.options[entry.knob]) if entry.knob else 0.0
+    knob = getattr(spec.make, "knob", None)
+    if knob is None:
+        return None, 0.0
+    option = inspect.signature(spec.make).parameters.get(knob)
+    if option is None or not isinstance(option.default, int | float):
+        raise EstimatorError(f"{name}: its `knob` {knob!r} is no option with a number as default")
+    return knob, float(option.default)
+
+
+def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, str]:
+    """Return the settings that a sweep runs, each with its estimator; the reference is one."""
+    texts = {with_knob(name, factor): name for name in estimators for factor in factors}
+    return texts | {with_knob(REFERENCE, 1.0): REFERENCE}
 
 
 def sweep(
@@ -84,9 +96,7 @@ def sweep(
         parameters of std over that of the reference at its default), ``own_ratio`` (that of the
         faulted parameter) and ``bound`` (lag).
     """
-    names = list(dict.fromkeys([REFERENCE, *estimators]))
-    texts = {with_knob(n, f): n for n in names for f in (factors if n in estimators else (1.0,))}
-    texts |= {with_knob(REFERENCE, 1.0): REFERENCE}
+    texts = settings(estimators, factors=factors)
     cases: list[harness.Case] = []
     for done in harness.run(scenarios, list(texts), seeds, jobs=jobs, store=store):
         cases += done.cases
@@ -170,19 +180,21 @@ def _match(
     mine.sort(key=lambda p: p["ratio"])
     ratios = np.log([p["ratio"] for p in mine])
 
-    def at_one(key: str) -> float | None:
-        values = [p[key] for p in mine]
+    def at_one(key: str, end: int | None = None) -> float | None:
+        values = [p[key] if end is None or not p[key] else p[key][end] for p in mine]
         if not mine or not ratios[0] <= 1e-9 or not ratios[-1] >= -1e-9 or not all(values):
             return None
         return float(np.exp(np.interp(0.0, ratios, np.log(values))))
 
     bound = next((p["bound"] for p in mine if p["bound"]), None)
     lag = at_one("lag")
+    within = at_one("lag_interval", 0), at_one("lag_interval", 1)
     return {
         "scenario": scenario,
         "parameter": parameter,
         "estimator": estimator,
         "lag": lag,
+        "lag_interval": None if None in within else list(within),
         "own_ratio": at_one("own_ratio"),
         "bound": bound,
         "over_bound": lag / bound if lag and bound else None,

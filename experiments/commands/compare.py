@@ -88,7 +88,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.seeds import parse_seeds
 
     names = args.names or ["smoke"]
-    scenarios, _, number = select(names)
+    scenarios, _, number, *_ = select(names)
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,
@@ -149,7 +149,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
     if args.comparisons < 1:
         raise FlexaxisError(f"--comparisons {args.comparisons}: give 1 or more")
-    scenarios, _, number = select(args.names or ["smoke"])
+    scenarios, _, number, *_ = select(args.names or ["smoke"])
     planted = (args.candidate or PLANTED,)
     with progress("self-test", 3 * 64 * len(scenarios)) as advance:
         found = self_test(

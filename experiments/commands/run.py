@@ -64,18 +64,22 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.results import REPORT, dumps
     from flexaxis.experiments.seeds import parse_seeds
     from flexaxis.experiments.table import score_table
+    from flexaxis.experiments.tradeoff import REFERENCE
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
-    scenarios, usual, number = select(args.names)
-    estimators = list(dict.fromkeys(args.estimator or usual))
+    chosen = select(args.names)
+    estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
+    swept = [REFERENCE, *(e for e in estimators if e != "frozen")]  # which has neither std nor lag
     plan = Plan(
         title=" ".join(args.names),
-        scenarios=scenarios,
+        scenarios=chosen.scenarios,
         estimators=estimators,
-        seeds=parse_seeds(args.seeds or str(number)),
+        seeds=parse_seeds(args.seeds or str(chosen.seeds)),
         command=command_line(args.words),
+        swept_scenarios=chosen.swept_scenarios,
+        swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
     folder = args.output or Path("results") / Path(args.names[0]).stem
     store = None if args.no_cache else default_cache()
@@ -88,8 +92,7 @@ def main(args: argparse.Namespace) -> int:
             advance(len(task.cases))
 
         found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done)
-    records = len(plan.scenarios) * len(plan.seeds)
-    print(f"{records} records: {simulated} simulated, the others from the cache", file=sys.stderr)
+    print(f"{simulated} records simulated, the others from the cache", file=sys.stderr)
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:

@@ -82,7 +82,7 @@ def test_select_mixes_suites_scenarios_and_files(tmp_path):
     mine = find_scenario("fm_step-v1").override({"name": "mine"})
     path = tmp_path / "mine.toml"
     path.write_text(mine.to_toml(), encoding="utf-8")
-    scenarios, estimators, seeds = select(["smoke", "fm_step-v1", str(path)])
+    scenarios, estimators, seeds, *_ = select(["smoke", "fm_step-v1", str(path)])
     assert [s.name for s in scenarios] == [*find_suite("smoke").scenarios, "mine"]
     assert estimators == list(find_suite("smoke").estimators) and seeds == 8
 

@@ -60,6 +60,18 @@ def test_a_folder_holds_what_the_report_needs(short, tmp_path):
     assert "<svg" in page and "src=" not in page and "rpem-forgetting" in page
 
 
+def test_a_swept_knob_leads_the_report(short, tmp_path):
+    swept = plan(short, swept_scenarios=[short], swept_estimators=["rpem-drift"])
+    count = []
+    made = benchmark(swept, tmp_path, advance=lambda done: count.append(len(done.cases)))
+    assert sum(count) == swept.cases == 3 * (2 + 5 + 1)  # the reference comes along
+    matched = made.summary["tradeoff"]["matched"]
+    assert [row["estimator"] for row in matched] == ["rpem-drift"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.index("In words") < page.index("Speed against variance") < page.index("Scores")
+    assert page.index("Scores") < page.index('id="short"')
+
+
 class Wild:
     """Runs away, as a filter with a wrong sign would."""
 

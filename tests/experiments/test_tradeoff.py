@@ -21,8 +21,22 @@ def test_knobs():
     assert with_knob("rpem-forgetting", 0.5) == "rpem-forgetting[forgetting=0.9975]"
     assert with_knob("rpem-drift", 4.0) == "rpem-drift[scale=4]"
     assert with_knob("frozen", 4.0) == "frozen"
-    with pytest.raises(EstimatorError, match="not registered"):
+    assert with_knob("ekf[noise=0.2]", 4.0) == "ekf[noise=0.2]"
+    with pytest.raises(EstimatorError, match=r"no file .*mine\.py"):
         with_knob("mine.py:Mine", 1.0)
+
+
+def test_an_own_estimator_says_which_option_is_its_knob(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(
+        "class Mine:\n    knob = 'gain'\n"
+        "    def __init__(self, nominal, period, *, gain=0.2): pass\n"
+        "class Wrong(Mine):\n    knob = 'gian'\n",
+        encoding="utf-8",
+    )
+    assert with_knob(f"{path}:Mine", 2.0) == f"{path}:Mine[gain=0.4]"
+    with pytest.raises(EstimatorError, match="'gian' is no option"):
+        with_knob(f"{path}:Wrong", 2.0)
 
 
 def test_matching_is_straight_in_the_logarithms():
