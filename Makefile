@@ -14,6 +14,9 @@ export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 export MKL_NUM_THREADS = 1
 
+# A process a core; the tests of one file stay in one process, for they share what is costly.
+PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
+
 .PHONY: help bench test test-slow test-browser check format clean
 
 help:
@@ -27,10 +30,10 @@ bench: $(VENV)/.core
 	$(BIN)/flexaxis run smoke -o results/smoke
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q $(PARALLEL)
 
 test-slow: $(VENV)/.test
-	$(BIN)/python -m pytest -q -m "slow or not slow"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "slow or not slow"
 
 test-browser: $(VENV)/.browser
 	$(BIN)/python -m pytest -q -m browser tests/browser

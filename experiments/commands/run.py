@@ -92,7 +92,8 @@ def main(args: argparse.Namespace) -> int:
             advance(len(task.cases))
 
         found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done)
-    print(f"{simulated} records simulated, the others from the cache", file=sys.stderr)
+    records = len({s.hash for s in [*plan.scenarios, *plan.swept_scenarios]}) * len(plan.seeds)
+    print(f"{records} records: {simulated} simulated, the others from the cache", file=sys.stderr)
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:
