@@ -20,30 +20,48 @@ from flexaxis.experiments.summary import Curve
 from flexaxis.experiments.theta import physical
 from flexaxis.sim.scenario import Scenario
 
-# Okabe and Ito's colours, distinct also for the colour-blind. Estimators that are likely to
-# stand side by side have their own; any other gets one by its name.
-_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-_COLOURS = {
-    "rpem-forgetting": "#0072B2",
-    "rpem-drift": "#D55E00",
-    "rpem-forgetting-mu": "#56B4E9",
-    "rpem-drift-mu": "#E69F00",
-    "literal-rpem": "#CC79A7",
-    "ekf": "#009E73",
-    "frozen": "#7F7F7F",
-    "relocate": "#882255",
-    "oracle-reset": "#999933",
-    "cusum-reset": "#44AA99",
-    "base": "#0072B2",
-    "candidate": "#D55E00",
+# Colours distinct also for the colour-blind (after Okabe and Ito, and after Tol), one hue a
+# family; estimators that are alike differ in marker, too. Any other gets a pair by its name.
+_LOOKS = {
+    "rpem-forgetting": ("#0072B2", "o"),
+    "rpem-forgetting-mu": ("#56B4E9", "s"),
+    "rpem-corrected": ("#88CCEE", "D"),
+    "literal-rpem": ("#0072B2", "x"),
+    "rpem-drift": ("#D55E00", "o"),
+    "rpem-drift-mu": ("#E69F00", "s"),
+    "vector-forgetting": ("#DDCC77", "^"),
+    "directional-forgetting": ("#AA4499", "v"),
+    "efra": ("#B8860B", "<"),
+    "variable-forgetting": ("#661100", ">"),
+    "ekf": ("#009E73", "o"),
+    "ukf": ("#117733", "s"),
+    "imm": ("#66AA55", "D"),
+    "moving-horizon": ("#332288", "P"),
+    "cusum-reset": ("#44AA99", "X"),
+    "relocate": ("#882255", "*"),
+    "oracle-reset": ("#999933", "d"),
+    "frozen": ("#7F7F7F", "o"),
+    "base": ("#0072B2", "o"),
+    "candidate": ("#D55E00", "o"),
 }
+_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
 def colour(estimator: str) -> str:
     """Return the colour of an estimator, the same in every figure."""
-    if estimator in _COLOURS:
-        return _COLOURS[estimator]
-    return _PALETTE[hashlib.sha256(estimator.encode()).digest()[0] % len(_PALETTE)]
+    return _look(estimator)[0]
+
+
+def marker(estimator: str) -> str:
+    """Return the marker of an estimator, the same in every figure of points."""
+    return _look(estimator)[1]
+
+
+def _look(estimator: str) -> tuple[str, str]:
+    if estimator in _LOOKS:
+        return _LOOKS[estimator]
+    digest = hashlib.sha256(estimator.encode()).digest()
+    return _PALETTE[digest[0] % len(_PALETTE)], "osD^v<>PX"[digest[1] % 9]
 
 
 def symbol(name: str) -> str:

@@ -169,8 +169,8 @@ def _weight(row: Row) -> tuple[bool, float]:
 
 
 def mismatched(scenarios: Mapping[str, Scenario]) -> list[str]:
-    """Return the names of the scenarios whose axis the linear model does not describe."""
-    return [name for name, scenario in scenarios.items() if not getattr(scenario, "linear", True)]
+    """Return the scenarios that the linear model does not describe, or with changes not meant."""
+    return [name for name, s in scenarios.items() if s.nuisance or not s.linear]
 
 
 def mismatch_in_words(rows: Sequence[Row], names: Sequence[str]) -> str:

@@ -4,7 +4,9 @@ import re
 
 import pytest
 
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.figures import colour, marker
 from flexaxis.experiments.lead import answers, matrix, mismatch_in_words, mismatched, standings
 
 
@@ -77,3 +79,9 @@ def test_the_mismatch_track_in_words():
     rows = [row("m", "a", 10.0), row("m", "b", 50.0, detection={"false_alarms": 0.25})]
     text = mismatch_in_words(rows, ["m"])
     assert re.search(r"b in 1 of 1", text) and "False alarms a run: b 0.25." in text
+
+
+def test_registered_estimators_look_different():
+    looks = [(colour(name), marker(name)) for name in REGISTRY]
+    assert len(set(looks)) == len(looks)
+    assert colour("mine.py:Mine") == colour("mine.py:Mine")
