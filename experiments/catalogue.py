@@ -104,8 +104,12 @@ def find_suite(name: str) -> Suite:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
     table = tomllib.loads(known[name].read_text(encoding="utf-8"))
     scenarios = scenario_names() if table["scenarios"] == "all" else table["scenarios"]
-    estimators = list(REGISTRY) if table["estimators"] == "all" else table["estimators"]
+    left_out = table.get("without", [])
+    everyone = [estimator for estimator in REGISTRY if estimator not in left_out]
+    estimators = everyone if table["estimators"] == "all" else table["estimators"]
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
+    if swept["estimators"] == "all":
+        swept["estimators"] = [name for name in everyone if REGISTRY[name].knob]
     return Suite(
         name,
         table["card"],
