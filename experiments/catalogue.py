@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
@@ -103,7 +103,7 @@ def find_suite(name: str) -> Suite:
     if name not in known:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
     table = tomllib.loads(known[name].read_text(encoding="utf-8"))
-    scenarios = scenario_names() if table["scenarios"] == "all" else table["scenarios"]
+    scenarios = _members(table)
     left_out = table.get("without", [])
     everyone = [estimator for estimator in REGISTRY if estimator not in left_out]
     estimators = everyone if table["estimators"] == "all" else table["estimators"]
@@ -119,6 +119,14 @@ def find_suite(name: str) -> Suite:
         tuple(swept["scenarios"]),
         tuple(swept["estimators"]),
     )
+
+
+def _members(table: dict[str, Any]) -> list[str]:
+    """Return the scenarios of a suite: all, those of some groups, or those named."""
+    if "groups" in table:
+        groups = {name: find_scenario(name).group for name in scenario_names()}
+        return [name for name, group in groups.items() if group in table["groups"]]
+    return scenario_names() if table["scenarios"] == "all" else table["scenarios"]
 
 
 def select(names: Sequence[str]) -> Selection:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.theta import physical, started_nominal, true_theta
+from flexaxis.sim.events import Event
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.scenario import Event, Scenario
+from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 

@@ -124,7 +124,14 @@ def _has_stored_prior(scenario: Scenario) -> bool:
 def nominal_torque(scenario: Scenario) -> NDArray[np.float64]:
     """Return the torque (8000,) [N m] of 40 s on the scenario's reference at nominal parameters."""
     nominal = scenario.override(
-        {"name": "nominal", "fault": [], "duration": 40.0, "start": 1.0, "noise": {}}
+        {
+            "name": "nominal",
+            "fault": [],
+            "nuisance": None,
+            "duration": 40.0,
+            "start": 1.0,
+            "noise": {},
+        }
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )
     return _torque(nominal.to_toml())

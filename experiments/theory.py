@@ -55,7 +55,7 @@ class Detection:
     missed : int
         Faults without a finding in their window.
     isolated : float or None
-        Share of the faults detected whose first finding ends up naming the right parameter alone.
+        Share of the faults detected whose first finding ends up naming what changed, and no more.
     """
 
     alarms: int
@@ -66,22 +66,14 @@ class Detection:
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
-    """Return the limits of each estimated parameter, for the first window after its fault.
-
-    The bound is that of steps on an axis that the linear model describes; where there is anything
-    else it is not defined.
-    """
-    spans = windows(scenario, names)
+    """Return the limits of each estimated parameter, none of them where `bounded` has none."""
+    spans = bounded(scenario, names)
     found = []
     for i, name in enumerate(names):
-        mine = [w for w in spans if w.parameter == physical(name)[0]]
-        single = len(mine) == 1 and mine[0].start == _onset(scenario, mine[0])
-        linear = not (scenario.friction or scenario.backlash)
-        steps = all(isinstance(fault, Step) for fault in scenario.fault)
-        if not (single and linear and steps and mine[0].stop > mine[0].start):
+        if name not in spans:
             found.append(Limits())
             continue
-        window = mine[0]
+        window = spans[name]
         deviation = jump_bound(scenario, names, window.start, window.stop, torque)[:, i]
         relative = deviation / window.size
         found.append(
@@ -94,8 +86,24 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
     return found
 
 
-def _onset(scenario: Scenario, window: Window) -> int:
-    return next(e.index for e in scenario.events() if e.parameter == window.parameter)
+def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
+    """Return the estimated parameters for which a bound is defined, with the window it is for.
+
+    The bound is that of a single step on an axis that the linear model describes and on which
+    nothing else changes but by steps; the excitation must be on when it comes.
+    """
+    if scenario.nuisance or not scenario.linear:
+        return {}
+    if not all(isinstance(fault, Step) for fault in scenario.fault):
+        return {}
+    onsets = {event.parameter: event.index for event in scenario.events()}
+    spans = windows(scenario, names)
+    found = {}
+    for name in names:
+        mine = [w for w in spans if w.parameter == physical(name)[0]]
+        if len(mine) == 1 and onsets[mine[0].parameter] == mine[0].start < mine[0].stop:
+            found[name] = mine[0]
+    return found
 
 
 def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
@@ -160,7 +168,8 @@ def detection(
         if within.any():
             first = findings[int(np.argmax(within))]
             delays.append(scenario.period * (first.alarm - window.start))
-            named.append([physical(name)[0] for name in first.parameters] == [window.parameter])
+            changed = {w.parameter for w in spans if w.start == window.start}
+            named.append({physical(name)[0] for name in first.parameters} == changed)
     return Detection(
         alarms=len(alarms),
         false_alarms=int(np.sum(~inside)),
@@ -168,3 +177,25 @@ def detection(
         missed=len(spans) - len(delays),
         isolated=float(np.mean(named)) if named else None,
     )
+
+
+def isolation(
+    scenario: Scenario, names: Sequence[str], findings: Sequence[Any] | None
+) -> list[dict[str, Any]] | None:
+    """Return what each fault was taken for; None for an estimator without findings.
+
+    Returns
+    -------
+    list of dict
+        A dict a fault: ``fault``, the parameter that changed, and ``named``, the physical
+        parameters of the first finding in its window: [] for an unmodelled change, None for a
+        fault that was missed.
+    """
+    if findings is None:
+        return None
+    found = []
+    for window in windows(scenario, names):
+        inside = [f for f in findings if window.start <= f.alarm < window.stop]
+        named = [physical(name)[0] for name in inside[0].parameters] if inside else None
+        found.append({"fault": window.parameter, "named": named})
+    return found

@@ -25,8 +25,13 @@ def true_theta(names: Sequence[str], parameters: NDArray[np.float64]) -> NDArray
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
-    """Return the nominal values that an estimator is told: the identified ones off by `start`."""
+    """Return the nominal values that an estimator is told.
+
+    Those to be identified are off by `start`, and the others by `told`.
+    """
     values = scenario.nominal.as_dict()
+    for parameter, factor in (scenario.told or {}).items():
+        values[parameter] *= factor
     for name in scenario.identify:
         parameter, exponent = physical(name)
         values[parameter] *= scenario.start ** float(exponent)

@@ -1,8 +1,9 @@
-"""The 200 Hz loop that turns reference and motor angle into a torque command."""
+"""The loop that turns reference and motor angle into a torque command."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +25,20 @@ class ControllerConfig(Config):
         Integral gain [1/s].
     tau : float
         Time constant of the low-pass on the speed error [s]; 0 is no filter.
+    rate : {1000}, optional
+        Rate of an inner loop [Hz]; without it the loop runs at the sampling rate. The reference
+        goes evenly from one sample to the next.
+    log : {"mean", "sample"}, optional
+        What is logged of the torque of an inner loop: its mean from each sample to the next
+        (default), or its value at the sample.
     """
 
     Kp: NotNegative = 4.0
     Kv: Positive = 0.22
     Ki: NotNegative = 2.0
     tau: NotNegative = 0.0005
+    rate: Literal[1000] | None = None
+    log: Literal["mean", "sample"] | None = None
 
 
 class Controller:

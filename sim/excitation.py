@@ -96,6 +96,43 @@ class Multisine(Config):
         return moves
 
 
+class Moves(Config):
+    """Moves from point to point, each with the least jerk and a rest after it: a work cycle.
+
+    Attributes
+    ----------
+    reach : float
+        The targets are drawn evenly from ±reach [rad of the motor]; the first move starts at 0.
+    move : float
+        Time of a move [s].
+    dwell : float
+        Time at rest after each [s].
+    """
+
+    kind: Literal["moves"] = "moves"
+    reach: Annotated[float, Field(gt=0, le=1000)] = 4.0
+    move: Annotated[float, Field(ge=0.05)] = 0.4
+    dwell: NotNegative = 0.2
+
+    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+        """Return the reference (N,) [rad] at the samples; the targets are drawn from `rng`."""
+        cycle, done = self._clock(times)
+        drawn = rng.uniform(-self.reach, self.reach, int(cycle.max()) + 1)
+        targets = np.concatenate([[0.0], drawn])
+        part = done**3 * (10 - 15 * done + 6 * done**2)  # T. Flash and N. Hogan, 1985
+        return (1 - part) * targets[cycle] + part * targets[cycle + 1]
+
+    def excited(self, times: Array) -> NDArray[np.bool_]:
+        """Return at which samples (N,) the reference moves."""
+        return self._clock(times)[1] < 1
+
+    def _clock(self, times: Array) -> tuple[NDArray[np.int64], Array]:
+        """Return the number of the move (N,) at the samples, and how much of its time is over."""
+        length = sample_index(self.move)
+        cycle, since = np.divmod(sample_indices(times), length + sample_index(self.dwell))
+        return cycle, np.minimum(since / length, 1.0)
+
+
 class Standstill(Config):
     """A reference of zero: the axis is held where it is."""
 
@@ -112,4 +149,4 @@ class Standstill(Config):
 
 
 # A new excitation is a class with `kind`, `reference` and `excited`, and its name here.
-Excitation = Annotated[Multisine | Standstill, Field(discriminator="kind")]
+Excitation = Annotated[Multisine | Moves | Standstill, Field(discriminator="kind")]

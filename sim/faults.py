@@ -16,11 +16,18 @@ from flexaxis.sim.timing import PERIOD, sample_index, sample_indices
 Array = NDArray[np.float64]
 
 
+COULOMB = "coulomb"
+"""What can change besides the parameters: the level of Coulomb friction."""
+
+CHANGEABLE = (*(name for name in PARAMETER_NAMES if name != "r"), COULOMB)
+"""What can change in a run."""
+
+
 def _can_fail(parameter: str) -> str:
-    if parameter not in PARAMETER_NAMES:
-        raise ValueError(unknown("parameter", parameter, PARAMETER_NAMES))
     if parameter == "r":
         raise ValueError("the gear ratio r is a count of teeth and cannot change in a run")
+    if parameter not in CHANGEABLE:
+        raise ValueError(unknown("parameter", parameter, CHANGEABLE))
     return parameter
 
 
@@ -37,7 +44,7 @@ class Step(Config):
     Attributes
     ----------
     parameter : str
-        Name of the parameter, any but ``r``.
+        One of `CHANGEABLE`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the new value.
     factor : float
@@ -65,7 +72,7 @@ class Ramp(Config):
     Attributes
     ----------
     parameter : str
-        Name of the parameter, any but ``r``.
+        One of `CHANGEABLE`.
     at : float
         Time of the onset [s], rounded to a sample; that sample has the first changed value.
     over : float
@@ -93,13 +100,48 @@ class Ramp(Config):
         return [(first, first + sample_index(self.over))]
 
 
+class Thermal(Config):
+    """A parameter approaches a new value exponentially, as friction does while an axis warms up.
+
+    Attributes
+    ----------
+    parameter : str
+        One of `CHANGEABLE`.
+    at : float
+        Time of the onset [s], rounded to a sample; that sample has the first changed value.
+    time_constant : float
+        Time after which 63 % of the change is done [s].
+    factor : float
+        Value approached over the value before.
+    """
+
+    kind: Literal["thermal"] = "thermal"
+    parameter: Parameter
+    at: Span
+    time_constant: Span
+    factor: Factor
+
+    def factor_at(self, times: Array) -> Array:
+        """Return the factor (N,) at the samples: the mean of the curve until the next sample."""
+        k = np.maximum(sample_indices(times) - sample_index(self.at), -1)
+        decay = np.exp(-PERIOD / self.time_constant)
+        left = decay**k * (1 - decay) * self.time_constant / PERIOD
+        return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
+
+    def onsets(self, times: Array) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each change."""
+        del times
+        first = sample_index(self.at)
+        return [(first, first + sample_index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
+
+
 class Intermittent(Config):
     """A parameter jumps to and fro, as with a loose contact.
 
     Attributes
     ----------
     parameter : str
-        Name of the parameter, any but ``r``.
+        One of `CHANGEABLE`.
     at : float
         Time of the first onset [s], rounded to a sample.
     on, off : float
@@ -137,4 +179,4 @@ class Intermittent(Config):
 
 # A new fault is a class with `kind`, `parameter`, `at`, `factor_at` and `onsets`, and its name
 # here.
-Fault = Annotated[Step | Ramp | Intermittent, Field(discriminator="kind")]
+Fault = Annotated[Step | Ramp | Thermal | Intermittent, Field(discriminator="kind")]

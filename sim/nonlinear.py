@@ -1,10 +1,20 @@
-"""What an axis has beyond the linear model: dry friction, and play in the gear."""
+"""What an axis has beyond the linear model, one table of a scenario each.
+
+Every table knows how to build itself into MuJoCo's description of the plant (`build`), and how
+finely a sample must then be cut (`substeps`): such that the motor speed agrees with an independent
+solution to 1e-5 of its rms, and to 1e-3 where friction sticks and slips.
+"""
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
+from pydantic import Field, model_validator
+
 from flexaxis.sim.config import Config, Positive
 
-SUBSTEPS = 20  # of a sample: a switch of the force is located to within a step of 0.25 ms
+LINEAR_SUBSTEPS = 5  # of a sample: steps of 1 ms
+_NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
 class FrictionConfig(Config):
@@ -16,7 +26,80 @@ class FrictionConfig(Config):
         Coulomb friction [N m]; it opposes the motion, and holds the motor up to that torque.
     """
 
+    substeps: ClassVar[int] = 20  # a switch is located to within a step: 7e-4 with these
     coulomb: Positive
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        motor = spec.joint("motor")
+        motor.frictionloss = self.coulomb
+        # the engine's friction is soft by default, which is wrong by half here
+        motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
+
+
+class LuGreConfig(Config):
+    r"""LuGre friction of the motor: bristles that bend, stick and slip.
+
+    With the deflection z of the bristles and the motor speed v, the friction torque is
+
+    .. math::
+
+        F = \sigma_0 z + \sigma_1 \dot z, \quad \dot z = v - \sigma_0 |v| z / g(v), \quad
+        g(v) = F_c + (F_s - F_c) e^{-(v/v_s)^2}
+
+    (Canudas de Wit et al., IEEE Trans. AC 40, 1995, 419-425); its viscous part is f_m.
+
+    Attributes
+    ----------
+    stiffness : float
+        σ₀ [N m/rad].
+    damping : float
+        σ₁ [N m s/rad].
+    coulomb, static : float
+        F_c and F_s, the torque of fast sliding and of breaking away [N m].
+    stribeck : float
+        v_s, the speed at which the second has given way to the first [rad/s].
+    """
+
+    substeps: ClassVar[int] = 10  # the engine's bristles are of first order in the step: 7e-4
+    stiffness: Positive
+    damping: Positive
+    coulomb: Positive
+    static: Positive
+    stribeck: Positive
+
+    @model_validator(mode="after")
+    def _breaking_away_is_harder(self) -> LuGreConfig:
+        if self.static < self.coulomb:
+            raise ValueError(
+                f"static = {self.static:g} must be at least coulomb = {self.coulomb:g}"
+            )
+        return self
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
+        _passive(spec, "lugre", lugre=law)
+
+
+class CoggingConfig(Config):
+    """Cogging of the motor: a torque amplitude · sin(poles · φ_m) that the magnets add.
+
+    Attributes
+    ----------
+    amplitude : float
+        Largest torque [N m].
+    poles : int
+        Periods in one revolution of the motor.
+    """
+
+    substeps: ClassVar[int] = LINEAR_SUBSTEPS  # smooth
+    amplitude: Positive
+    poles: int = Field(ge=1, le=500)
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        _passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
 
 
 class BacklashConfig(Config):
@@ -29,4 +112,63 @@ class BacklashConfig(Config):
         of the gear acts in the gap too.
     """
 
+    substeps: ClassVar[int] = 20
     gear: Positive
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
+
+
+class StiffeningConfig(Config):
+    """A gear spring that stiffens with its twist x: torque k_g (x + gear · x³).
+
+    The whole law is proportional to k_g, so that a fault of k_g weakens all of it.
+
+    Attributes
+    ----------
+    gear : float
+        Cubic coefficient over the linear one [1/rad² on the arm side].
+    """
+
+    substeps: ClassVar[int] = LINEAR_SUBSTEPS
+    gear: Positive
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        spring = spec.tendon("gear")
+        spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
+
+
+class SaturationConfig(Config):
+    """A limit of the drive: it acts on ±torque at most, while the log has the command.
+
+    Attributes
+    ----------
+    torque : float
+        Largest size of the command that acts [N m]; k_T multiplies what is left.
+    """
+
+    substeps: ClassVar[int] = LINEAR_SUBSTEPS
+    torque: Positive
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        spec.actuator("motor").forcerange = [-self.torque, self.torque]
+
+
+Nonlinearity = (
+    FrictionConfig
+    | LuGreConfig
+    | CoggingConfig
+    | BacklashConfig
+    | StiffeningConfig
+    | SaturationConfig
+)
+
+
+def _passive(spec: Any, name: str, **law: list[float]) -> None:
+    """Add an electric motor without current to the motor joint, for the friction it can have."""
+    motor = spec.add_actuator(name=name, target="motor")
+    motor.trntype = spec.actuator("motor").trntype
+    motor.set_to_dcmotor(motorconst=[0.0, 0.0], resistance=1.0, ctrlspec=_NO_INPUT, **law)

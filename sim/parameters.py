@@ -32,6 +32,9 @@ PARAMETER_UNITS = {
 PARAMETER_NAMES = tuple(PARAMETER_UNITS)
 """The parameters in the order that every array of them has."""
 
+DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
+"""What is estimated unless a scenario says otherwise: the paper's three."""
+
 MAY_BE_ZERO = frozenset({"d_g", "d_a", "f_m", "f_g", "f_a"})
 """Dampings and frictions; every other parameter must be positive."""
 

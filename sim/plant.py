@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_files
 from flexaxis.sim.errors import ParameterError, SimulationError
+from flexaxis.sim.nonlinear import Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
 from flexaxis.sim.timing import PERIOD
 
@@ -54,10 +55,8 @@ class Plant:
         Steps of the fourth-order Runge-Kutta method in one period.
     threads : int
         Threads that share the runs.
-    coulomb : float
-        Coulomb friction of the motor [N m].
-    backlash : float
-        Width of the gap of the gear spring [rad on the arm side]; its damper acts in the gap too.
+    nonlinear : sequence of Nonlinearity
+        What the axis has beyond the linear model; see `flexaxis.sim.nonlinear`.
 
     Raises
     ------
@@ -72,14 +71,15 @@ class Plant:
         period: float = PERIOD,
         substeps: int = 5,
         threads: int = 1,
-        coulomb: float = 0.0,
-        backlash: float = 0.0,
+        nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:
         values = _as_rows(parameters)
-        model = _compile(period / substeps, coulomb=coulomb, backlash=backlash)
+        model = _compile(period / substeps, nonlinear)
         self._batch = Batch(model, len(values), threads)
         self._substeps = substeps
         self._places = _places(self._batch, model)
+        self._springs = _Springs(self._batch, model) if model.tendon_stiffnesspoly.any() else None
+        self._dry: Array = _place(self._batch, model, "dof_frictionloss", "motor")
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -112,9 +112,18 @@ class Plant:
         _check_columns(values, changed)
         for column in changed:  # transposed, for an inertia has three entries in each run
             self._places[column].T[...] = values[:, column]
+        if self._springs:
+            self._springs.scale()
         if any(PARAMETER_NAMES[column] in _DERIVED_FROM for column in changed):
             self._batch.set_const()
         self._values = values
+
+    def set_coulomb(self, level: float) -> None:
+        """Change the Coulomb friction of the motor [N m] from now on, in all runs.
+
+        The plant must have been made with a `FrictionConfig`, for its solver settings.
+        """
+        self._dry[...] = level
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.
@@ -191,16 +200,25 @@ def _quiet() -> Iterator[None]:
         before.set()
 
 
-def _compile(timestep: float, *, coulomb: float, backlash: float) -> mujoco.MjModel:
+class _Springs:
+    """Springs whose law is cubic: with their stiffness, all of the law scales."""
+
+    def __init__(self, batch: Batch, model: mujoco.MjModel) -> None:
+        self._ratio = model.tendon_stiffnesspoly / model.tendon_stiffness[:, None]
+        self._linear: Array = batch.expand("tendon_stiffness")
+        self._higher: Array = batch.expand("tendon_stiffnesspoly")
+
+    def scale(self) -> None:
+        self._higher[...] = self._linear[..., None] * self._ratio
+
+
+def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
     xml, _ = model_files("three_mass")
     spec = mujoco.MjSpec.from_string(xml)
     spec.option.timestep = timestep
     spec.compiler.discardvisual = True  # shapes only cost time here
-    motor = spec.joint("motor")
-    motor.frictionloss = coulomb
-    # the engine's friction is soft by default, which is wrong by half here
-    motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
-    spec.tendon("gear").springlength = [-backlash / 2, backlash / 2]
+    for feature in nonlinear:
+        feature.build(spec)
     return spec.compile()
 
 

@@ -10,14 +10,20 @@ from pydantic import BaseModel, ValidationError
 from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import did_you_mean, unknown
 from flexaxis.sim.excitation import Excitation
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.parameters import MAY_BE_ZERO, PARAMETER_NAMES, PRESETS, parameter_problem
+from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.parameters import (
+    DEFAULT_IDENTIFY,
+    MAY_BE_ZERO,
+    PARAMETER_NAMES,
+    PRESETS,
+    parameter_problem,
+)
 from flexaxis.sim.timing import sample_index
 
 Problem = tuple[str, str]
 """Key, such as ``fault[0].at``, and what is wrong with it."""
 
-_KINDS = {"fault": kinds(Fault), "excitation": kinds(Excitation)}
+_KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
 # Where pydantic speaks Python, TOML's words.
 _WORDS = {
@@ -45,10 +51,13 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     duration = _number(content.get("duration"))
     yield from _parameter_problems(content)
     yield from _identify_problems(content.get("identify"))
-    for index, fault in enumerate(_items(content.get("fault"))):
-        if isinstance(fault, Mapping):
-            for key, text in _fault_problems(fault, duration):
-                yield f"fault[{index}].{key}", text
+    yield from _told_problems(content.get("told"), content.get("identify", DEFAULT_IDENTIFY))
+    yield from _loop_problems(content)
+    for table in ("fault", "nuisance"):
+        for index, change in enumerate(_items(content.get(table))):
+            if isinstance(change, Mapping):
+                for key, text in _change_problems(change, duration, content.get("friction")):
+                    yield f"{table}[{index}].{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
         yield from _pause_problems(excitation.get("pause"), duration)
@@ -123,13 +132,35 @@ def _identify_problems(identify: Any) -> Iterator[Problem]:
         seen.setdefault(parameter, name)
 
 
-def _fault_problems(fault: Mapping[str, Any], duration: float | None) -> Iterator[Problem]:
+def _told_problems(told: Any, identify: Any) -> Iterator[Problem]:
+    estimated = {str(name).removeprefix("1/") for name in _items(identify)}
+    for name in told if isinstance(told, Mapping) else ():
+        if name not in PARAMETER_NAMES:
+            yield f"told.{name}", unknown("parameter", name, PARAMETER_NAMES)
+        elif name in estimated:
+            yield f"told.{name}", f"{name} is estimated: where that starts is `start`"
+
+
+def _loop_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+    controller = content.get("controller")
+    table = controller if isinstance(controller, Mapping) else {}
+    if table.get("log") is not None and table.get("rate") is None:
+        yield "controller.log", "is for an inner loop: it needs controller.rate = 1000"
+    if table.get("rate") is not None and content.get("feedback") == "measured":
+        yield "controller.rate", 'an inner loop sees the clean angle: it needs feedback = "clean"'
+
+
+def _change_problems(
+    fault: Mapping[str, Any], duration: float | None, friction: Any
+) -> Iterator[Problem]:
     at, until, factor = (_number(fault.get(key)) for key in ("at", "until", "factor"))
     if at is not None and duration is not None and sample_index(at) >= sample_index(duration):
         yield "at", f"the onset at {at:g} s is not before the end of the run at {duration:g} s"
     if at is not None and until is not None and sample_index(until) <= sample_index(at):
         yield "until", f"the end at {until:g} s is not after the onset at {at:g} s"
     parameter = fault.get("parameter")
+    if parameter == COULOMB and not friction:
+        yield "parameter", "there is no Coulomb friction to change: set friction.coulomb"
     if factor == 0 and parameter in PARAMETER_NAMES and parameter not in MAY_BE_ZERO:
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 

@@ -7,7 +7,6 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
@@ -20,37 +19,28 @@ from pydantic import Field, ValidationError, model_validator
 from flexaxis.sim.config import Config, NotNegative, Positive
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
-from flexaxis.sim.faults import Fault
-from flexaxis.sim.nonlinear import BacklashConfig, FrictionConfig
-from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
+from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.nonlinear import (
+    BacklashConfig,
+    CoggingConfig,
+    FrictionConfig,
+    LuGreConfig,
+    Nonlinearity,
+    SaturationConfig,
+    StiffeningConfig,
+)
+from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
-from flexaxis.sim.sensors import DelayConfig, EncoderConfig, NoiseConfig
+from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig
 from flexaxis.sim.timing import PERIOD, sample_index, sample_times
 from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
 
-
-@dataclass(frozen=True)
-class Event:
-    """A change of a true parameter.
-
-    Attributes
-    ----------
-    parameter : str
-        Name of the parameter.
-    index : int
-        First sample with a changed value.
-    before, after : float
-        Value before the change, and when it is complete.
-    """
-
-    parameter: str
-    index: int
-    before: float
-    after: float
+_WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})  # no part of the identity
 
 
 class Scenario(Config):
@@ -67,6 +57,10 @@ class Scenario(Config):
         Length of the run [s].
     card : str
         What the scenario tests, in words.
+    group : str, optional
+        Where it stands in the catalogue.
+    difficulty : {"easy", "medium", "hard"}, optional
+        What to expect of a good estimator.
     preset : str
         Named parameter set.
     parameters : dict of str to float
@@ -75,6 +69,8 @@ class Scenario(Config):
         Parameters to estimate, inverses such as ``"1/J_a"`` included.
     start : float
         Where the estimates of these start, over nominal.
+    told : dict of str to float, optional
+        What estimators are told of the other parameters, over the truth.
     output : {"speed", "increment"}
         What the estimators read.
     burn_in : float
@@ -83,17 +79,22 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     noise, encoder, delay, controller, excitation, fault
         Tables of their own.
-    friction, backlash
-        What the axis has beyond the linear model; None for neither.
+    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+        What the axis has beyond the linear model, a table each.
+    nuisance : tuple of Fault, optional
+        Changes of the truth that are no faults: no event, and every alarm a false one.
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
     duration: Annotated[float, Field(ge=2 * PERIOD, le=86400)]
     card: str = ""
+    group: str | None = None
+    difficulty: Literal["easy", "medium", "hard"] | None = None
     preset: str = "n1"
     parameters: dict[str, float] = Field(default_factory=dict)
-    identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = ("k_T", "1/J_a", "f_m")
+    identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
     start: Positive = 1.0
+    told: Annotated[dict[str, Positive], Field(min_length=1)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
     feedback: Literal["clean", "measured"] = "clean"
@@ -101,10 +102,16 @@ class Scenario(Config):
     encoder: EncoderConfig = EncoderConfig()
     delay: DelayConfig = DelayConfig()
     controller: ControllerConfig = ControllerConfig()
+    filter: FilterConfig | None = None
     friction: FrictionConfig | None = None
+    lugre: LuGreConfig | None = None
+    cogging: CoggingConfig | None = None
     backlash: BacklashConfig | None = None
+    stiffening: StiffeningConfig | None = None
+    saturation: SaturationConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
+    nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _keys_agree(self) -> Scenario:
@@ -133,9 +140,25 @@ class Scenario(Config):
         """Parameters before any fault."""
         return preset(self.preset).replace(**self.parameters)
 
+    @property
+    def nonlinear(self) -> dict[str, Nonlinearity]:
+        """What the plant has beyond the linear model, by key."""
+        tables = {key: getattr(self, key) for key in type(self).model_fields}
+        return {key: table for key, table in tables.items() if isinstance(table, Nonlinearity)}
+
+    @property
+    def linear(self) -> bool:
+        """Whether the linear model, with what estimators are told, describes the records."""
+        late = self.delay.measurement or self.delay.torque
+        return not (self.nonlinear or self.filter or late or self.controller.rate or self.told)
+
     def true_parameters(self) -> Array:
         """Return the parameters (N, 12) that act from each sample to the next."""
-        return self._parameters_at(self.times)
+        return np.column_stack([self._value(name, self.times) for name in PARAMETER_NAMES])
+
+    def coulomb(self) -> Array:
+        """Return the level (N,) of Coulomb friction that acts from each sample to the next."""
+        return self._value(COULOMB, self.times)
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
@@ -146,24 +169,12 @@ class Scenario(Config):
 
         A ramp is one event at its onset; an intermittent fault is one at each switch.
         """
-        times = self.times
-        changes: dict[tuple[int, str], int] = {}
-        for fault in self.fault:
-            for first, settled in fault.onsets(times):
-                key = first, fault.parameter
-                changes[key] = max(settled, changes.get(key, settled))
-        events = [self._event(name, first, last) for (first, name), last in changes.items()]
-        return tuple(
-            sorted(
-                (event for event in events if event.before != event.after),
-                key=lambda event: (event.index, PARAMETER_NAMES.index(event.parameter)),
-            )
-        )
+        return find_events(self.fault, self.times, self._value)
 
     @cached_property
     def hash(self) -> str:
-        """Identity: SHA-256 of the content, that is without name, card and name of the preset."""
-        content = {k: v for k, v in self.resolved().items() if k not in {"name", "card", "preset"}}
+        """Identity: SHA-256 of the content, that is without the words on it."""
+        content = {k: v for k, v in self.resolved().items() if k not in _WORDS}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return sha256(text.encode()).hexdigest()
 
@@ -204,16 +215,11 @@ class Scenario(Config):
             content["name"] = self.name + suffix
         return scenario_from(content, source=self.name)
 
-    def _parameters_at(self, times: Array) -> Array:
-        values = np.tile(self.nominal.as_array(), (len(times), 1))
-        for fault in self.fault:
-            values[:, PARAMETER_NAMES.index(fault.parameter)] *= fault.factor_at(times)
-        return values
-
-    def _event(self, parameter: str, first: int, settled: int) -> Event:
-        times = np.array([first - 1, settled]) * PERIOD
-        before, after = self._parameters_at(times)[:, PARAMETER_NAMES.index(parameter)].tolist()
-        return Event(parameter, first, before, after)
+    def _value(self, name: str, times: Array) -> Array:
+        """Return a parameter, or the level of Coulomb friction, at times (M,)."""
+        first = self.friction.coulomb if self.friction else 0.0
+        nominal = first if name == COULOMB else getattr(self.nominal, name)
+        return changed(nominal, name, (*self.fault, *(self.nuisance or ())), times)
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

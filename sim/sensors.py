@@ -1,15 +1,17 @@
-"""What is measured of the truth: delay, noise, encoder counts, and the increment."""
+"""What is measured of the truth: delay, noise, encoder counts, filter, and the increment."""
 
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
+from scipy.signal import lfilter
 
-from flexaxis.sim.config import Config, NotNegative
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim.timing import PERIOD, TICKS
 
 Array = NDArray[np.float64]
 
@@ -58,9 +60,36 @@ class DelayConfig(Config):
     ----------
     measurement : int
         Whole samples by which angle and speed are late.
+    torque : float, optional
+        Time from a torque command to its action [s], a multiple of 1 ms. The log has the command.
     """
 
     measurement: int = Field(default=0, ge=0, le=1000)
+    torque: Annotated[float, Field(gt=0, le=0.1)] | None = None
+
+    @field_validator("torque")
+    @classmethod
+    def _whole_ticks(cls, torque: float | None) -> float | None:
+        if torque and abs(torque * TICKS / PERIOD - round(torque * TICKS / PERIOD)) > 1e-6:
+            raise ValueError(f"must be a multiple of {PERIOD / TICKS:g} s, not {torque:g}")
+        return torque
+
+    @property
+    def torque_ticks(self) -> int:
+        """Delay of the torque in ticks of 1 ms."""
+        return round((self.torque or 0.0) * TICKS / PERIOD)
+
+
+class FilterConfig(Config):
+    """What the drive does to the speed before it is logged; the table ``[filter]``.
+
+    Attributes
+    ----------
+    speed : float
+        Time constant of a first-order low-pass on the measured speed, noise and all [s].
+    """
+
+    speed: Positive
 
 
 def measured_angle(angle: Array, noise: Array | float, *, counts: int) -> Array:
@@ -87,6 +116,12 @@ def measured_angle(angle: Array, noise: Array | float, *, counts: int) -> Array:
 def angle_increment(angle: Array, *, period: float = PERIOD) -> Array:
     """Return the rate (φ[k] − φ[k−1])/T of a sampled angle (N, ...) [rad/s], 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period
+
+
+def low_passed(signal: Array, time_constant: float, *, period: float = PERIOD) -> Array:
+    """Return a signal (N, ...) through f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
+    pole = math.exp(-period / time_constant)
+    return np.asarray(lfilter([1 - pole], [1, -pole], signal, axis=0))
 
 
 def delayed(signal: Array, samples: int) -> Array:

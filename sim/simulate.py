@@ -3,35 +3,21 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cache
 from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.sim.controller import Controller
 from flexaxis.sim.errors import ScenarioError, SimulationError
-from flexaxis.sim.nonlinear import SUBSTEPS
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import angle_increment, delayed, measured_angle
+from flexaxis.sim.sensors import angle_increment, delayed, low_passed, measured_angle
 from flexaxis.sim.streams import stream
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
-_REPORT_EVERY = 200  # samples between two calls of progress
-
-
-@dataclass(frozen=True)
-class _Truth:
-    """What really happened: torque (N, R), speed (N, R) and the three angles (N, R, 3)."""
-
-    torque: Array
-    speed: Array
-    angles: Array
 
 
 def simulate(
@@ -76,20 +62,18 @@ def simulate(
         [scenario.excitation.reference(times, _stream(scenario, s, "excitation")) for s in seeds]
     )
     angle_noise = _white(scenario, seeds, "angle", scenario.noise.angle, repeat)
-    truth = _closed_loop(
-        scenario,
-        seeds,
-        reference=reference,
-        angle_noise=angle_noise,
-        threads=threads,
-        progress=progress,
-    )
+    try:
+        truth = closed_loop(scenario, reference, angle_noise, threads=threads, progress=progress)
+    except SimulationError as error:
+        raise _named(error, scenario, seeds) from None
     late = scenario.delay.measurement
     angle = measured_angle(
         delayed(truth.angles[:, :, 0], late), angle_noise, counts=scenario.encoder.counts
     )
     noise = _white(scenario, seeds, "speed", scenario.noise.speed, repeat)
     speed = delayed(truth.speed, late) + noise
+    if scenario.filter:
+        speed = low_passed(speed, scenario.filter.speed)
     return _records(scenario, seeds, truth, angle, speed)
 
 
@@ -116,61 +100,6 @@ def _white(
     return deviation * np.column_stack(columns)
 
 
-def _closed_loop(
-    scenario: Scenario,
-    seeds: list[int],
-    *,
-    reference: Array,
-    angle_noise: Array,
-    threads: int,
-    progress: Progress | None,
-) -> _Truth:
-    """Simulate the loop around the plant; all arrays are time first, runs second."""
-    samples, runs = reference.shape
-    plant = _plant(scenario, runs, threads)
-    controller = Controller(scenario.controller, runs)
-    changes = _parameter_changes(scenario)
-    measured, counts = scenario.feedback == "measured", scenario.encoder.counts
-    late = scenario.delay.measurement if measured else 0
-    torque, speed = np.empty((2, samples, runs))
-    angles = np.zeros((late + samples, runs, 3))  # shifted: row k is what is seen at k
-    for k in range(samples):
-        if k in changes:
-            plant.set_parameters(np.tile(changes[k], (runs, 1)))
-        speed[k], angles[late + k] = plant.speed_m, plant.angles
-        angle = angles[k, :, 0]
-        if measured:
-            angle = measured_angle(angle, angle_noise[k], counts=counts)
-        torque[k] = controller.torque(reference[k], angle)
-        try:
-            plant.step(torque[k])
-        except SimulationError as error:
-            raise _named(error, scenario, seeds) from None
-        if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
-            progress((k + 1) / samples)
-    return _Truth(torque, speed, angles[late:])
-
-
-def _plant(scenario: Scenario, runs: int, threads: int) -> Plant:
-    nominal = [scenario.nominal] * runs
-    if not (scenario.friction or scenario.backlash):
-        return Plant(nominal, threads=threads)
-    return Plant(
-        nominal,
-        substeps=SUBSTEPS,
-        threads=threads,
-        coulomb=scenario.friction.coulomb if scenario.friction else 0.0,
-        backlash=scenario.backlash.gear if scenario.backlash else 0.0,
-    )
-
-
-def _parameter_changes(scenario: Scenario) -> dict[int, Array]:
-    """Return the new parameters (12,) at the samples at which some change."""
-    parameters = scenario.true_parameters()
-    changed = (np.diff(parameters, axis=0) != 0).any(axis=1)
-    return {int(k): parameters[k] for k in np.flatnonzero(changed) + 1}
-
-
 def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> SimulationError:
     message = (
         f"{scenario.name}, seed {seeds[error.run]}: the simulation failed at "
@@ -181,7 +110,7 @@ def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> Simu
 
 
 def _records(
-    scenario: Scenario, seeds: list[int], truth: _Truth, angle: Array, speed: Array
+    scenario: Scenario, seeds: list[int], truth: Truth, angle: Array, speed: Array
 ) -> list[Record]:
     increment = angle_increment(angle)
     parameters = scenario.true_parameters()
@@ -210,7 +139,6 @@ def _records(
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of the programs that make a record."""
     """Return the versions that decide about the bits of a record, by name."""
     packages = ("flexaxis", "mujoco", "numpy")
     return {"python": platform.python_version()} | {name: version(name) for name in packages}

@@ -11,6 +11,9 @@ RATE = 200
 PERIOD = 1 / RATE
 """Sampling period T [s]."""
 
+TICKS = 5
+"""Ticks of 1 ms in a sample, for what goes on between samples: an inner loop, a short delay."""
+
 
 def sample_index(time: float) -> int:
     """Return the number of the sample nearest to a time [s]."""

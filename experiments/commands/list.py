@@ -8,6 +8,7 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 
 HELP = "list scenarios, suites and estimators"
 KINDS = ("scenarios", "suites", "estimators")
@@ -33,11 +34,28 @@ def main(args: argparse.Namespace) -> int:
     for kind, rows in found.items():
         table = Table(title=kind, title_justify="left", box=None, pad_edge=False)
         table.add_column("name", no_wrap=True)
+        if kind == "scenarios":
+            table.add_column("expected", no_wrap=True)
         table.add_column("what it is")
-        for row in rows:
-            table.add_row(row["name"], row["summary"])
+        for cells in _grouped(rows) if kind == "scenarios" else _plain(rows):
+            table.add_row(*cells)
         Console().print(table, "")
     return 0
+
+
+def _plain(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
+    return ((row["name"], row["summary"]) for row in rows)
+
+
+def _grouped(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
+    """Yield the cells of the scenarios, each group under its heading."""
+    from flexaxis.experiments.card import GROUPS
+
+    for group, words in GROUPS.items():
+        yield f"[bold]{group}[/bold]", "", f"[bold]{words}[/bold]"
+        for row in rows:
+            if row["group"] == group:
+                yield f"  {row['name']}", row["difficulty"], row["content"]
 
 
 def _catalogue() -> dict[str, list[dict[str, str]]]:
@@ -45,10 +63,7 @@ def _catalogue() -> dict[str, list[dict[str, str]]]:
     from flexaxis.experiments import catalogue
 
     return {
-        "scenarios": [
-            {"name": name, "summary": catalogue.find_scenario(name).card}
-            for name in catalogue.scenario_names()
-        ],
+        "scenarios": [_scenario(name) for name in catalogue.scenario_names()],
         "suites": [
             {"name": name, "summary": catalogue.find_suite(name).card}
             for name in catalogue.suite_names()
@@ -56,4 +71,17 @@ def _catalogue() -> dict[str, list[dict[str, str]]]:
         "estimators": [
             {"name": entry.name, "summary": entry.summary} for entry in REGISTRY.values()
         ],
+    }
+
+
+def _scenario(name: str) -> dict[str, str]:
+    from flexaxis.experiments import card, catalogue
+
+    scenario = catalogue.find_scenario(name)
+    return {
+        "name": name,
+        "group": scenario.group or "",
+        "difficulty": scenario.difficulty or "",
+        "content": card.in_a_line(scenario),
+        "summary": scenario.card,
     }

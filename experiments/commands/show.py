@@ -1,6 +1,6 @@
 """Show a scenario, a suite or an estimator: all values written out.
 
-A scenario is printed as TOML that can be edited and run from its path.
+A scenario is printed as its reference card and as TOML that can be edited and run from its path.
 
 example:
   flexaxis show fm_step-v1
@@ -26,7 +26,7 @@ def main(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments import catalogue
+    from flexaxis.experiments import card, catalogue
     from flexaxis.experiments.results import dumps
 
     if args.name in REGISTRY:
@@ -47,6 +47,8 @@ def main(args: argparse.Namespace) -> int:
     else:
         scenario = catalogue.find_scenario(args.name)
         content = scenario.resolved() | {"hash": scenario.hash}
-        text = f"# {scenario.card}\n# content hash {scenario.hash}\n{scenario.to_toml()}"
+        known = card.reference_card(scenario) | {"content hash": scenario.hash}
+        text = "".join(f"# {key}: {' '.join(value.split())}\n" for key, value in known.items())
+        text += f"\n{scenario.to_toml()}"
     print(dumps(content) if args.json else text.rstrip())
     return 0

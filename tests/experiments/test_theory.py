@@ -8,7 +8,9 @@ import pytest
 from flexaxis.experiments import theory
 from flexaxis.experiments.bounds import jump_bound
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.theory import Limits, detection, limits, nees, score
+from flexaxis.experiments.scores import score as score_rows
+from flexaxis.experiments.theory import Limits, bounded, detection, limits, nees, score
+from flexaxis.experiments.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -35,10 +37,64 @@ def test_limits_of_a_step(torque):
 
 
 @pytest.mark.parametrize(
-    "name", ["fm_ramp-v1", "repair-v1", "coulomb_fm_step-v1", "pause_fm_step-v1", "kg_step-v1"]
+    "name",
+    [
+        "fm_ramp-v1",
+        "repair-v1",
+        "coulomb_fm_step-v1",
+        "pause_fm_step-v1",
+        "kg_step-v1",
+        "told_kg_fm_step-v1",
+        "torque_delay_fm_step-v1",
+        "warming_fm_step-v1",
+    ],
 )
 def test_no_bound_where_it_is_not_defined(name, torque):
     assert limits(find_scenario(name), NAMES, np.resize(torque, 10000)) == [Limits()] * 3
+
+
+def test_which_parameters_have_a_bound():
+    assert list(bounded(find_scenario("three_faults-v1"), NAMES)) == ["k_T", "1/J_a", "f_m"]
+    assert list(bounded(find_scenario("kg_known_step-v1"), (*NAMES, "k_g"))) == ["k_g"]
+    (window,) = bounded(find_scenario("moves_fm_step-v1"), NAMES).values()
+    assert (window.start, window.stop) == (2070, 3070)
+
+
+@pytest.mark.parametrize("name", ["warming_fm-v1", "warming_coulomb-v1", "load-v1"])
+def test_after_a_nuisance_there_is_no_lag_and_every_alarm_is_false(name):
+    scenario = find_scenario(name)
+    truth = scenario.true_parameters()
+    theta = true_theta(NAMES, truth)
+    for row in score_rows(scenario, NAMES, theta, truth):  # an estimator that knows it all
+        assert not row.changed and row.lag is None and row.std == row.bias == 0
+    found = detection(scenario, NAMES, [Finding(1500, ("f_m",)), Finding(7000, ())])
+    assert (found.alarms, found.false_alarms, found.missed, found.delay) == (2, 2, 0, None)
+
+
+def test_a_fault_beside_a_nuisance_is_scored():
+    scenario = find_scenario("warming_fm_step-v1")
+    truth = scenario.true_parameters()
+    theta = true_theta(NAMES, truth)
+    theta[6000:, 2] -= 0.01
+    f_m = score_rows(scenario, NAMES, theta, truth)[2]
+    # 0.01 off over 5 s, relative to the half of the friction that is left at 30 s
+    size = 0.5 * 0.05 * (0.7 + 0.3 * np.exp(-25 / 20))
+    assert f_m.changed and f_m.lag == pytest.approx(5 * 0.01 / size, rel=1e-3)
+    found = detection(scenario, NAMES, [Finding(1500, ("f_m",)), Finding(6010, ("f_m",))])
+    assert (found.alarms, found.false_alarms, found.missed) == (2, 1, 0)
+
+
+def test_estimators_are_told_what_is_not_true():
+    scenario = find_scenario("told_kg_fm_step-v1").override({"start": 1.2})
+    told, nominal = started_nominal(scenario), scenario.nominal.as_dict()
+    ratios = {name: told[name] / nominal[name] for name in told if told[name] != nominal[name]}
+    assert ratios == pytest.approx({"k_g": 1.1, "k_T": 1.2, "J_a": 1 / 1.2, "f_m": 1.2})
+
+
+def test_faults_in_one_sample_are_isolated_by_naming_both():
+    scenario = find_scenario("together-v1")
+    for names, share in ((("k_T", "f_m"), 1.0), (("f_m",), 0.0)):
+        assert detection(scenario, NAMES, [Finding(2010, names)]).isolated == share
 
 
 def test_the_score_of_doing_nothing_and_of_the_bound():

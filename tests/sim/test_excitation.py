@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.excitation import Multisine, Standstill
+from flexaxis.sim.excitation import Moves, Multisine, Standstill
 from flexaxis.sim.timing import sample_times
 
 
@@ -73,3 +73,28 @@ def test_before_its_first_sample_the_reference_is_at_rest():
 
 def test_standstill_asks_for_nothing():
     assert not Standstill().reference(sample_times(10), rng()).any()
+
+
+def test_moves_are_of_least_jerk_between_rests():
+    moves = Moves(reach=3.0, move=0.4, dwell=0.2)
+    times = sample_times(1200)
+    reference, excited = moves.reference(times, rng()), moves.excited(times)
+    cycles = reference.reshape(10, 120)  # 80 samples of motion, 40 at rest
+    assert np.array_equal(excited.reshape(10, 120), np.tile(np.arange(120) < 80, (10, 1)))
+    targets = cycles[:, -1]
+    assert np.array_equal(cycles[:, 80:], np.tile(targets[:, None], 40))
+    assert reference[0] == 0 and np.array_equal(cycles[1:, 0], targets[:-1])
+    assert np.abs(targets).max() <= 3.0 and np.unique(targets).size == 10
+    # The polynomial of least jerk is the one of fifth degree at rest at both ends, and its
+    # largest speed is 15/8 of the mean.
+    path = cycles[4, :80]
+    fit = np.polynomial.Polynomial.fit(np.arange(80) / 80, path, 5, domain=[0, 1], window=[0, 1])
+    assert np.abs(fit(np.arange(80) / 80) - path).max() < 1e-9
+    ends = [fit.deriv(n)(edge) for n in (1, 2) for edge in (0.0, 1.0)]
+    assert np.abs(ends).max() < 1e-6
+    assert fit.deriv()(0.5) == pytest.approx(15 / 8 * (targets[4] - targets[3]))
+
+
+def test_longer_runs_have_the_same_moves():
+    short, long = (Moves().reference(sample_times(n), rng()) for n in (500, 2000))
+    assert np.array_equal(short, long[:500])

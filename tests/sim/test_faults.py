@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.sim.faults import Intermittent, Ramp, Step
+from flexaxis.sim.faults import Intermittent, Ramp, Step, Thermal
 from flexaxis.sim.timing import PERIOD, sample_index, sample_times
 
 TIMES = sample_times(4000)
@@ -48,3 +48,15 @@ def test_intermittent_switches_as_told(until):
     assert np.array_equal(factor, expected)
     changes = np.flatnonzero(np.diff(factor)) + 1
     assert fault.onsets(TIMES) == [(k, k) for k in changes]
+
+
+@pytest.mark.parametrize("final", [1.5, 0.0])
+def test_thermal_is_the_mean_of_an_exponential_over_each_sample(final):
+    change = Thermal(parameter="f_m", at=5.0, time_constant=2.0, factor=final)
+    fine = np.linspace(0, 20, 4000 * 100, endpoint=False) + 20 / 4000 / 100 / 2
+    curve = 1 + (final - 1) * np.where(fine < 5, 0, -np.expm1(-(fine - 5.0) / 2.0))
+    expected = curve.reshape(4000, 100).mean(axis=1)
+    # the mean of 100 points of a curve that bends little in a sample
+    assert np.allclose(change.factor_at(TIMES), expected, rtol=0, atol=1e-9)
+    ((first, settled),) = change.onsets(TIMES)
+    assert first == 1000 and change.factor_at(np.array([settled * PERIOD]))[0] == final

@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.events import Event
 from flexaxis.sim.parameters import PARAMETER_NAMES, preset
-from flexaxis.sim.scenario import Event, load_scenario, parse_scenario
+from flexaxis.sim.scenario import load_scenario, parse_scenario
 
-STEP = """
+BARE = """
 name = "fm_step-v1"
 duration = 20.0
-[[fault]]
+"""
+FAULT = """[[fault]]
 kind = "step"
 parameter = "f_m"
 at = 10.0
 factor = 1.5
 """
+STEP = BARE + FAULT
 FULL = """
 name = "everything-v1"
 card = '''Two lines, "quoted",
@@ -234,3 +237,56 @@ def test_load_reads_utf8_and_names_the_file(tmp_path):
         load_scenario(path)
     with pytest.raises(ScenarioError, match=r"gone.toml: cannot be read: No such file"):
         load_scenario(tmp_path / "gone.toml")
+
+
+THERMAL = """
+[[nuisance]]
+kind = "thermal"
+parameter = "f_m"
+at = 5
+time_constant = 4
+factor = 0.6
+"""
+
+
+def test_a_nuisance_moves_the_truth_and_is_no_event():
+    alone = parse_scenario(BARE + THERMAL)
+    assert alone.events() == () and alone.hash != parse_scenario(STEP).hash
+    f_m = alone.true_parameters()[:, K("f_m")]
+    assert np.all(f_m[:1000] == 0.05) and np.all(np.diff(f_m[1000:]) < 0)
+    # after three time constants e^-3 of the change is left, to within half a sample
+    assert f_m[1000 + 2400] == pytest.approx(0.05 * (1 - 0.4 * (1 - np.exp(-3))), rel=1e-4)
+    both = parse_scenario(STEP + THERMAL)
+    (event,) = both.events()
+    assert event.index == 2000
+    assert event.after / event.before == pytest.approx(1.5, rel=1e-3)  # the drift of a sample
+    assert both.true_parameters()[2500, K("f_m")] == pytest.approx(1.5 * f_m[2500])
+
+
+def test_the_level_of_coulomb_friction_over_time():
+    dry = "friction.coulomb = 0.1" + BARE
+    assert np.all(parse_scenario(dry).coulomb() == 0.1) and not parse_scenario(STEP).coulomb().any()
+    warming = parse_scenario(dry + THERMAL.replace("f_m", "coulomb"))
+    level = warming.coulomb()
+    after = 0.1 * (1 - 0.4 * (1 - np.exp(-15 / 4)))  # to within half a sample
+    assert level[999] == 0.1 and level[-1] == pytest.approx(after, rel=1e-4)
+    assert np.all(warming.true_parameters() == warming.nominal.as_array())
+    fault = parse_scenario(dry + FAULT.replace("f_m", "coulomb"))
+    assert fault.events() == (Event("coulomb", 2000, 0.1, pytest.approx(0.15)),)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["friction.coulomb = 0.1", "backlash.gear = 1e-5", "stiffening.gear = 1e4", "told.k_g = 1.1",
+     "saturation.torque = 1.0", "cogging = { amplitude = 0.1, poles = 6 }", "filter.speed = 0.001",
+     "delay.torque = 0.001", "delay.measurement = 1", "controller.rate = 1000"],
+)  # fmt: skip
+def test_what_the_linear_model_does_not_describe(text):
+    scenario = parse_scenario(text + STEP)
+    assert not scenario.linear and parse_scenario(STEP).linear
+    assert parse_scenario(scenario.to_toml()).hash == scenario.hash != parse_scenario(STEP).hash
+
+
+def test_words_are_no_part_of_the_identity():
+    words = 'group = "steps"\ndifficulty = "easy"'
+    assert parse_scenario(words + STEP).hash == parse_scenario(STEP).hash

@@ -8,6 +8,7 @@ from flexaxis.sim.scenario import Scenario, parse_scenario
 
 FAULT = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 10.0\nfactor = 1.5\n'
 TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
+CHANGEABLE = TWELVE.replace("r", "coulomb")
 
 # text put into a good scenario (None as first key: instead of it) -> the one line expected
 CASES = [
@@ -21,17 +22,18 @@ CASES = [
      " Did you mean '1/J_a'?"),
     ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle.",
      " Did you mean 'speed'?"),
-    ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau.",
+    ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau, rate, log.",
      " Did you mean 'Kp'?"),
     ("excitation.kind = 'multisin'",
-     "excitation: unknown kind 'multisin'; known are multisine, standstill.",
+     "excitation: unknown kind 'multisin'; known are multisine, moves, standstill.",
      " Did you mean 'multisine'?"),
     ("excitation = { kind = 'multisine', hihg = 3 }", "excitation.hihg: unknown key 'hihg'; ",
      " Did you mean 'high'?"),
     (FAULT.replace("step", "stepp"),
-     "fault[0]: unknown kind 'stepp'; known are step, ramp, intermittent. Did you mean 'step'?",
-     ""),
-    (FAULT.replace("f_m", "fm"), f"fault[0].parameter: unknown parameter 'fm'; known are {TWELVE}.",
+     "fault[0]: unknown kind 'stepp'; known are step, ramp, thermal, intermittent.",
+     " Did you mean 'step'?"),
+    (FAULT.replace("f_m", "fm"),
+     f"fault[0].parameter: unknown parameter 'fm'; known are {CHANGEABLE}.",
      " Did you mean 'f_m'?"),
     (FAULT.replace("factor", "facter"), "fault[0].factor: is missing",
      "fault[0].facter: unknown key 'facter'; known are kind, parameter, at, factor."
@@ -88,6 +90,23 @@ CASES = [
      "excitation.pause: pauses must be [from, to] with from < to", ""),
     ("excitation = { kind = 'multisine', pause = [[25, 30]] }",
      "excitation.pause[0]: the pause from 25 s begins after the end of the run", ""),
+    ("delay.torque = 0.0015", "delay.torque: must be a multiple of 0.001 s, not 0.0015", ""),
+    ("controller.log = 'mean'", "controller.log: is for an inner loop: it needs", ""),
+    ("feedback = 'measured'\ncontroller.rate = 1000", "controller.rate: an inner loop sees the "
+     "clean angle", ""),
+    ("controller.rate = 500", "controller.rate: must be 1000, not 500", ""),
+    ("told.J_a = 1.1", "told.J_a: J_a is estimated: where that starts is `start`", ""),
+    ("told.Jg = 1.1", "told.Jg: unknown parameter 'Jg'; ", " Did you mean 'J_g'?"),
+    ("told.J_g = 0", "told.J_g: must be greater than 0, not 0", ""),
+    ("nuisance = []", "nuisance: must have at least one entry, not []", ""),
+    (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
+     "nuisance[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
+    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: there is no Coulomb friction to change",
+     "set friction.coulomb"),
+    ("excitation = { kind = 'moves', moove = 1 }",
+     "excitation.moove: unknown key 'moove'; known are kind, reach, move, dwell.",
+     " Did you mean 'move'?"),
+    ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
 ]  # fmt: skip
 
 

@@ -1,0 +1,124 @@
+"""The closed loop around the plant, sample by sample, for a batch of runs at once."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.controller import Controller
+from flexaxis.sim.nonlinear import LINEAR_SUBSTEPS
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.sensors import measured_angle
+from flexaxis.sim.timing import PERIOD, TICKS
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+_REPORT_EVERY = 200  # samples between two calls of progress
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What really happened: torque (N, R) as logged, speed (N, R) and the angles (N, R, 3)."""
+
+    torque: Array
+    speed: Array
+    angles: Array
+
+
+def closed_loop(
+    scenario: Scenario,
+    reference: Array,
+    angle_noise: Array,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Truth:
+    """Simulate the loop.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference, angle_noise : ndarray (N, R)
+        Wanted motor angle, and noise on what the controller sees of it, if it sees that [rad].
+    threads : int
+        Threads that share the runs.
+    progress : callable, optional
+        Called now and then with the fraction done.
+
+    Raises
+    ------
+    SimulationError
+        If the engine warns or a state is not finite.
+    """
+    samples, runs = reference.shape
+    changes = _Changes(scenario)
+    drive = _Drive(scenario, runs, threads)
+    measured, counts = scenario.feedback == "measured", scenario.encoder.counts
+    late = scenario.delay.measurement if measured else 0
+    torque, speed = np.empty((2, samples, runs))
+    angles = np.zeros((late + samples, runs, 3))  # shifted: row k is what is seen at k
+    for k in range(samples):
+        changes.make(drive.plant, k)
+        speed[k], angles[late + k] = drive.plant.speed_m, drive.plant.angles
+        angle = angles[k, :, 0]
+        if measured:
+            angle = measured_angle(angle, angle_noise[k], counts=counts)
+        torque[k] = drive.advance(reference[k], reference[min(k + 1, samples - 1)], angle)
+        if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
+            progress((k + 1) / samples)
+    return Truth(torque, speed, angles[late:])
+
+
+class _Changes:
+    """What changes the plant in the course of a run."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._parameters, self._coulomb = scenario.true_parameters(), scenario.coulomb()
+        self._moves = set(np.flatnonzero(np.diff(self._parameters, axis=0).any(axis=1)) + 1)
+        self._warms = set(np.flatnonzero(np.diff(self._coulomb)) + 1)
+
+    def make(self, plant: Plant, k: int) -> None:
+        if k in self._moves:
+            plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
+        if k in self._warms:
+            plant.set_coulomb(self._coulomb[k])
+
+
+class _Drive:
+    """Controller and plant over one sample, with what goes on between samples."""
+
+    def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
+        config, delay = scenario.controller, scenario.delay.torque_ticks
+        inner = bool(config.rate)
+        self._ticks = TICKS if inner or delay else 1
+        self._every = 1 if inner else self._ticks  # ticks from one command to the next
+        self._mean = inner and config.log != "sample"
+        self._controller = Controller(config, runs, period=PERIOD * self._every / self._ticks)
+        self._on_the_way = deque(np.zeros((delay, runs)))
+        nonlinear = list(scenario.nonlinear.values())
+        steps = max([LINEAR_SUBSTEPS, *(feature.substeps for feature in nonlinear)])
+        self.plant = Plant(
+            [scenario.nominal] * runs,
+            period=PERIOD / self._ticks,
+            substeps=steps // self._ticks,
+            threads=threads,
+            nonlinear=nonlinear,
+        )
+
+    def advance(self, wanted: Array, wanted_next: Array, angle: Array) -> Array:
+        """Run one sample from the angle (R,) seen at its start, and return the torque logged."""
+        commands = []
+        for tick in range(self._ticks):
+            if tick % self._every == 0:
+                part = tick / self._ticks
+                seen = self.plant.angle_m.copy() if tick else angle
+                goal = wanted + part * (wanted_next - wanted) if tick else wanted
+                commands.append(self._controller.torque(goal, seen))
+            self._on_the_way.append(commands[-1])
+            self.plant.step(self._on_the_way.popleft())
+        return np.mean(commands, axis=0) if self._mean else commands[0]

@@ -1,0 +1,135 @@
+"""What goes on between samples and on the way to the log, against exact sampling in 1 ms steps."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.simulate import simulate
+from flexaxis.sim.streams import stream
+
+from .conftest import state_space
+
+TICK = 0.001
+
+
+def exact_ticks(scenario, command):
+    """Motor angle and speed at each tick, `command(k, angle)` the torque from it on."""
+    A, B = state_space(scenario.nominal.as_array())
+    block = np.zeros((7, 7))  # five states, the motor angle, the held torque
+    block[:5, :5], block[:5, 6], block[5, 2] = A, B, 1.0
+    transition = expm(block * TICK)
+    x, angles, speeds = np.zeros(7), [], []
+    for k in range(5 * scenario.samples):
+        angles.append(x[5])
+        speeds.append(x[2])
+        x[6] = command(k, x[5])
+        x = transition @ x
+    return np.array(angles), np.array(speeds)
+
+
+def reference_of(scenario, seed=0):
+    rng = stream(scenario.hash, seed, "excitation")
+    return scenario.excitation.reference(scenario.times, rng)
+
+
+def close(ours, reference):
+    """1 ms Runge-Kutta steps agree with exact sampling to about 1e-4 of the amplitude."""
+    return np.abs(ours - reference).max() < 5e-4 * np.abs(reference).max()
+
+
+@pytest.mark.parametrize("log", ["mean", "sample", None])
+def test_an_inner_loop_is_the_textbook_loop_at_1_khz(log, make):
+    scenario = make(f"controller.rate = 1000\n{f'controller.log = {log!r}' if log else ''}\n",
+                    duration=2.0)  # fmt: skip
+    (record,) = simulate(scenario, [0])
+    r = reference_of(scenario)
+    wanted = np.interp(np.arange(5 * r.size), 5 * np.arange(r.size), r)
+    a, state, commands = np.exp(-TICK / 0.0005), np.zeros(3), []
+
+    def command(k, angle):
+        before, speed, integral = state
+        error = wanted[k] - angle
+        speed = a * speed + (1 - a) * (error - before) / TICK
+        s = 4.0 * error + speed
+        integral += TICK * 2.0 * s
+        state[:] = error, speed, integral
+        commands.append(0.22 * (s + integral))
+        return commands[-1]
+
+    _, speeds = exact_ticks(scenario, command)
+    logged = np.reshape(commands, (-1, 5))
+    assert close(record.true_speed, speeds[::5])
+    assert close(record.torque, logged[:, 0] if log == "sample" else logged.mean(axis=1))
+
+
+@pytest.mark.parametrize("late", [0.001, 0.002, 0.006])
+def test_a_torque_acts_late_and_is_logged_as_commanded(late, make):
+    # a softer loop, for 6 ms would make the usual one unstable
+    scenario = make(f"delay.torque = {late}\ncontroller.Kv = 0.08\n", duration=2.0)
+    (record,) = simulate(scenario, [0])
+    ticks = round(late / TICK)
+
+    def command(k, angle):
+        return record.torque[(k - ticks) // 5] if k >= ticks else 0.0
+
+    angles, speeds = exact_ticks(scenario, command)
+    assert close(record.true_speed, speeds[::5])
+    assert close(record.true_angle_m, angles[::5])
+
+
+def test_the_filter_smooths_the_measured_speed_with_its_noise(make):
+    scenario = make("filter.speed = 0.002\n", duration=1.0)
+    (record,) = simulate(scenario, [3])
+    noise = 0.1 * stream(scenario.hash, 3, "noise.speed").standard_normal(scenario.samples)
+    a, out = np.exp(-0.005 / 0.002), 0.0
+    for k, value in enumerate(record.true_speed + noise):
+        out = a * out + (1 - a) * value
+        assert record.speed[k] == pytest.approx(out, abs=1e-12)
+
+
+def test_saturation_limits_what_acts_and_not_what_is_logged(make):
+    scenario = make("saturation.torque = 1.0\n", duration=2.0)
+    (record,) = simulate(scenario, [0])
+    assert np.abs(record.torque).max() > 1.2
+
+    def command(k, angle):
+        return np.clip(record.torque[k // 5], -1.0, 1.0)
+
+    assert close(record.true_speed, exact_ticks(scenario, command)[1][::5])
+
+
+def test_the_level_of_coulomb_friction_changes_when_told(make):
+    scenario = make(
+        'friction.coulomb = 0.1\n[[fault]]\nkind = "step"\nparameter = "coulomb"\nat = 1.0\n'
+        "factor = 2.0\n",
+        duration=2.0,
+    )
+    (record,) = simulate(scenario, [0])
+    for change, agrees in ((200, True), (None, False)):
+        plant = Plant([scenario.nominal], substeps=20, nonlinear=list(scenario.nonlinear.values()))
+        speed = []
+        for k, value in enumerate(record.torque):
+            if k == change:
+                plant.set_coulomb(0.2)
+            speed.append(plant.speed_m[0])
+            plant.step(np.array([value]))
+        assert np.array_equal(record.true_speed, speed) == agrees
+        assert np.array_equal(record.true_speed[:200], speed[:200])
+
+
+def test_a_record_is_the_same_in_any_batch_with_all_of_it(make):
+    scenario = make(
+        "delay.torque = 0.001\ncontroller.rate = 1000\nfilter.speed = 0.001\n"
+        "friction.coulomb = 0.05\nlugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.05, "
+        "static = 0.06, stribeck = 0.5 }\ncogging = { amplitude = 0.05, poles = 24 }\n"
+        "stiffening.gear = 3e4\nbacklash.gear = 1e-5\nsaturation.torque = 2.0\n"
+        '[[nuisance]]\nkind = "thermal"\nparameter = "coulomb"\nat = 0.1\ntime_constant = 0.5\n'
+        "factor = 0.5\n",
+        duration=0.5,
+    )
+    together = simulate(scenario, [4, 9])
+    (alone,) = simulate(scenario, [9])
+    assert np.array_equal(together[1].speed, alone.speed)
+    assert np.array_equal(together[1].torque, alone.torque)
+    assert np.abs(alone.true_speed).max() > 1
