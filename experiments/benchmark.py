@@ -12,7 +12,8 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments import harness, results, tradeoff
 from flexaxis.experiments.cache import RecordCache
-from flexaxis.experiments.report import faults_in_words, render
+from flexaxis.experiments.card import happens
+from flexaxis.experiments.report import render
 from flexaxis.experiments.summary import pool
 from flexaxis.sim.scenario import Scenario
 
@@ -121,7 +122,7 @@ def _sweep(
     return {
         "points": points,
         "matched": tradeoff.matched(points),
-        "faults": {s.name: faults_in_words(s) for s in plan.swept_scenarios},
+        "faults": {s.name: happens(s) for s in plan.swept_scenarios},
     }
 
 

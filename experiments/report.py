@@ -8,6 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 from flexaxis.experiments import figures, lead, tradeoff
+from flexaxis.experiments.card import happens, in_a_line
 from flexaxis.experiments.results import Results
 from flexaxis.experiments.summary import Curve
 from flexaxis.sim.scenario import Scenario, scenario_from
@@ -62,7 +63,7 @@ def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> l
     swept = summary.get("tradeoff")
     if not swept:
         return []
-    words = {name: faults_in_words(scenario) for name, scenario in scenarios.items()}
+    words = {name: happens(scenario) for name, scenario in scenarios.items()}
     return lead.answers(swept["matched"], swept["faults"] | words)
 
 
@@ -84,7 +85,7 @@ def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
     return {
         "name": name,
         "card": scenario.card,
-        "faults": faults_in_words(scenario),
+        "faults": in_a_line(scenario),
         "hash": results.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
         "figure": figures.svg(figures.trajectories(_drawn(curves, results), scenario)),
@@ -106,16 +107,6 @@ def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
         key=lambda c: (c.estimator != tradeoff.REFERENCE, lags.get(c.estimator, math.inf)),
     )
     return order[:DRAWN]
-
-
-def faults_in_words(scenario: Scenario) -> str:
-    """Return what happens to the true parameters, in a line."""
-    return "; ".join(
-        f"{e.parameter} {100 * (e.after / e.before - 1):+.3g} % at {e.index * scenario.period:g} s"
-        if e.before
-        else f"{e.parameter} becomes {e.after:g} at {e.index * scenario.period:g} s"
-        for e in scenario.events()
-    )
 
 
 def findings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
