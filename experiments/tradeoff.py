@@ -230,7 +230,8 @@ def _panel(ax: Any, points: Sequence[Mapping[str, Any]]) -> None:
         high = [(p["lag_interval"] or [p["lag"]] * 2)[1] - p["lag"] for p in line]
         ax.errorbar(
             x, y, yerr=np.maximum(0, [low, high]) if line else None,
-            marker=figures.marker(estimator), ms=5, lw=1.2, capsize=2, color=figures.colour(estimator), label=estimator,
+            marker=figures.marker(estimator), ms=5, lw=1.2, capsize=2,
+            color=figures.colour(estimator), label=estimator,
         )  # fmt: skip
     bound = next((p["bound"] for p in points if p["bound"]), None)
     if bound:
