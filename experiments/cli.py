@@ -35,6 +35,10 @@ COMMANDS = (
     "import",
     "identify",
     "track",
+    "study",
+    "merge",
+    "export",
+    "verify",
 )
 
 EPILOG = """\

@@ -89,7 +89,7 @@ def estimate(
         raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
     claims = covariance and hasattr(estimator, "covariance")
     names, samples = tuple(estimator.names), 0
-    with _target(target, names, claims, count_samples(source)) as file:
+    with estimates_file(target, names, count_samples(source), claims=claims) as file:
         file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
         file.attrs["record_hash"] = first.hash
         for piece in chain([first], pieces):
@@ -142,8 +142,10 @@ def run_on(
 
 
 @contextmanager
-def _target(path: Path, names: tuple[str, ...], claims: bool, samples: int) -> Iterator[Any]:
-    """Open a file to be filled; it gets its name when it is complete."""
+def estimates_file(
+    path: Path, names: tuple[str, ...], samples: int, *, claims: bool = False
+) -> Iterator[Any]:
+    """Open a file of estimates to be filled; it gets its name when it is complete."""
     import h5netcdf
     import h5py
 

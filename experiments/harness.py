@@ -7,14 +7,10 @@ back in the order of scenario, seed, estimator.
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import platform
-import signal
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from typing import Any
@@ -26,6 +22,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments import theory
 from flexaxis.experiments.cache import RecordCache, records
+from flexaxis.experiments.processes import process_pool
 from flexaxis.experiments.scores import relative_error, score
 from flexaxis.experiments.specs import Spec, build, parse, parse_all
 from flexaxis.experiments.theta import true_theta
@@ -66,6 +63,8 @@ class Case:
         Every tenth estimate over its nominal value.
     relative : dict of str to ndarray (n,)
         θ̃/D in the first scored window of each changed parameter.
+    theta : ndarray (N, p) or None
+        All estimates, where they were asked for.
     """
 
     scenario: str
@@ -75,6 +74,7 @@ class Case:
     rows: list[dict[str, Any]]
     curve: NDArray[np.float32]
     relative: dict[str, NDArray[np.float32]]
+    theta: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -159,19 +159,31 @@ def run_task(task: Task) -> Done:
     """Get the records of a task and run its estimators on each."""
     specs = [parse(text) for text in task.estimators]
     for spec in specs:
-        _warm(spec, task.scenario)
+        warm(spec, task.scenario)
     found, simulated = records(task.scenario, task.seeds, task.store, repeat=task.repeat)
-    cases = [_case(task.scenario, record, spec) for record in found for spec in specs]
+    cases = [run_case(task.scenario, record, spec) for record in found for spec in specs]
     return Done(cases, simulated)
 
 
-def _warm(spec: Spec, scenario: Scenario) -> None:
+def warm(spec: Spec, scenario: Scenario) -> None:
     """Let an estimator compile what it compiles, so that the cost scored is that of running."""
     rest = np.zeros(2)
     _estimates(spec, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)")
 
 
-def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
+def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
+    """Return the identity of a case: 64 bits in hexadecimal."""
+    return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
+
+
+def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = False) -> Case:
+    """Run an estimator on a record and score it; `whole` keeps all estimates.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator raises, or returns what it may not.
+    """
     assert record.true_parameters is not None  # a simulated record knows the truth
     estimator = build(spec, scenario)
     start = time.perf_counter()
@@ -180,7 +192,7 @@ def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
     seconds = time.perf_counter() - start
     names, truth = tuple(estimator.names), record.true_parameters
     identity = {
-        "case": sha256(f"{scenario.hash} {spec.text} {record.seed}".encode()).hexdigest()[:16],
+        "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
         "scenario": scenario.name,
         "estimator": spec.text,
@@ -208,6 +220,7 @@ def _case(scenario: Scenario, record: Record, spec: Spec) -> Case:
             rows=[identity | row | {"cost": cost} for row in beside_theory],
             curve=curve.astype(np.float32),
             relative={name: error.astype(np.float32) for name, error in relative.items()},
+            theta=theta if whole else None,
         )
 
 
@@ -244,10 +257,12 @@ def _theory(  # noqa: PLR0917
     events = scenario.events()
     last = (events[0].index if events else scenario.samples) - 1
     error = theta[last] - true_theta(names, record.true_parameters[last])
-    found = theory.detection(scenario, names, getattr(estimator, "findings", None))
+    findings = getattr(estimator, "findings", None)
+    found = theory.detection(scenario, names, findings)
     return {
         "nees": theory.nees(error, claimed),
         "detection": None if found is None else asdict(found),
+        "isolation": theory.isolation(scenario, names, findings),
     }
 
 
@@ -267,26 +282,3 @@ def _estimates(
             f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
         )
     return theta
-
-
-@contextmanager
-def process_pool(jobs: int) -> Iterator[Executor]:
-    """Give a pool of processes with one BLAS thread each; Ctrl-C is left to the parent."""
-    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    before = {key: os.environ.get(key) for key in single}
-    os.environ.update(single)  # read by the children when they import NumPy
-    pool = ProcessPoolExecutor(
-        jobs,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),
-    )
-    try:
-        yield pool
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value

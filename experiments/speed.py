@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass
-from flexaxis.estimators.ekf import JointEkf
+from flexaxis.estimators.ekf import joint_ekf
 from flexaxis.estimators.reference import extended_system
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.sim.plant import Plant
@@ -110,7 +110,7 @@ def _estimators() -> list[Contender]:
     bounds = BOX[0] * theta, BOX[1] * theta
     rpem = Rpem(model, identify=IDENTIFY, P0=P0, bounds=bounds)
     literal = LiteralRpem(model, identify=IDENTIFY, P0=P0, bounds=bounds)
-    ekf = JointEkf(model, identify=IDENTIFY, P0=(0.1 * theta) ** 2, drift=(1e-4 * theta) ** 2)
+    ekf = joint_ekf(model, identify=IDENTIFY, P0=(0.1 * theta) ** 2, drift=(1e-4 * theta) ** 2)
     F, G, _ = extended_system(parametrization, theta)
     block = np.zeros((21, 21))
     block[:20, :20], block[:20, 20:] = F * scenario.period, G * scenario.period
@@ -133,7 +133,7 @@ def _estimators() -> list[Contender]:
                   _steps(rpem, u, y, 50)),
         Contender("rpem-step-p99", "Rpem.step from Python, 99th percentile", unit,
                   _steps(rpem, u, y, 99)),
-        Contender("ekf-run", "JointEkf.run, one run on one thread", unit,
+        Contender("ekf-run", "joint_ekf().run, one run on one thread", unit,
                   _timed(lambda: [ekf.run(u, y) for _ in range(3)], 3 * N)),
         *_filterpy(few),
     ]  # fmt: skip

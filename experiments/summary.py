@@ -22,6 +22,7 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
+MANY = 5000  # values from which on no resampling is needed for the interval of their mean
 
 
 @dataclass(frozen=True)
@@ -72,10 +73,27 @@ def pool(
 
 def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
     rows = [case.rows[i] for case in group]
+    alive = [case.relative for case in group if not case.rows[i]["diverged"]]
+    name = rows[0]["parameter"]
+    return pool_rows(rows, [errors[name] for errors in alive if name in errors], period=period)
+
+
+def pool_rows(
+    rows: Sequence[dict[str, Any]], relative: Sequence[NDArray[np.float32]] = (), *, period: float
+) -> dict[str, Any]:
+    """Return one pooled row, as from `pool`, of the rows of one parameter over seeds.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As in scores.jsonl.
+    relative : sequence of ndarray
+        θ̃/D of the runs that are not lost; `t63`, `t90`, `rmse` and `efficiency` are made of it.
+    period : float
+        Sampling period [s].
+    """
     kept = [row for row in rows if not row["diverged"]]
     first = rows[0]
-    alive = [case.relative for case in group if not case.rows[i]["diverged"]]
-    relative = [errors[first["parameter"]] for errors in alive if first["parameter"] in errors]
     scores = [row["score"] for row in kept if row.get("score") is not None]
     lags = [row["lag"] for row in kept if row["lag"] is not None]
     return {
@@ -110,12 +128,16 @@ def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
 def interval(values: Sequence[float], statistic: Any = np.mean) -> list[float] | None:
     """Return the 95 % bootstrap interval over seeds, or None for fewer than two of them.
 
-    The resampling is seeded, so that the same scores give the same interval.
+    The resampling is seeded, so that the same scores give the same interval. The mean of very many
+    values is normal: there resampling would only take time.
     """
     from scipy.stats import bootstrap
 
     if len(values) < 2 or not np.isfinite(values).all():
         return None
+    if len(values) > MANY and statistic is np.mean:
+        half = 1.96 * np.std(values, ddof=1) / np.sqrt(len(values))
+        return [float(np.mean(values) - half), float(np.mean(values) + half)]
     if np.ptp(values) == 0:  # a bootstrap of equal values is that value
         return [float(values[0])] * 2
     found = bootstrap(

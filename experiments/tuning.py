@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.specs import parse
 from flexaxis.experiments.summary import pool
 from flexaxis.experiments.tradeoff import REFERENCE, with_knob
-from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.toml_text import toml_text
 
 TOLERANCE = 0.01  # of the matched standard deviation
 ROUNDS = 12
+DIGITS = 4  # of a setting: more than the tolerance can tell apart
+SPAN = 8.0  # an option is looked for from its default over this to its default times this
 
 
 @dataclass(frozen=True)
@@ -27,20 +36,64 @@ class Tuned:
     ----------
     setting : str
         The estimator with its knob, as for `--estimator`.
+    knob : str
+    value : float
+        Of the knob.
     ratio : float
         Geometric mean over the parameters of std over that of the reference.
     ratios : dict of str to float
         The same of each parameter.
+    lag : float or None
+        Lag [s] on the scenario for which it is least.
     """
 
     setting: str
+    knob: str
+    value: float
     ratio: float
     ratios: dict[str, float]
+    lag: float | None = None
 
 
-def match_std(
-    name: str, seeds: Sequence[int], *, jobs: int = 1, store: RecordCache | None = None
-) -> Tuned:
+@dataclass(frozen=True)
+class Bench:
+    """Where settings are tried.
+
+    Attributes
+    ----------
+    seeds : sequence of int
+        Those for tuning.
+    jobs, store
+        As for `flexaxis.experiments.harness.run`.
+    """
+
+    seeds: Sequence[int]
+    jobs: int = 1
+    store: RecordCache | None = None
+    _known: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
+
+    def stds(self, setting: str) -> dict[str, float]:
+        """Return std by parameter on the nominal axis, started at the truth."""
+        if setting not in self._known:
+            scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})
+            rows = self._rows(scenario, setting)
+            self._known[setting] = {row["parameter"]: row["std"] for row in rows if row["std"]}
+        return self._known[setting]
+
+    def lag(self, setting: str, scenario: Scenario) -> float:
+        """Return the lag [s] after the faults of a scenario, infinite where runs are lost."""
+        rows = [row for row in self._rows(scenario, setting) if row["changed"]]
+        if not rows:
+            raise FlexaxisError(f"{scenario.name} has no fault in an estimated parameter")
+        lost = any(row["lag"] is None or row["diverged"] for row in rows)
+        return np.inf if lost else float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
+
+    def _rows(self, scenario: Scenario, setting: str) -> list[dict]:
+        done = harness.run([scenario], [setting], self.seeds, jobs=self.jobs, store=self.store)
+        return pool([case for task in done for case in task.cases], [scenario])[0]
+
+
+def match_std(name: str, bench: Bench, options: Mapping[str, float] | None = None) -> Tuned:
     """
     Turn the knob until std is that of `rpem-forgetting` at its default, on the nominal axis.
 
@@ -50,41 +103,136 @@ def match_std(
     ----------
     name : str
         A registered estimator with a knob.
-    seeds : sequence of int
-        Those for tuning.
-    jobs, store
-        As for `flexaxis.experiments.harness.run`.
+    bench : Bench
+    options : mapping, optional
+        Other options of the estimator, as they are to be.
 
     Raises
     ------
     FlexaxisError
         If the estimator has no knob, or no setting is found.
     """
-    if name in REGISTRY and REGISTRY[name].knob is None:
-        raise FlexaxisError(f"{name} has no knob to turn")
-    scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})
-
-    def stds(setting: str) -> dict[str, float]:
-        done = harness.run([scenario], [setting], seeds, jobs=jobs, store=store)
-        rows, _ = pool([case for task in done for case in task.cases], [scenario])
-        return {row["parameter"]: row["std"] for row in rows if row["std"]}
-
-    reference = stds(with_knob(REFERENCE, 1.0))
-    factor, slope, before = 1.0, 0.5, None
+    knob, speed = _knob(name)
+    reference = bench.stds(with_knob(REFERENCE, 1.0))
+    slope, before, tried = 0.5, None, ""
     for _ in range(ROUNDS):
-        setting = with_knob(name, factor)
-        own = stds(setting)
+        speed = float(f"{speed:.{DIGITS}g}")
+        value = 1 - speed if knob == "forgetting" else speed
+        tried = setting(name, {**(options or {}), knob: value})
+        own = bench.stds(tried)
         ratios = {p: own[p] / reference[p] for p in reference if p in own}
         if not ratios:
             break
         error = float(np.mean(np.log(list(ratios.values()))))
         if abs(error) < TOLERANCE:
-            return Tuned(setting, float(np.exp(error)), ratios)
-        if before is not None and abs(np.log(factor) - before[0]) > 1e-6:
-            slope = np.clip((error - before[1]) / (np.log(factor) - before[0]), 0.1, 2.0)
-        before = np.log(factor), error
-        factor = float(factor * np.exp(np.clip(-error / slope, -1.5, 1.5)))
+            return Tuned(tried, knob, round(value, 12), float(np.exp(error)), ratios)
+        if before is not None and abs(np.log(speed) - before[0]) > 1e-6:
+            slope = np.clip((error - before[1]) / (np.log(speed) - before[0]), 0.1, 2.0)
+        before = np.log(speed), error
+        speed *= float(np.exp(np.clip(-error / slope, -1.5, 1.5)))
     raise FlexaxisError(
         f"{name}: no setting of its knob has the standard deviation of {REFERENCE} "
-        f"(last tried {setting})"
+        f"(last tried {tried})"
     )
+
+
+def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Bench) -> Tuned:
+    """
+    Find the options with which an estimator is fastest after a fault, at matched std.
+
+    Each in turn: the best of seven values on a logarithmic grid, then a search between its
+    neighbours; the knob is matched anew for every value.
+
+    Parameters
+    ----------
+    name : str
+        A registered estimator with a knob.
+    options : sequence of str
+        The options to turn, besides the knob.
+    scenario : Scenario
+        With a fault in an estimated parameter.
+    bench : Bench
+
+    Raises
+    ------
+    FlexaxisError
+        If there is no such option, or no setting that matches and keeps every run.
+    """
+    known = {key: value for key, value in _entry(name).options.items() if value > 0}
+    for option in options:
+        if option not in known:
+            raise FlexaxisError(f"{name} has no option {option!r}.{did_you_mean(option, known)}")
+    tried: dict[str, Tuned] = {}
+
+    def attempt(given: dict[str, float]) -> float:
+        given = {key: float(f"{value:.{DIGITS}g}") for key, value in given.items()}
+        try:
+            found = match_std(name, bench, given)
+        except FlexaxisError:
+            return np.inf
+        lag = bench.lag(found.setting, scenario)
+        tried.setdefault(found.setting, Tuned(**{**asdict(found), "lag": lag}))
+        return lag
+
+    best: dict[str, float] = {}
+    for option in options:
+        turned = _minimum(lambda x, o=option: attempt({**best, o: float(np.exp(x))}), known[option])
+        best[option] = float(f"{turned:.{DIGITS}g}")
+    found = min(tried.values(), key=lambda t: t.lag or np.inf, default=None)
+    if found is None or found.lag == np.inf:
+        raise FlexaxisError(f"{name}: no setting keeps every run of {scenario.name}")
+    return found
+
+
+def setting(name: str, options: Mapping[str, float]) -> str:
+    """Return an estimator with options, as for `--estimator`.
+
+    Examples
+    --------
+    >>> setting("ekf", {"walk": 0.002})
+    'ekf[walk=0.002]'
+    """
+    return f"{name}[{','.join(f'{key}={value:.12g}' for key, value in options.items())}]"
+
+
+def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
+    """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"] if path.exists() else []
+    tables = [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
+    new = Tuning(
+        estimator=name,
+        knob=found.knob,
+        value=found.value,
+        setting=found.setting,
+        ratio=round(found.ratio, 4),
+        command=command,
+        scenario=scenario,
+        lag=None if found.lag is None else round(found.lag, 4),
+    )
+    tables.append({key: value for key, value in asdict(new).items() if value is not None})
+    tables.sort(key=lambda t: (list(REGISTRY).index(t["estimator"]), t.get("scenario", "")))
+    text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
+    path.write_text(text, encoding="utf-8")
+
+
+def _entry(name: str):
+    parse(name)  # says what is known, if there is no such estimator
+    if name not in REGISTRY or REGISTRY[name].knob is None:
+        raise FlexaxisError(f"{name} has no knob to turn")
+    return REGISTRY[name]
+
+
+def _knob(name: str) -> tuple[str, float]:
+    """Return the knob and its default, as what it gives of speed: 1−λ of a forgetting factor."""
+    entry = _entry(name)
+    value = float(entry.options[entry.knob])
+    return entry.knob, 1 - value if entry.knob == "forgetting" else value
+
+
+def _minimum(of, default: float) -> float:
+    """Return where a function of log x is least, near a default of x."""
+    grid = np.log(default) + np.log(SPAN) * np.linspace(-1, 1, 7)
+    at = int(np.argmin([of(x) for x in grid]))
+    sides = grid[max(at - 1, 0)], grid[min(at + 1, len(grid) - 1)]
+    inner = minimize_scalar(of, bounds=sides, method="bounded", options={"maxiter": 6})
+    return float(np.exp(inner.x if inner.fun < of(grid[at]) else grid[at]))

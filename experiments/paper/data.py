@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.model import Model, Parametrization, three_mass
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.harness import process_pool
+from flexaxis.experiments.processes import process_pool
 from flexaxis.experiments.seeds import FIRST
 from flexaxis.experiments.specs import nominal_torque
 from flexaxis.sim.excitation import Multisine

@@ -64,10 +64,3 @@ def test_the_command(tmp_path, capsys):
     (row,) = content["matched"]
     assert row["lag"] == pytest.approx(lags[2]) and row["over_bound"] > 5
     assert (tmp_path / "tradeoff.svg").exists() and (tmp_path / "tradeoff.json").exists()
-
-
-def test_tuning_finds_the_reference_itself_and_its_equal(capsys):
-    assert main(["tune", "rpem-forgetting-mu", "--match-std", "--seeds", "0:2", "--jobs", "1"]) == 0
-    assert "std 0.99" in (out := capsys.readouterr().out) or "std 1.0" in out
-    assert main(["tune", "frozen", "--match-std", "--seeds", "0:2"]) == 2
-    assert "no knob" in capsys.readouterr().err

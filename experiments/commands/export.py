@@ -1,0 +1,45 @@
+"""Write the rows of a study as one table; docs/studies.md explains its columns.
+
+Parquet needs pyarrow: pip install "flexaxis[parquet]".
+
+example:
+  flexaxis export results/friction --parquet friction.parquet
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "write the rows of a study as Parquet, CSV or NetCDF"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    form = parser.add_mutually_exclusive_group(required=True)
+    for name in ("parquet", "csv", "netcdf"):
+        form.add_argument(f"--{name}", type=Path, metavar="FILE")
+    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Export and print the path."""
+    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.study import export
+    from flexaxis.experiments.study.results import Results
+
+    forms = {
+        "parquet": export.export_parquet,
+        "csv": export.export_csv,
+        "netcdf": export.export_netcdf,
+    }
+    name = next(name for name in forms if getattr(args, name))
+    target = getattr(args, name)
+    count = forms[name](Results.load(args.folder), target)
+    if args.json:
+        print(dumps({"rows": count, "file": str(target)}))
+    else:
+        print(f"{count} rows")
+        print(target)
+    return 0

@@ -1,0 +1,48 @@
+"""Run some cases of a study again, chosen at random, and compare their rows.
+
+Rows that were made on this machine with these versions must be identical (but for `cost`); others
+agree within 1e-6 of the value or 1e-9. The exit status is 1 if any does not.
+
+example:
+  flexaxis verify results/friction --sample 20
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "run random cases of a study again and compare"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.add_argument("--sample", type=int, default=10, metavar="N", help="cases (default: 10)")
+    parser.add_argument("--seed", type=int, default=0, help="of the choice (default: 0)")
+    parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run again, compare, and name what differs."""
+    from dataclasses import asdict
+
+    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.study.verify import verify
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.sample < 1:
+        raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
+    verdicts = list(verify(args.folder, sample=args.sample, seed=args.seed))
+    wrong = [verdict for verdict in verdicts if verdict.differences]
+    if args.json:
+        print(dumps([asdict(verdict) for verdict in verdicts]))
+        return 1 if wrong else 0
+    for verdict in wrong:
+        print(f"{verdict.case} ({verdict.what}):", *verdict.differences, sep="\n  ")
+    exact = sum(verdict.exact for verdict in verdicts)
+    print(
+        f"{len(verdicts) - len(wrong)} of {len(verdicts)} cases agree; {exact} had to be identical "
+        f"(made on this machine with these versions), the others within the tolerance"
+    )
+    return 1 if wrong else 0

@@ -1,0 +1,62 @@
+"""Stand-ins for what a worker does: rows as they look, in no time; and workers that die."""
+
+import os
+import time
+from pathlib import Path
+
+from flexaxis.experiments.harness import case_id
+from flexaxis.experiments.results import dumps
+from flexaxis.experiments.study.work import UNDEFINED, Outcome
+
+PARAMETERS = ("k_T", "1/J_a", "f_m")
+
+
+def case_rows(unit, entry, seed):
+    known = {
+        "case": case_id(unit.variant.hash, entry.text, seed),
+        "hash": unit.variant.hash,
+        "scenario": unit.variant.base.name,
+        "estimator": entry.text,
+        "seed": seed,
+    }
+    rest = {
+        "cost": {"us_per_sample": 0.1, "seconds": 0.1, "host": "x", "versions": ""},
+        "base": unit.variant.base.name,
+        "method": entry.method,
+        "axes": dict(unit.variant.axes) | dict(entry.axes),
+        "seconds": unit.variant.duration,
+        "rows": len(PARAMETERS),
+        "error": None,
+    }
+    scores = dict.fromkeys(UNDEFINED) | {"changed": False, "diverged": False, "std": seed % 7 / 10}
+    return [known | scores | {"parameter": name} | rest for name in PARAMETERS]
+
+
+def quick(unit):
+    rows = [case_rows(unit, entry, seed) for entry in unit.entries for seed in unit.seeds]
+    lines = "".join(dumps(row) + "\n" for case in rows for row in case).encode()
+    return Outcome(lines, len(rows), 0, (), 0.0, 0.0)
+
+
+def slowly(unit):
+    time.sleep(0.002)
+    return quick(unit)
+
+
+def dies_once(folder, unit):
+    """End the process as the system does when memory runs out, for the first unit."""
+    marks = Path(folder)
+    if not list(marks.iterdir()):
+        (marks / f"{os.getpid()}-{unit.seeds[0]}").touch()
+        os._exit(9)
+    return quick(unit)
+
+
+def dies_on(seed, unit):
+    if seed in unit.seeds:
+        os._exit(9)
+    return quick(unit)
+
+
+def fails(unit):
+    raise OSError("the network is down")

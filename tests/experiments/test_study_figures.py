@@ -1,0 +1,128 @@
+"""The figures of a study show the numbers of its rows, and bear what may be missing there."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.study import figures
+from flexaxis.experiments.study.definition import study_from
+from flexaxis.experiments.study.findings import Alarms, alarms, confusion
+from flexaxis.experiments.study.forecast import forecast
+from flexaxis.experiments.study.plan import Work, make_plan
+from flexaxis.experiments.theory import isolation
+
+
+def pooled(method, factor, **changes):
+    lag = (factor or 1.0) / 10
+    row = {
+        "method": method, "estimator": method, "fault[0].factor": factor, "start": 1.0,
+        "parameter": "f_m", "changed": True, "cases": 4, "lag": lag, "lag_bound": 0.05,
+        "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
+    }  # fmt: skip
+    return row | changes
+
+
+def test_degradation_draws_lags_with_intervals_and_errors():
+    rows = [pooled("ekf", factor) for factor in (2.0, 1.5)]
+    rows += [pooled("ekf", 1.5, changed=False, std=0.0, bias=1.0, cases=12)]
+    rows += [pooled("frozen", None)]  # an axis that is no option of this estimator
+    lag, error = figures.degradation(rows, "fault[0].factor").axes
+    drawn = lag.containers[0]
+    np.testing.assert_allclose(drawn.lines[0].get_xydata(), [[1.5, 0.15], [2.0, 0.2]])
+    whisker = drawn.lines[2][0].get_segments()[0]
+    np.testing.assert_allclose(whisker, [[1.5, 0.075], [1.5, 0.3]])
+    bound = next(line for line in lag.lines if line.get_linestyle() == "--")
+    np.testing.assert_allclose(bound.get_ydata(), 0.05)
+    # std² + bias² is .25 in 4 cases and 1 in 12, and .25 in the others
+    drawn = error.containers[0].lines[0].get_xydata()
+    np.testing.assert_allclose(drawn, [[1.5, np.sqrt(0.8125)], [2.0, 0.5]])
+
+
+def told(case, estimator, delay, missed, false, *, parameters=("k_T", "f_m")):
+    detection = {"delay": delay, "missed": missed, "false_alarms": false}
+    row = {"case": case, "method": "m", "estimator": estimator, "detection": detection,
+           "isolation": [{"fault": "f_m", "named": None}] * 2, "seconds": 36.0}  # fmt: skip
+    return [row | {"parameter": name} for name in parameters]
+
+
+def test_alarms_are_counted_once_a_case_whatever_changed():
+    rows = [*told("a", "m[t=1]", 0.1, 0, 1), *told("b", "m[t=1]", None, 2, 0)]
+    rows += [*told("c", "m[t=9]", 0.3, 1, 0), {"case": "d", "detection": None}]
+    first, second = alarms(rows)
+    assert (first.estimator, first.delay, first.missed) == ("m[t=1]", 0.1, 0.5)
+    assert first.false_per_hour == pytest.approx(1 / (72 / 3600))
+    assert (second.delay, second.missed, second.false_per_hour) == (0.3, 0.5, 0.0)
+
+
+def test_detection_draws_a_point_a_setting():
+    found = [Alarms("m", "m[t=4]", 0.1, [0.0, 0.2], 0.0, 20.0),
+             Alarms("m", "m[t=16]", 0.4, None, 0.25, 0.0),
+             Alarms("m", "m[t=99]", None, None, 1.0, 0.0)]  # fmt: skip
+    delay, missed = figures.detection(found).axes
+    assert delay.containers[0].lines[0].get_xydata().tolist() == [[0.0, 0.4], [20.0, 0.1]]
+    assert [text.get_text() for text in delay.texts] == ["t=16", "t=4"]
+    assert sorted(missed.lines[0].get_ydata()) == [0.0, 25.0, 100.0]
+
+
+@dataclass
+class Finding:
+    alarm: int
+    parameters: tuple
+
+
+def test_what_each_fault_was_taken_for():
+    scenario = find_scenario("two_faults-v1")
+    first, second = (event.index for event in scenario.events())
+    faults = [event.parameter for event in scenario.events()]
+    names = scenario.identify
+    assert isolation(scenario, names, None) is None
+    for findings, expected in (
+        ([], [None, None]),
+        ([Finding(first - 1, ("f_m",)), Finding(second, ("1/J_a",))], [None, ["J_a"]]),
+        ([Finding(first, ()), Finding(first + 9, ("k_T",))], [[], None]),
+        ([Finding(second + 5, ("k_T", "f_m"))], [None, ["k_T", "f_m"]]),
+    ):
+        found = isolation(scenario, names, findings)
+        assert [entry["fault"] for entry in found] == faults
+        assert [entry["named"] for entry in found] == expected
+
+
+def test_confusion_counts_each_case_once():
+    told = [{"fault": "f_m", "named": ["f_m"]}, {"fault": "J_a", "named": None}]
+    other = [{"fault": "f_m", "named": []}, {"fault": "J_a", "named": ["k_T", "f_m"]}]
+    rows = [{"case": "a", "method": "m", "isolation": told, "detection": {}}] * 3
+    rows += [{"case": "b", "method": "m", "isolation": other, "detection": {}}] * 3
+    rows += [{"case": "c", "method": "n", "isolation": None, "detection": None}]
+    rows += [{"case": "d", "method": "n", "isolation": [], "detection": {}}]
+    counts = confusion(rows)
+    assert counts == {
+        "m": Counter({("f_m", "f_m"): 1, ("J_a", "missed"): 1, ("f_m", "unmodelled"): 1,
+                      ("J_a", "several"): 1})
+    }  # fmt: skip
+    (panel,) = figures.isolation(counts).axes
+    shares = {label.get_text() for label in panel.texts}
+    assert shares == {"50", "0"}
+
+
+def test_a_heat_map_has_a_field_for_every_pair():
+    rows = [pooled("ekf", factor, start=start, lag=factor * start)
+            for factor in (1.5, 2.0, 3.0) for start in (1.0, 1.2)]  # fmt: skip
+    figure = figures.heat_map(rows, "start", "fault[0].factor")
+    table = figure.axes[0].images[0].get_array()
+    np.testing.assert_allclose(table, np.outer([1.5, 2.0, 3.0], [1.0, 1.2]))
+
+
+def test_a_forecast_scales_with_the_work(short_toml):
+    """Twice the records and cases take twice the time and space; the sample is the same."""
+    plan = make_plan(
+        study_from({"name": "s", "scenario": str(short_toml), "estimators": ["frozen"], "seeds": 9})
+    )
+    unit, work = next(plan.units()), plan.work()
+    assert work == Work(cases=9, records=9, seconds=72.0)
+    told = forecast(unit, work)
+    assert 0 < told.seconds < 60 and 9 * 1000 < told.bytes < 9 * 6000
+    twice = forecast(unit, Work(cases=18, records=18, seconds=144.0))
+    assert twice.bytes == pytest.approx(2 * told.bytes, rel=0.02)  # but for digits of the cost

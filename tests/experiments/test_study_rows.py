@@ -1,0 +1,459 @@
+"""Rows on the disk: none lost, none doubled, none torn, whatever ends the process."""
+
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.results import OutputError
+from flexaxis.experiments.study import (
+    StudyError,
+    make_plan,
+    rows,
+    run_study,
+    spread,
+    study_from,
+)
+from flexaxis.experiments.study.lock import locked
+
+HERE = Path(__file__).parent
+STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
+         "sweep": {"fault[0].factor": [1.5, 2.0]}}  # fmt: skip
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    """The stand-ins for workers, importable here and in processes of a pool."""
+    monkeypatch.syspath_prepend(str(HERE))
+    import study_stubs
+
+    return study_stubs
+
+
+def study(seeds):
+    return study_from(STUDY | {"seeds": seeds})
+
+
+def complete(folder, cases):
+    """Whether every case is there with all its rows, once, in lines that are whole."""
+    found = {}
+    for path in folder.glob("*.jsonl"):
+        text = path.read_bytes()
+        assert text.endswith(b"\n")
+        for line in text.splitlines():
+            row = json.loads(line)
+            found.setdefault(row["case"], []).append(row["parameter"])
+    assert all(sorted(names) == ["1/J_a", "f_m", "k_T"] for names in found.values())
+    return len(found) == cases
+
+
+def test_a_file_that_is_cut_short_is_repaired(stubs, tmp_path):
+    """A kill leaves some first bytes of what was written."""
+    run_study(study(2), tmp_path / "whole", work=stubs.quick)
+    whole = (tmp_path / "whole" / "rows.jsonl").read_bytes()
+    ends = np.cumsum([sum(map(len, b)) for b in rows.blocks(tmp_path / "whole" / "rows.jsonl")])
+    path = tmp_path / "rows.jsonl"
+    line_ends = np.cumsum([len(line) for line in whole.splitlines(keepends=True)])
+    near = {int(end) + more for end in [0, *line_ends] for more in (-2, -1, 0, 1, 20)}
+    for length in sorted(n for n in near | {*range(0, len(whole), 97)} if 0 <= n <= len(whole)):
+        path.write_bytes(whole[:length])
+        with rows.RowFile(path):
+            pass
+        expected = max([0, *(int(end) for end in ends if end <= length)])
+        assert path.read_bytes() == whole[:expected]
+
+
+def test_what_a_power_failure_leaves_is_repaired(stubs, tmp_path):
+    """Some file systems then show zeros where the last bytes were to be."""
+    run_study(study(2), tmp_path, work=stubs.quick)
+    path = tmp_path / "rows.jsonl"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-50] + b"\0" * 4096)
+    run_study(study(2), tmp_path, work=stubs.quick, resume=True)
+    assert complete(tmp_path, 8) and sorted(path.read_bytes()) == sorted(whole)
+
+
+def test_a_line_that_is_no_row_is_not_guessed_at(stubs, tmp_path):
+    run_study(study(1), tmp_path, work=stubs.quick)
+    path = tmp_path / "rows.jsonl"
+    path.write_bytes(b"hello\n" + path.read_bytes())
+    with pytest.raises(StudyError, match="line 1: this is no row"):
+        run_study(study(1), tmp_path, work=stubs.quick, resume=True)
+
+
+def test_what_is_missing_in_the_middle_is_run_and_nothing_else(stubs, tmp_path):
+    run_study(study(20), tmp_path, work=stubs.quick)
+    path = tmp_path / "rows.jsonl"
+    blocks = [b"".join(block) for block in rows.blocks(path)]
+    path.write_bytes(b"".join(blocks[:3] + blocks[4:9] + blocks[10:]))
+    finished = run_study(study(20), tmp_path, work=stubs.quick, resume=True)
+    assert finished.cases == 2 and complete(tmp_path, 80)
+
+
+def test_a_second_process_is_refused_and_shares_are_not(stubs, tmp_path):
+    with locked(tmp_path / ".lock"):
+        with pytest.raises(StudyError, match="another process is at work here"):
+            run_study(study(1), tmp_path, work=stubs.quick)
+        with pytest.raises(StudyError, match="another process"):
+            run_study(make_plan(study(1), shard=(1, 2)), tmp_path, work=stubs.quick)
+    seen = []
+
+    def meanwhile(unit):
+        if not seen:
+            seen.append(unit)
+            run_study(make_plan(study(4), shard=(2, 2)), tmp_path, work=stubs.quick)
+            for shard in ((1, 2), (1, 1)):
+                with pytest.raises(StudyError, match="another process"):
+                    run_study(make_plan(study(4), shard=shard), tmp_path, resume=True)
+        return stubs.quick(unit)
+
+    run_study(make_plan(study(4), shard=(1, 2)), tmp_path, work=meanwhile)
+    assert seen and complete(tmp_path, 16)
+
+
+def test_a_disk_that_is_full_loses_nothing(stubs, tmp_path):
+    """A limit on the size of files stands in for the disk: the write is cut short just so."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    try:
+        with pytest.raises(OutputError, match=r"rows\.jsonl: cannot be written: File too large"):
+            run_study(study(20), tmp_path, work=stubs.quick)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+    there = rows.scan(tmp_path / "rows.jsonl")
+    assert 0 < len(there.cases) < 80
+    assert there.size == (tmp_path / "rows.jsonl").stat().st_size  # nothing torn even now
+    assert run_study(study(20), tmp_path, work=stubs.quick, resume=True).cases == 80 - len(
+        there.cases
+    )
+    assert complete(tmp_path, 80)
+
+
+class Pool:
+    """A pool that breaks as one of processes does: for what was handed out, and for good."""
+
+    def __init__(self, dies):
+        self.dies, self.broken = dies, False
+
+    def submit(self, work, unit):
+        if self.broken:
+            raise BrokenProcessPool("a process was killed")
+        future = Future()
+        self.broken = self.dies(unit)
+        if self.broken:
+            future.set_exception(BrokenProcessPool("a process was killed"))
+        else:
+            future.set_result(work(unit))
+        return future
+
+
+@pytest.mark.parametrize("deaths", [1, 2])
+def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, monkeypatch, deaths):
+    """Two units kill their process, so often; what was out with them is run again, once."""
+    killed, pools = [], []
+
+    def dies(unit):
+        due = unit.seeds[0] in (1005, 1010) and killed.count(unit.seeds[0]) < deaths
+        killed.extend([unit.seeds[0]] * due)
+        return due
+
+    @contextmanager
+    def process_pool(jobs):
+        pools.append(jobs)
+        yield Pool(dies)
+
+    monkeypatch.setattr(spread, "process_pool", process_pool)
+    run_study(study(20), tmp_path, jobs=2, work=stubs.quick)
+    assert complete(tmp_path, 80)
+    assert len(killed) == 2 * deaths and {1, 2} == set(pools)
+
+
+@pytest.mark.slow
+def test_a_process_that_is_killed_is_replaced(stubs, tmp_path):
+    (tmp_path / "marks").mkdir()
+    work = partial(stubs.dies_once, str(tmp_path / "marks"))
+    run_study(study(40), tmp_path / "out", jobs=2, work=work)
+    assert complete(tmp_path / "out", 160)
+    assert list((tmp_path / "marks").iterdir())
+
+
+@pytest.mark.slow
+def test_a_unit_that_always_kills_its_process_is_named(stubs, tmp_path):
+    with pytest.raises(StudyError, match=r"given up after 3 attempts on .*seeds.* 1005"):
+        run_study(study(10), tmp_path, jobs=2, work=partial(stubs.dies_on, 1005))
+
+
+def test_a_unit_that_fails_elsewhere_is_tried_again_and_named(stubs, tmp_path):
+    from concurrent.futures import ThreadPoolExecutor
+
+    tried = []
+
+    def flaky(unit):
+        tried.append(unit)
+        return (stubs.fails if len(tried) < 3 else stubs.quick)(unit)
+
+    with ThreadPoolExecutor(1) as executor:
+        run_study(study(1), tmp_path / "1", executor, work=flaky)
+        assert complete(tmp_path / "1", 4) and len(tried) == 2 + 2
+        with pytest.raises(StudyError, match=r"3 attempts on fm_step-v1.*OSError: the network"):
+            run_study(study(1), tmp_path / "2", executor, work=stubs.fails)
+
+
+def test_only_so_many_units_are_out_at_a_time(stubs, tmp_path):
+    from concurrent.futures import Executor, Future
+
+    class Counting(Executor):
+        out, most = 0, 0
+
+        def submit(self, work, unit):
+            self.out += 1
+            self.most = max(self.most, self.out)
+            future = Future()
+            future.set_result(work(unit))
+            future.result = lambda inner=future: self._give(inner)
+            return future
+
+        def _give(self, future):
+            self.out -= 1
+            return Future.result(future)
+
+    executor = Counting()
+    run_study(study(100), tmp_path, executor, in_flight=5, work=stubs.quick)
+    assert executor.most == 5 and complete(tmp_path, 400)
+
+
+def test_a_case_that_fails_is_a_row_and_the_study_goes_on(short_toml, capsys, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "class Odd:\n"
+        "    names, output = ('f_m',), 'speed'\n"
+        "    def __init__(self, nominal, period): self.seen = 0.0\n"
+        "    def step(self, u, y):\n"
+        "        self.seen += abs(y or 0.0)\n"
+        "        if self.seen > 1e3: raise ZeroDivisionError('no luck')\n"
+        "        return [0.05]\n"
+    )
+    (tmp_path / "s.toml").write_text(
+        f"scenario = '{short_toml}'\nestimators = ['frozen', '{tmp_path}/own.py:Odd']\nseeds = 1\n"
+        "[sweep]\ncontroller.Kv = [0.22, 50.0]\n"  # the second loop is unstable
+    )
+    words = ["study", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    assert main(words) == 1
+    out = capsys.readouterr().out
+    assert "3 cases could not be run" in out
+    errors = {}
+    for line in (tmp_path / "out" / "rows.jsonl").read_text().splitlines():
+        row = json.loads(line)
+        errors.setdefault((row["axes"]["controller.Kv"], row["method"][-3:]), row["error"])
+    assert errors[0.22, "zen"] is None
+    assert "ZeroDivisionError: no luck" in errors[0.22, "Odd"]
+    assert errors[50.0, "zen"].startswith("SimulationError")
+    assert main([*words, "--resume"]) == 1  # it is a result: not run again, and still told
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "3 cases could not be run" in page
+
+
+# ---------------------------------------------------------------- kills
+
+PROGRAM = """
+import sys
+sys.path.insert(0, {here!r})
+import study_stubs
+from pathlib import Path
+from flexaxis.experiments.study import run_study, study_from
+run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}), resume=True,
+          work=study_stubs.slowly)
+"""
+
+
+def kill_and_resume(folder, kills, *, seeds, seed):
+    """Kill a study at random moments until it is done; return how often it was killed at work."""
+    chance = random.Random(seed)
+    code = PROGRAM.format(here=str(HERE), study=STUDY, seeds=seeds, folder=str(folder))
+    killed, before = 0, 0
+    for _ in range(kills):
+        child = subprocess.Popen([sys.executable, "-c", code])
+        path = folder / "rows.jsonl"
+        while child.poll() is None and not (path.exists() and path.stat().st_size > before):
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0.0, 0.03))
+        child.send_signal(signal.SIGKILL)
+        killed += child.wait() == -signal.SIGKILL
+        before = path.stat().st_size
+    subprocess.run([sys.executable, "-c", code], check=True)
+    return killed
+
+
+def test_kills_lose_double_and_tear_nothing(tmp_path):
+    assert kill_and_resume(tmp_path, 2, seeds=1000, seed=1) == 2
+    assert complete(tmp_path, 4000)
+
+
+@pytest.mark.slow
+def test_twenty_kills_of_the_command_with_its_processes(short_toml, tmp_path):
+    """The real thing: simulations in two processes, killed twenty times at random moments."""
+    (tmp_path / "s.toml").write_text(
+        f"scenario = '{short_toml}'\nestimators = ['frozen', 'rpem-forgetting']\nseeds = 60\n"
+        "[sweep]\n'fault[0].factor' = [1.1, 1.5, 2.0, 3.0]\n"
+    )
+    words = [sys.executable, "-m", "flexaxis.experiments", "study", str(tmp_path / "s.toml")]
+    words += ["-o", str(tmp_path / "out"), "--resume", "--jobs", "2"]
+    chance, killed = random.Random(0), 0
+    path = tmp_path / "out" / "rows.jsonl"
+    seen = [0]
+    while killed < 20:
+        child = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                 start_new_session=True)  # fmt: skip
+        while child.poll() is None and not (path.exists() and path.stat().st_size > seen[-1]):
+            time.sleep(0.01)
+        time.sleep(chance.uniform(0.0, 0.5))
+        child.send_signal(signal.SIGKILL)
+        if child.wait() != -signal.SIGKILL:
+            break
+        killed += 1
+        assert gone(child.pid), "processes are left after a kill"
+        seen.append(len(path.read_bytes()))
+    subprocess.run(words, check=True, capture_output=True)
+    assert complete(tmp_path / "out", 480)
+    assert killed == 20
+
+
+def gone(session, patience=10.0):
+    """Whether all processes of a session end: workers must not outlive a killed parent."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        alive = subprocess.run(["ps", "-o", "pid=,stat=", "-s", str(session)],
+                               capture_output=True, text=True, check=False).stdout  # fmt: skip
+        if not [line for line in alive.splitlines() if not line.split()[1].startswith("Z")]:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@pytest.mark.slow
+def test_ctrl_c_says_how_to_go_on(short_toml, tmp_path):
+    (tmp_path / "s.toml").write_text(
+        f"scenario = '{short_toml}'\nestimators = ['frozen']\nseeds = 300\n"
+    )
+    # A shell turns Ctrl-C off for what it runs in the background, as these tests may be.
+    code = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    code += "from flexaxis.experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+    words = [sys.executable, "-c", code, "study", str(tmp_path / "s.toml")]
+    words += ["-o", str(tmp_path / "out"), "--jobs", "2"]
+    child = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    path = tmp_path / "out" / "rows.jsonl"
+    while not (path.exists() and path.stat().st_size):
+        time.sleep(0.05)
+        assert child.poll() is None
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 130
+    last = err.strip().splitlines()[-1]
+    assert "of 300 cases done; go on with: flexaxis study" in last and last.endswith("--resume")
+    there = len(rows.scan(path).cases)
+    assert f"interrupted; {there} of 300" in last
+    subprocess.run([*words, "--resume"], check=True, capture_output=True)
+    assert complete(tmp_path / "out", 300)
+
+
+MEMORY = (
+    PROGRAM.replace("study_stubs.slowly", "study_stubs.quick")
+    + """
+import resource
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+)
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_study(tmp_path):
+    """Twenty thousand cases may take 10 MB more than two thousand; their rows are 60 MB."""
+    used = []
+    for seeds in (500, 5000):
+        code = MEMORY.format(
+            here=str(HERE), study=STUDY, seeds=seeds, folder=str(tmp_path / str(seeds))
+        )
+        for _ in range(2):  # run, and go through the rows that are there
+            out = subprocess.run(
+                [sys.executable, "-c", code], capture_output=True, text=True, check=True
+            )
+            used.append(int(out.stdout) / 1024)
+        assert complete(tmp_path / str(seeds), 4 * seeds)
+    assert (tmp_path / "5000" / "rows.jsonl").stat().st_size > 12e6
+    assert max(used[2:]) - max(used[:2]) < 10, used
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_really_full(short_toml, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "none", str(disk)],
+                             capture_output=True, check=False)  # fmt: skip
+    if mounted.returncode:
+        pytest.skip("no right to mount a small file system")
+    try:
+        (tmp_path / "s.toml").write_text(
+            f"scenario = '{short_toml}'\nestimators = ['frozen']\nseeds = 200\n"
+        )
+        words = [sys.executable, "-m", "flexaxis.experiments", "study", str(tmp_path / "s.toml")]
+        words += ["-o", str(disk / "out"), "--jobs", "1"]
+        child = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert child.returncode == 2
+        assert "rows.jsonl: cannot be written: No space left on device" in child.stderr
+        assert "of 200 cases done; go on with: flexaxis study" in child.stderr
+        assert "Traceback" not in child.stderr
+        there = rows.scan(disk / "out" / "rows.jsonl")
+        assert there.size == (disk / "out" / "rows.jsonl").stat().st_size and len(there.cases) > 20
+        subprocess.run(["mount", "-o", "remount,size=8m", str(disk)], check=True)
+        subprocess.run([*words, "--resume"], check=True, capture_output=True)
+        assert complete(disk / "out", 200)
+    finally:
+        subprocess.run(["umount", str(disk)], check=False)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # distributed warns of the worker that is killed here
+def test_a_worker_of_dask_is_killed(short, tmp_path):
+    """Two workers, one of them killed: all rows, and those of a local run."""
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster`")
+    import flexaxis.experiments.study.run as module
+
+    (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
+    wanted = study_from(
+        {"name": "s", "scenario": str(tmp_path / "short.toml"), "seeds": 40,
+         "estimators": ["frozen", "rpem-forgetting"], "sweep": {"fault[0].factor": [1.5, 2.0]}}
+    )  # fmt: skip
+    landed = []
+    two = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**two) as cluster, distributed.Client(cluster) as client:
+        pids = list(client.run(os.getpid).values())
+
+        def advance(outcome):
+            landed.append(outcome)
+            if len(landed) == 2:
+                os.kill(pids[0], signal.SIGKILL)
+
+        module.run_study(wanted, tmp_path / "dask", client.get_executor(), in_flight=4,
+                         advance=advance)  # fmt: skip
+    run_study(wanted, tmp_path / "local")
+    found = [sorted(map(_row, (tmp_path / name / "rows.jsonl").read_text().splitlines()))
+             for name in ("dask", "local")]  # fmt: skip
+    assert complete(tmp_path / "dask", 160) and found[0] == found[1]
+
+
+def _row(line):
+    return json.dumps({k: v for k, v in json.loads(line).items() if k != "cost"})
