@@ -109,6 +109,8 @@ def _digest(loop: Callable, flat: tuple[int, ...]) -> str:
     here = Path(__file__).parent
     sources = [here / f"{name}.py" for name in ("lanes", "emit", "pattern", "kernel")]
     sources.append(Path(loop.__code__.co_filename))
+    called = (value for value in loop.__globals__.values() if hasattr(value, "py_func"))
+    sources += sorted({Path(value.py_func.__code__.co_filename) for value in called})
     machine = get_host_cpu_name(), get_host_cpu_features().flatten(), numba.__version__
     content = b"".join(source.read_bytes() for source in sources)
     return hashlib.sha256(content + repr((machine, flat)).encode()).hexdigest()[:12]

@@ -1,26 +1,37 @@
 """Joint extended Kalman filter for state and parameters, on the lanes of the compiled kernel."""
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.compiler import compile_loop, jit
-from flexaxis.estimators.design import make_design
+from flexaxis.estimators.design import Design, make_design
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.filter import CompiledFilter
 from flexaxis.estimators.lanes import advance, evaluate
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.pattern import Pattern, split
 from flexaxis.estimators.plan import MAX_ORDER, plan
-from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
 
 
-class JointEkf:
+def joint_ekf(
+    model: Model,
+    *,
+    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    theta0: ArrayLike | None = None,
+    P0: ArrayLike,
+    drift: ArrayLike,
+    noise: float = 0.1,
+    period: float = 0.005,
+    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+    output: str = "speed",
+) -> CompiledFilter:
     """
-    Extended Kalman filter for ξ = [θ; x], with θ a random walk and no noise on x.
+    Make an extended Kalman filter for ξ = [θ; x], with θ a random walk and no noise on x.
 
     θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u; y = h(x) + e,
     var e = σ². The textbook filter of L. Ljung, *Asymptotic behavior of the extended Kalman filter
@@ -48,118 +59,89 @@ class JointEkf:
     output : {"speed", "increment"}
         What y is.
 
-    Attributes
-    ----------
-    names, output, bounds
-        As given.
-    theta : (p,) array
-        The estimate.
-    covariance : (p, p) array
-        Its claimed covariance.
-
     Raises
     ------
     EstimatorError
         If an option cannot be used.
     """
-
-    def __init__(
-        self,
-        model: Model,
-        *,
-        identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
-        theta0: ArrayLike | None = None,
-        P0: ArrayLike,
-        drift: ArrayLike,
-        noise: float = 0.1,
-        period: float = 0.005,
-        bounds: tuple[ArrayLike, ArrayLike] | None = None,
-        output: str = "speed",
-    ) -> None:
-        if not (np.isfinite(noise) and noise > 0):
-            raise EstimatorError(f"noise is {noise}; give the standard deviation of y, above 0")
-        design = make_design(
-            model,
-            identify=identify,
-            theta0=theta0,
-            P0=P0,
-            period=period,
-            forgetting=None,
-            drift=drift,
-            regularization=0.0,
-            bounds=bounds,
-            output=output,
-        )
-        self.names, self.output = design.model.names, output
-        self.bounds = design.lower, design.upper
-        narrow, coefficients = split(design.model)
-        pattern = _with_state(narrow)
-        order, substeps = plan(design.model, design.lower, design.upper, period)
-        row, column, _ = np.array(pattern.entries).T
-        scale = np.where(row < pattern.n, period / substeps, 1.0)
-
-        tuning = np.zeros(1, _tuning_type(pattern))
-        tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
-        tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
-        tuning["order"], tuning["substeps"] = order, substeps
-        tuning["drift"], tuning["variance"] = design.drift, noise**2
-        tuning["lower"], tuning["upper"] = design.lower, design.upper
-
-        p = narrow.p
-        start = np.zeros(1, _state_type(pattern))
-        start["theta"] = 1.0  # what pads θ must have an inverse
-        start["theta"][0, :p] = design.theta0
-        start["P"][0, :p, :p] = design.P0
-        start["M"][0, :, : 1 + p] = (design.model.blocks(design.theta0)[:, row, column] * scale).T
-        start["X"][0, : pattern.n, 1 + p : 1 + pattern.p] = np.eye(pattern.n)
-        self._tuning, self._start = tuning, start
-        self._loop = ekf_loop(pattern)
-        self._p = p
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the start."""
-        self._state = self._start.copy()
-
-    @property
-    def theta(self) -> Array:  # noqa: D102
-        return self._state["theta"][0, : self._p].copy()
-
-    @property
-    def covariance(self) -> Array:  # noqa: D102
-        return self._state["P"][0, : self._p, : self._p].copy()
-
-    def step(self, u: float, y: float | None) -> Array:
-        """
-        Take one sample and return θ[k] (p,); y is None in a gap.
-
-        Parameters
-        ----------
-        u : float
-            Torque held from t_k on.
-        y : float or None
-            Output measured at t_k.
-        """
-        check_sample(u, y)
-        return self.run([u], [0.0 if y is None else y], [y is not None])[0]
-
-    def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
-        """
-        Take N samples, from the current state on, and return θ (N, p).
-
-        Parameters
-        ----------
-        u, y : (N,) array_like
-        valid : (N,) array_like of bool, optional
-            False where y is missing.
-        """
-        u, y, present = check_signals(u, y, valid)
-        estimates = np.empty((len(u), self._p))
-        self._loop(self._tuning, self._state, u, y, present, estimates)
-        return estimates
+    design = walking(
+        model,
+        identify=identify,
+        theta0=theta0,
+        P0=P0,
+        drift=drift,
+        noise=noise,
+        period=period,
+        bounds=bounds,
+        output=output,
+    )
+    pattern = with_state(split(design.model)[0])
+    tuning, start = ekf_records(design, pattern, noise)
+    return CompiledFilter(
+        ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
+    )
 
 
-def _with_state(pattern: Pattern) -> Pattern:
+def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
+    return state["theta"][0, :p], state["P"][0, :p, :p]
+
+
+def walking(
+    model: Model,
+    *,
+    identify: Sequence[str],
+    theta0: ArrayLike | None,
+    P0: ArrayLike,
+    drift: ArrayLike,
+    noise: float,
+    period: float,
+    bounds: tuple[ArrayLike, ArrayLike] | None,
+    output: str,
+) -> Design:
+    """Check the options of `joint_ekf`, which explains them, and fill in defaults."""
+    if not (np.isfinite(noise) and noise > 0):
+        raise EstimatorError(f"noise is {noise}; give the standard deviation of y, above 0")
+    return make_design(
+        model,
+        identify=identify,
+        theta0=theta0,
+        P0=P0,
+        period=period,
+        forgetting=None,
+        drift=drift,
+        regularization=0.0,
+        bounds=bounds,
+        output=output,
+    )
+
+
+def ekf_records(
+    design: Design, pattern: Pattern, noise: float
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return tuning and start of the filter, as records for the compiled loop."""
+    _, coefficients = split(design.model)
+    order, substeps = plan(design.model, design.lower, design.upper, design.period)
+    row, column, _ = np.array(pattern.entries).T
+    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
+
+    tuning = np.zeros(1, ekf_tuning_type(pattern))
+    tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
+    tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
+    tuning["order"], tuning["substeps"] = order, substeps
+    tuning["drift"], tuning["variance"] = design.drift, noise**2
+    tuning["lower"], tuning["upper"] = design.lower, design.upper
+
+    p = len(design.theta0)
+    start = np.zeros(1, ekf_state_type(pattern))
+    start["theta"] = 1.0  # what pads θ must have an inverse
+    start["theta"][0, :p] = design.theta0
+    start["P"][0, :p, :p] = design.P0
+    start["M"][0, :, : 1 + p] = (design.model.blocks(design.theta0)[:, row, column] * scale).T
+    start["X"][0, : pattern.n, 1 + p : 1 + pattern.p] = np.eye(pattern.n)
+    return tuning, start
+
+
+def with_state(pattern: Pattern) -> Pattern:
     """
     Return the pattern with n more parameters on which no entry depends.
 
@@ -172,7 +154,8 @@ def _with_state(pattern: Pattern) -> Pattern:
     )
 
 
-def _tuning_type(pattern: Pattern) -> np.dtype:
+def ekf_tuning_type(pattern: Pattern) -> np.dtype:
+    """Return the record type of what stays as it is while a filter runs."""
     p = pattern.p - pattern.n
     return np.dtype(
         [
@@ -180,11 +163,6 @@ def _tuning_type(pattern: Pattern) -> np.dtype:
             ("weights", float, (MAX_ORDER,)),  # 1/1!, 1/2!, …
             ("order", int),
             ("substeps", int),
-            (
-                "n",
-                int,
-            ),  # known only when it runs: the compiler would unroll every loop, for minutes
-            ("p", int),
             ("drift", float, (p, p)),
             ("variance", float),
             ("lower", float, (p,)),
@@ -194,18 +172,15 @@ def _tuning_type(pattern: Pattern) -> np.dtype:
     )
 
 
-def _state_type(pattern: Pattern) -> np.dtype:
+def ekf_state_type(pattern: Pattern) -> np.dtype:
+    """Return the record type of the state of a filter."""
     m, n, lanes = pattern.p, pattern.n, pattern.lanes
     return np.dtype(
         [
             ("theta", float, (m,)),
             ("P", float, (m, m)),  # of ξ = [θ; x]
             ("M", float, (len(pattern.entries), lanes)),
-            (
-                "X",
-                float,
-                (n + 1, lanes),
-            ),  # x and y, with their derivatives by ξ of the sample before
+            ("X", float, (n + 1, lanes)),  # x and y, and derivatives by ξ of the sample before
             ("GP", float, (n, m)),
             ("Ph", float, (m,)),
             ("gain", float, (m,)),
@@ -245,7 +220,7 @@ def ekf_loop(pattern: Pattern) -> Callable:
             for i in range(p):
                 estimates[k, i] = state["theta"][i]
 
-    return compile_loop(run, flat, _tuning_type(pattern), _state_type(pattern))
+    return compile_loop(run, flat, ekf_tuning_type(pattern), ekf_state_type(pattern))
 
 
 @jit

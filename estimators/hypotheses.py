@@ -1,62 +1,33 @@
 """The hypotheses of `relocate`: what may have changed, compared on the past and taken up."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.history import LENGTH
+from flexaxis.estimators.case import LOOK_BACK, Case, Comparison, State
+from flexaxis.estimators.history import LENGTH, ORDER
 from flexaxis.estimators.refit import Change, Past, explain, replay
 from flexaxis.estimators.sampled import Terms
+from flexaxis.estimators.screen import screen
 
 Array = NDArray[np.float64]
-State = Any  # record of `flexaxis.estimators.history.watched_state_type`
 
 SPREAD = 0.5  # of a change, relative to the value before
-UNLIKELY = 6.0  # nats against a change of what is not identified
+UNLIKELY = 2.0  # nats against a change of what is not identified
 SEVERAL = 6.0  # nats against a change of all identified parameters at once
-LOOK_BACK = 200  # samples before an alarm in which the change may lie
-COARSE, FINE = np.array([-24, -12, -6, -3, 3, 6]), np.array([], int)  # onsets to try
+FAR, MOST = 20.0, 3  # nats behind the leader, and number, of hypotheses that are fitted at a look
+AHEAD = 60  # samples before the first sign of a change in which it is looked for
 
 
-@dataclass(frozen=True)
-class Finding:
-    """
-    A change that was found.
+class Screened(NamedTuple):
+    """Time and value after it of a change of each parameter, and what it gains, (p,) arrays."""
 
-    Attributes
-    ----------
-    alarm : int
-        Sample at which it was found.
-    onset : int
-        Sample after which the parameters were different.
-    parameters : tuple of str
-        What changed; empty for an unmodelled change, which no hypothesis explains.
-    ratio : tuple of float
-        New value over the value before, for each.
-    """
-
-    alarm: int
-    onset: int
-    parameters: tuple[str, ...]
-    ratio: tuple[float, ...]
-
-
-@dataclass
-class Case:
-    """An alarm that is being looked into."""
-
-    alarm: int
-    onset: int
-    variance: float  # of the noise, before
-    repeated: float  # residuals that tell as much as a white one, before
-    first: int = 0  # sample from which a change may date
-    likelihood: Array = field(default_factory=lambda: np.empty(0))  # of the main filter, from there
-    leader: int = -1  # hypothesis with the most evidence
-    active: NDArray[np.int64] | None = None  # accepted hypothesis
-    before: Array | None = None  # all parameters, before the change
-    explained: dict[int, tuple[int, Array]] = field(default_factory=dict)  # onset and θ by choice
+    onset: NDArray[np.int64]
+    theta: Array
+    gain: Array
 
 
 @dataclass(frozen=True)
@@ -81,17 +52,28 @@ class Hypotheses:
     identified: int
     forgetting: float
 
-    @property
+    @cached_property
     def choices(self) -> list[NDArray[np.int64]]:
         """Which parameters each hypothesis lets change."""
         several = [np.arange(self.identified)] if self.identified > 1 else []
         return [np.array([i]) for i in range(len(self.box[0]))] + several
 
-    @property
+    @cached_property
     def costs(self) -> list[float]:
         """Evidence against each before any data [nats]."""
         single = [0.0 if i < self.identified else UNLIKELY for i in range(len(self.box[0]))]
         return single + ([SEVERAL] if self.identified > 1 else [])
+
+    def warm_up(self, theta: Array) -> None:
+        """Let everything compile now rather than at the first alarm."""
+        p, n = len(theta), self.terms.n
+        one, present, rest = np.zeros(1), np.ones(1, bool), np.zeros((1, n))
+        before, white = np.zeros(1 + ORDER), np.zeros(ORDER)
+        past = Past(theta[None], rest, one, one, one, present, before, white, 1.0)
+        self._fit(past, np.arange(1), 0, theta)
+        screen(self.terms, theta, rest[0], one, one, present, 1.0, *self.box, SPREAD)
+        X, P = np.zeros((1 + p, n + 1)), np.zeros((p, p))
+        replay(self.terms, theta, X, P, one, one, present, 1.0)
 
     def past(self, state: State, case: Case) -> Past:
         """Return the past from which a change may date, up to the last measurement."""
@@ -100,8 +82,13 @@ class Hypotheses:
         ring = np.arange(first, count) % LENGTH
         able = ring[: max(case.alarm - first, 1)]
         scale = state["past_scale"][ring]
-        squares = state["past_epsilon"][ring] ** 2 / (case.variance * scale)
-        case.first, case.likelihood = first, np.cumsum(-(squares + np.log(scale)) / 2)
+        weights, remains = case.colour[:-1], case.colour[-1]
+        earlier = np.arange(first - ORDER, count)
+        epsilon = np.where(earlier < 0, 0.0, state["past_epsilon"][earlier % LENGTH])
+        relative = epsilon / np.sqrt(np.r_[np.ones(ORDER), scale])
+        white = np.convolve(relative, np.r_[1.0, -weights])[ORDER : len(relative)]
+        case.white = white / np.sqrt(remains * case.variance)
+        case.first, case.likelihood = first, np.cumsum(-(case.white**2 + np.log(scale)) / 2)
         return Past(
             theta=state["past_theta"][able],
             x=np.ascontiguousarray(state["past_X"][able, : self.terms.n, 0]),
@@ -109,33 +96,70 @@ class Hypotheses:
             u=state["past_u"][ring[:-1]],
             y=state["past_y"][ring[1:]],
             present=state["past_valid"][ring[1:]] > 0,
-            variance=case.variance,
+            epsilon=epsilon,
+            colour=weights,
+            variance=remains * case.variance,
         )
 
-    def compare(self, case: Case, past: Past) -> tuple[int, Change, float]:
-        """Return the best hypothesis, what it says, and its evidence less its cost."""
-        choices = self.choices
-        changes = [self._explain(case, past, i, active) for i, active in enumerate(choices)]
-        odds = [change.evidence - cost for change, cost in zip(changes, self.costs, strict=True)]
-        case.leader = int(np.argmax(odds))
-        return case.leader, changes[case.leader], odds[case.leader]
+    def compare(self, case: Case, past: Past) -> Comparison:
+        """Fit those hypotheses that may be true, and return the best."""
+        seen = self._screen(case, past)
+        odds = np.full(len(self.choices), -np.inf)
+        changes = {}
+        for i in self._contenders(case, seen.gain):
+            changes[i] = self._explain(case, past, i, seen)
+            odds[i] = changes[i].evidence - self.costs[i]
+        best = int(np.argmax(odds))
+        case.odds, case.leader = odds, best
+        others = odds[: len(self.box[0])].copy()  # without "several", which is true of each single
+        others[best : best + 1] = -np.inf
+        return Comparison(self.choices[best], changes[best], odds[best], odds[best] - others.max())
 
-    def _explain(self, case: Case, past: Past, choice: int, active: NDArray[np.int64]) -> Change:
-        """Fit one hypothesis, from where it was at the last look."""
-        onset, theta = case.explained.get(choice, (case.onset, None))
-        guess = min(max(onset - case.first, 0), len(past.theta) - 1)
-        onset, theta, evidence, unexplained = explain(
+    def _contenders(self, case: Case, gains: Array) -> NDArray[np.int64]:
+        """Return the hypotheses that were, or to first order are, not far behind the leader."""
+        screened = np.array([np.max(gains[active]) for active in self.choices]) - self.costs
+        behind = screened.max() - screened
+        if case.odds is not None:
+            behind = np.minimum(behind, case.odds.max() - case.odds)
+        return np.array([i for i in np.argsort(behind, kind="stable")[:MOST] if behind[i] < FAR])
+
+    def _screen(self, case: Case, past: Past) -> Screened:
+        """Return time, size and gain of a change of each parameter, to first order."""
+        start = min(max(case.sign - AHEAD - case.first, 0), len(past.theta) - 1)
+        onset, change, gain = screen(
             self.terms,
-            past,
-            active,
+            past.theta[start],
+            past.x[start],
+            past.u[start:],
+            past.y[start:],
+            past.present[start:],
+            case.variance,
             *self.box,
             SPREAD,
-            guess,
-            past.theta[guess] if theta is None else theta,
-            COARSE if theta is None or choice == case.leader else FINE,
         )
-        case.explained[choice] = case.first + onset, theta
-        return Change(onset, theta, evidence, unexplained)
+        onset = np.minimum(onset + start, len(past.theta) - 1)
+        return Screened(onset, np.clip(past.theta[start] + change, *self.box), gain)
+
+    def _explain(self, case: Case, past: Past, choice: int, seen: Screened) -> Change:
+        """Fit one hypothesis, from where it was at the last look and from where it is seen now."""
+        active, found = self.choices[choice], []
+        if choice in case.explained:
+            onset, theta = case.explained[choice]
+            onset = min(max(onset - case.first, 0), len(past.theta) - 1)
+            found.append(self._fit(past, active, onset, theta))
+        best = active[np.argmax(seen.gain[active])]
+        onset = int(seen.onset[best])
+        if not found or abs(onset - found[0].onset) > 1:
+            theta = past.theta[onset].copy()
+            if len(active) == 1:
+                theta[best] = seen.theta[best]
+            found.append(self._fit(past, active, onset, theta))
+        change = max(found, key=lambda change: change.evidence)
+        case.explained[choice] = case.first + change.onset, change.theta
+        return change
+
+    def _fit(self, past: Past, active: NDArray[np.int64], guess: int, theta: Array) -> Change:
+        return Change(*explain(self.terms, past, active, *self.box, SPREAD, guess, theta))
 
     def rewind(
         self,

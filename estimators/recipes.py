@@ -11,8 +11,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.model import Model, three_mass
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.ekf import JointEkf
-    from flexaxis.estimators.forgetful import ForgetfulRpem
     from flexaxis.estimators.frozen import Frozen
     from flexaxis.estimators.oracle_reset import OracleReset
     from flexaxis.estimators.reference import LiteralRpem
@@ -37,26 +35,25 @@ def rpem_forgetting(
     robust: float = 0.0,
 ) -> "Rpem | LiteralRpem":
     """Make the method with forgetting factor λ, eq. (13); the registry's `Entry` explains."""
-    from flexaxis.estimators import LiteralRpem, Rpem, priors
+    from flexaxis.estimators import LiteralRpem, Rpem
 
-    model = _model(nominal)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=forgetting,
-        regularization=regularization,
-        output=output,
-    )
-    known = priors.known_P(identify, forgetting=forgetting)
+    model = model_of(nominal)
     make = (
         LiteralRpem if literal else partial(Rpem, state_correction=state_correction, robust=robust)
     )
     return make(
         model,
         identify=identify,
-        P0=_initial_P(P0, torque, recipe, known),
+        P0=forgetting_P(
+            P0,
+            torque,
+            model,
+            identify,
+            period=period,
+            forgetting=forgetting,
+            output=output,
+            regularization=regularization,
+        ),
         period=period,
         forgetting=forgetting,
         regularization=regularization,
@@ -79,7 +76,7 @@ def rpem_drift(
     """Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32)."""
     from flexaxis.estimators import Rpem, priors
 
-    model = _model(nominal)
+    model = model_of(nominal)
     if not scale > 0:
         raise EstimatorError(f"scale is {scale}; the factor on Δ must be above 0")
     drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
@@ -117,87 +114,7 @@ def frozen(
     """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
     from flexaxis.estimators import Frozen
 
-    return Frozen(_model(nominal), identify=identify, output=output)
-
-
-def ekf(
-    nominal: Mapping[str, float] | Model,
-    period: float,
-    *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    walk: float = 0.0018,
-    noise: float = 0.1,
-    spread: float = 0.2,
-) -> "JointEkf":
-    """
-    Make the joint extended Kalman filter.
-
-    Parameters
-    ----------
-    walk : float
-        Standard deviation of the random walk of every θ after a second, relative to θ(0). The
-        default has the variance of `rpem-forgetting` on the nominal axis, as geometric mean over
-        the paper's three parameters (16 runs of 40 s, seeds 0 to 15).
-    noise : float
-        Standard deviation of the output [rad/s].
-    spread : float
-        Standard deviation of θ(0), relative to it.
-    """
-    from flexaxis.estimators.ekf import JointEkf
-
-    if not walk > 0 or not spread > 0:
-        raise EstimatorError(f"walk is {walk} and spread {spread}; both must be above 0")
-    model = _model(nominal)
-    theta = model.parametrize(identify).theta
-    return JointEkf(
-        model,
-        identify=identify,
-        P0=(spread * theta) ** 2,
-        drift=period * (walk * theta) ** 2,
-        noise=noise,
-        period=period,
-        output=output,
-    )
-
-
-def forgetful(
-    nominal: Mapping[str, float] | Model,
-    period: float,
-    *,
-    rule: str,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
-    reset: float = 0.1,
-) -> "ForgetfulRpem":
-    """Make a method with another rule of forgetting; "vector" forgets f_m at half the rate."""
-    from flexaxis.estimators import priors
-    from flexaxis.estimators.forgetful import ForgetfulRpem
-
-    model = _model(nominal)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=forgetting,
-        output=output,
-    )
-    slow = [1 - (1 - forgetting) * (0.5 if name == "f_m" else 1.0) for name in identify]
-    return ForgetfulRpem(
-        model,
-        rule=rule,
-        identify=identify,
-        P0=_initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
-        period=period,
-        forgetting=forgetting,
-        rates=slow if rule == "vector" else None,
-        reset=reset,
-        output=output,
-    )
+    return Frozen(model_of(nominal), identify=identify, output=output)
 
 
 def oracle_reset(
@@ -250,7 +167,7 @@ def relocate(
     from flexaxis.estimators import priors
     from flexaxis.estimators.relocate import Relocate
 
-    model = _model(nominal)
+    model = model_of(nominal)
     recipe = partial(
         priors.nominal_P,
         model,
@@ -272,6 +189,32 @@ def relocate(
     )
 
 
+def forgetting_P(
+    given: ArrayLike | None,
+    torque: ArrayLike | None,
+    model: Model,
+    identify: Sequence[str],
+    *,
+    period: float,
+    forgetting: float,
+    output: str,
+    regularization: float = 0.0,
+) -> ArrayLike:
+    """Return P(0) for a forgetting factor: as given, or by the recipe, or as is known."""
+    from flexaxis.estimators import priors
+
+    recipe = partial(
+        priors.nominal_P,
+        model,
+        identify=identify,
+        period=period,
+        forgetting=forgetting,
+        regularization=regularization,
+        output=output,
+    )
+    return _initial_P(given, torque, recipe, priors.known_P(identify, forgetting=forgetting))
+
+
 def _initial_P(
     given: ArrayLike | None,
     torque: ArrayLike | None,
@@ -290,6 +233,6 @@ def _initial_P(
     )
 
 
-def _model(nominal: Mapping[str, float] | Model) -> Model:
+def model_of(nominal: Mapping[str, float] | Model) -> Model:
     """Return the model to use: that of the paper's axis, unless another one is given."""
     return nominal if isinstance(nominal, Model) else three_mass(nominal)

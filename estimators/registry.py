@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.recipes import (
     DEFAULT_IDENTIFY,
-    ekf,
-    forgetful,
     frozen,
     oracle_reset,
     relocate,
     rpem_drift,
     rpem_forgetting,
 )
+from flexaxis.estimators.rivals import forgetful, horizon, imm, joint
+from flexaxis.estimators.tuned import tuned
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
@@ -77,6 +77,15 @@ def entry(name: str) -> Entry:
     return REGISTRY[name]
 
 
+def _tuned(
+    name: str, summary: str, factory: Callable[..., "Estimator"], options: Mapping[str, float]
+) -> Entry:
+    """Return an entry whose knob, the first option, has the value found by `flexaxis tune`."""
+    knob = next(iter(options))
+    value = tuned(name, otherwise=options[knob])
+    return Entry(name, summary, partial(factory, **{knob: value}), {**options, knob: value}, knob)
+
+
 REGISTRY: Mapping[str, Entry] = {
     entry.name: entry
     for entry in (
@@ -108,12 +117,11 @@ REGISTRY: Mapping[str, Entry] = {
             {"scale": 1.0, "regularization": REGULARIZATION},
             "scale",
         ),
-        Entry(
+        _tuned(
             "rpem-corrected",
             "rpem-forgetting whose state follows every change of its parameters",
             partial(rpem_forgetting, state_correction=True),
             {"forgetting": 0.995, "regularization": 0.0},
-            "forgetting",
         ),
         Entry(
             "literal-rpem",
@@ -122,21 +130,32 @@ REGISTRY: Mapping[str, Entry] = {
             {"forgetting": 0.995, "regularization": 0.0},
             "forgetting",
         ),
-        Entry(
+        _tuned(
             "ekf",
             "joint extended Kalman filter for state and parameters",
-            ekf,
-            {"walk": 0.0018, "noise": 0.1, "spread": 0.2},
-            "walk",
+            joint,
+            {"walk": 0.002, "noise": 0.1, "spread": 0.2},
+        ),
+        _tuned(
+            "ukf",
+            "joint unscented Kalman filter for state and parameters, in square-root form",
+            partial(joint, unscented=True),
+            {"walk": 0.002, "noise": 0.1, "spread": 0.2},
+        ),
+        _tuned(
+            "imm",
+            "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
+            imm,
+            {"walk": 0.0015, "noise": 0.1, "spread": 0.2, "jump": 0.05, "rate": 1e-3, "hold": 0.05},
+        ),
+        _tuned(
+            "moving-horizon",
+            "nonlinear least squares over a moving window, with an arrival cost",
+            horizon,
+            {"forgetting": 0.994, "window": 200, "every": 10},
         ),
         *(
-            Entry(
-                name,
-                summary,
-                partial(forgetful, rule=rule),
-                {"forgetting": 0.995},
-                "forgetting",
-            )
+            _tuned(name, summary, partial(forgetful, rule=rule), {"forgetting": 0.995})
             for name, rule, summary in (
                 ("vector-forgetting", "vector", "a forgetting factor for each parameter"),
                 ("directional-forgetting", "directional", "forgets along the gradient only (SIFt)"),
@@ -144,12 +163,11 @@ REGISTRY: Mapping[str, Entry] = {
                 ("variable-forgetting", "variable", "forgets while the residual is large"),
             )
         ),
-        Entry(
+        _tuned(
             "cusum-reset",
             "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
             partial(forgetful, rule="cusum"),
-            {"forgetting": 0.995, "reset": 0.1},
-            "forgetting",
+            {"forgetting": 0.995, "reset": 0.1, "level": 10.0},
         ),
         Entry(
             "relocate",

@@ -2,10 +2,10 @@
 Detect, rewind, refit: a recursive filter that finds out what has changed, and when.
 
 The main filter is the prediction-error method with forgetting, its state corrected. A CUSUM on
-its residual raises an alarm. Then every hypothesis, "parameter i changed at sample k₀", is fitted
-to the data since; the one with the most evidence wins, if it explains enough. The filter is rewound
-to k₀, given the fitted value and an open mind about it, and run through the data again. Hypotheses
-range over all physical parameters of the model, not only over those that are identified.
+its whitened residual raises an alarm. Then hypotheses, "parameter i changed at sample k₀", with i
+any physical parameter of the model, identified or not, are screened to first order, and the likely
+ones fitted to the data since. The one with the most evidence wins, if it explains enough and leads
+clearly. The filter goes back to k₀, takes the fitted value, and runs through the data again.
 """
 
 from collections.abc import Sequence
@@ -14,31 +14,31 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.case import RECENT, Case, Finding, open_case
 from flexaxis.estimators.design import make_design
 from flexaxis.estimators.history import (
     LENGTH,
-    repetition,
+    ORDER,
     watched_loop,
     watched_state_type,
     watched_tuning_type,
     widened,
 )
-from flexaxis.estimators.hypotheses import FINE, SPREAD, Case, Finding, Hypotheses
-from flexaxis.estimators.model import Model, increment
+from flexaxis.estimators.hypotheses import Hypotheses
+from flexaxis.estimators.model import Model
 from flexaxis.estimators.pattern import split
-from flexaxis.estimators.refit import Change, Past, explain, replay
+from flexaxis.estimators.refit import Change, Past
 from flexaxis.estimators.rpem import filter_records
 from flexaxis.estimators.sampled import terms
 from flexaxis.estimators.signals import check_sample, check_signals
+from flexaxis.estimators.suspects import with_suspects
 
 Array = NDArray[np.float64]
 
-SUSPECT_BOX = (0.4, 2.5)  # times nominal, for parameters that are not identified
+GROWTH = (4.0, 1.6)  # of the residual's variance, that raise an alarm
 WARM_UP = 200  # samples before the first alarm
 LOOKS = (0, 1, 2, 3, 4, 6, 8, 10, 12, 16, 20, 24, 32, 40, 50, 64, 80, 100)  # after an alarm
 SETTLED = 400  # samples after which a change of an unidentified parameter is taken as known
-RECENT = 60  # samples by which the residual is judged in the end
-EXCESS = 1.5  # residual variance over that before the alarm that is "not explained"
 
 
 class Relocate:
@@ -120,49 +120,25 @@ class Relocate:
         self.names, self.output = narrow.model.names, output
         self.bounds = narrow.lower, narrow.upper
         self._p, self._gain = len(self.names), gain
-        known = {name.removeprefix("1/") for name in self.names}
-        others = [name for name in suspects if name not in known]
-        chosen = increment(model, period) if output == "increment" else model
-        wide = chosen.parametrize([*self.names, *others])
-        rest = wide.theta[self._p :]
-        P = np.zeros((len(wide.theta),) * 2)
-        P[: self._p, : self._p] = narrow.P0
-        design = replace(
-            narrow,
-            model=wide,
-            theta0=np.r_[narrow.theta0, rest],
-            P0=P,
-            drift=np.zeros_like(P),
-            lower=np.r_[narrow.lower, SUSPECT_BOX[0] * rest],
-            upper=np.r_[narrow.upper, SUSPECT_BOX[1] * rest],
-        )
-        pattern, coefficients = split(wide)
+        design = with_suspects(narrow, model, suspects)
+        pattern, coefficients = split(design.model)
         tuning, start = filter_records(design, pattern, coefficients)
         self._tuning = widened(tuning, watched_tuning_type(pattern))
-        self._tuning["threshold"], self._tuning["growth"] = alarm, 4.0
+        self._tuning["threshold"], self._tuning["growth"] = alarm, GROWTH
         self._start = widened(start, watched_state_type(pattern))
         self._start["stop"] = WARM_UP
+        self._start["learning"], self._start["colour"][0, ORDER] = 1, 1.0
         order, substeps = int(tuning["order"][0]), int(tuning["substeps"][0])
         self._hypotheses = Hypotheses(
-            terms=terms(wide, order, substeps, period),
+            terms=terms(design.model, order, substeps, period),
             box=(design.lower, design.upper),
             identified=self._p,
             forgetting=narrow.forgetting,
         )
-        self._wide_names = wide.names
+        self._wide_names = design.model.names
         self._loop = watched_loop(pattern)
-        self._compile()
+        self._hypotheses.warm_up(design.theta0)
         self.reset()
-
-    def _compile(self) -> None:
-        """Let everything compile now rather than at the first alarm."""
-        given, theta = self._hypotheses.terms, self._start["theta"][0]
-        one, present, zero = np.zeros(1), np.ones(1, bool), np.zeros((1, given.n))
-        past = Past(theta[None], zero, one, one, one, present, 1.0)
-        explain(given, past, np.arange(1), *self._hypotheses.box, SPREAD, 0, theta, FINE)
-        p = len(theta)
-        X, P = np.zeros((1 + p, given.n + 1)), np.zeros((p, p))
-        replay(given, theta, X, P, one, one, present, 1.0)
 
     def reset(self) -> None:
         """Return to the start."""
@@ -226,15 +202,11 @@ class Relocate:
     def _attend(self) -> None:
         """Do what is due after a sample: open a case, look into it, or close it."""
         state = self._state[0]
-        ringing = state["armed"] and state["evidence"] > self._tuning["threshold"][0]
+        ringing = state["armed"] and state["evidence"].max() > self._tuning["threshold"][0]
         if not ringing and state["count"] != state["stop"]:
             return
         if ringing:
-            onset = int(state["quiet"])
-            noise = float(state["past_noise"][onset % LENGTH])
-            repeated = repetition(float(state["past_correlation"][onset % LENGTH]))
-            self._case = Case(int(state["count"]) - 1, onset, noise, repeated)
-            state["armed"] = 0
+            self._case = open_case(state)
         if self._case is not None:
             self._look(self._case)
         elif state["count"] == WARM_UP:
@@ -252,7 +224,8 @@ class Relocate:
 
     def _arm(self) -> None:
         state = self._state[0]
-        state["armed"], state["evidence"], state["quiet"] = 1, 0.0, state["count"]
+        state["armed"] = state["learning"] = 1
+        state["evidence"], state["quiet"] = 0.0, state["count"]
 
     def _set_stop(self) -> None:
         count = int(self._state["count"][0])
@@ -268,13 +241,12 @@ class Relocate:
         past = self._hypotheses.past(self._state[0], case)
         if len(past.u) < 2:
             return
-        best, change, odds = self._hypotheses.compare(case, past)
-        limit = EXCESS + 6 * np.sqrt(2 * case.repeated / len(past.u[change.onset :]))
-        needed = case.likelihood[-1] + self._gain * case.repeated
-        if change.unexplained > limit:
+        found = self._hypotheses.compare(case, past)
+        age = int(self._state["count"][0]) - 1 - case.alarm
+        if not case.borne_out(found, len(past.u)):
             self._retract(case, past)
-        elif case.active is not None or odds > needed:
-            self._take_up(case, past, change, self._hypotheses.choices[best])
+        elif case.convinced(found, age, self._gain):
+            self._take_up(case, past, found.change, found.active)
 
     def _retract(self, case: Case, past: Past) -> None:
         """Take back a change that later data do not bear out."""
@@ -306,11 +278,10 @@ class Relocate:
         """End a case; where the residual stays large, say so and take it as the new noise."""
         state = self._state[0]
         count = int(state["count"])
-        recent = np.arange(max(count - RECENT, case.alarm), count) % LENGTH
-        squares = state["past_epsilon"][recent] ** 2 / state["past_scale"][recent]
-        variance = float(np.mean(squares))
-        if variance > EXCESS * case.variance:
-            state["noise"] = variance
+        if case.unsettled():
+            recent = np.arange(count - RECENT, count) % LENGTH
+            squares = state["past_epsilon"][recent] ** 2 / state["past_scale"][recent]
+            state["noise"] = np.mean(squares)
             if case.active is None:
                 self.alarm = True
                 self._found.append(Finding(count - 1, case.onset, (), ()))

@@ -85,7 +85,8 @@ def sample(terms, theta, active):
         _product(block, power, next_power)
         power, next_power = next_power, power
         power /= k
-        small += power
+        if not _add(power, small):
+            break  # what is left is below rounding
     D = small.copy()
     for _ in range(terms.substeps - 1):
         _product(small, D, power)
@@ -96,6 +97,19 @@ def sample(terms, theta, active):
     _product(output.reshape(1 + q, 1, n + 1), D, power[:, :1])
     D[:, n] = power[:, 0]
     return D
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add(term, total):
+    """Add a term of a series to its sum; return whether that changed anything."""
+    changed = False
+    for a in range(total.shape[0]):
+        for i in range(total.shape[1]):
+            for m in range(total.shape[2]):
+                before = total[a, i, m]
+                total[a, i, m] += term[a, i, m]
+                changed |= total[a, i, m] != before
+    return changed
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -132,3 +146,22 @@ def _product(F, G, H):
                 if f != 0.0:
                     for m in range(G.shape[2]):
                         H[a, i, m] += f * G[0, j, m]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def move(D, X, moved, u):
+    """Take states and sensitivities [x; y] over one sample; the place of y lends itself to u."""
+    size = X.shape[1]
+    X[0, size - 1] = u
+    for a in range(1, len(X)):
+        X[a, size - 1] = 0.0
+    for i in range(size):
+        total = 0.0
+        for j in range(size):
+            total += D[0, i, j] * X[0, j]
+        moved[0, i] = total
+        for a in range(1, len(X)):
+            total = 0.0
+            for j in range(size):
+                total += D[0, i, j] * X[a, j] + D[a, i, j] * X[0, j]
+            moved[a, i] = total

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.ekf import JointEkf
+from flexaxis.estimators.ekf import joint_ekf
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005
@@ -58,7 +58,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
     expected = textbook(
         by_hand, nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment"
     )
-    ekf = JointEkf(three_mass(nominal), P0=P0, drift=W, noise=0.1, output=output)
+    ekf = joint_ekf(three_mass(nominal), P0=P0, drift=W, noise=0.1, output=output)
     y = loop.y if output == "speed" else loop.increment
     theta = ekf.run(loop.u[:N], y[:N])
     # central differences of step 1e-5 are good to some 1e-9
@@ -68,7 +68,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
 def make(nominal, **options):
     theta0 = np.array([1.0, 1.25, 0.05])
     given = {"P0": (0.2 * theta0) ** 2, "drift": (2e-4 * theta0) ** 2}
-    return JointEkf(three_mass(nominal), **(given | options))
+    return joint_ekf(three_mass(nominal), **(given | options))
 
 
 def test_converges_from_20_per_cent_and_claims_what_it_reaches(nominal, loop):
@@ -106,7 +106,7 @@ def test_the_covariance_stays_positive_definite(nominal, loop):
     ekf = make(nominal)
     for _ in range(5):  # 60 000 samples
         ekf.run(loop.u, loop.y)
-    P = ekf._state["P"][0]
+    P = ekf.state["P"][0]
     np.testing.assert_array_equal(P, P.T)
     scale = np.sqrt(P.diagonal())
     assert np.linalg.eigvalsh(P / np.outer(scale, scale))[0] > -1e-9
@@ -116,7 +116,7 @@ def test_the_covariance_stays_positive_definite(nominal, loop):
 def test_other_parameters(nominal, loop):
     names = ("J_m", "1/k_a")
     truth = np.array([nominal["J_m"], 1 / nominal["k_a"]])
-    ekf = JointEkf(
+    ekf = joint_ekf(
         three_mass(nominal), identify=names, theta0=1.1 * truth, P0=(0.1 * truth) ** 2,
         drift=(5e-5 * truth) ** 2,
     )  # fmt: skip

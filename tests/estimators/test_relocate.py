@@ -2,15 +2,19 @@
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_toeplitz
+from scipy.signal import lfilter
 
 from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.case import Case, Comparison
+from flexaxis.estimators.history import write_colour
 from flexaxis.estimators.plan import plan
 from flexaxis.estimators.predictor import predict
 from flexaxis.estimators.priors import known_P
-from flexaxis.estimators.refit import Past, explain, replay
+from flexaxis.estimators.refit import Change, Past, _normal_equations, explain, replay
 from flexaxis.estimators.relocate import Relocate
 from flexaxis.estimators.sampled import sample, terms
+from flexaxis.estimators.screen import screen
 
 NAMES = ("k_T", "1/J_a", "f_m")
 SUSPECTS = ("J_m", "J_g", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")
@@ -70,11 +74,12 @@ def test_explain_finds_parameter_and_time_of_a_change_without_noise(nominal, sim
     squares = (run.y[able] - np.array(states)[able, 2]) ** 2 / 1e-4
     past = Past(
         np.tile(model.theta, (count, 1)), np.array(states)[able], -np.cumsum(squares) / 2,
-        run.u[first:-1], run.y[first + 1 :], np.ones(399 - first, bool), 1e-4,
+        run.u[first:-1], run.y[first + 1 :], np.ones(399 - first, bool),
+        np.zeros(count + 2), np.zeros(2), 1e-4,
     )  # fmt: skip
     found = {
-        i: explain(given, past, np.array([i]), 0.4 * model.theta, 2.5 * model.theta, 0.5, 40,
-                   model.theta, np.array([-12, 6, 12]))
+        i: explain(given, past, np.array([i]), 0.4 * model.theta, 2.5 * model.theta, 0.5, 49,
+                   model.theta)
         for i in (0, 1)
     }  # fmt: skip
     onset, theta, evidence, unexplained = found[1]
@@ -149,3 +154,99 @@ def test_a_gap_and_an_increment_model(nominal, simulated):
     (finding,) = filter_.findings
     assert finding.parameters == ("f_m",)
     assert theta[-1, 2] == pytest.approx(0.1, rel=0.02)
+
+
+def test_the_screen_is_the_linear_gain_of_every_change_at_every_time(nominal, loop):
+    model, given = table(nominal)
+    theta, u, N, p = model.theta, loop.u, 60, 3
+    x = np.array([1e-4, -2e-4, 1.0, 0.01, 0.008])
+    present = np.ones(N, bool)
+    present[20:23] = False
+    y = np.random.default_rng(0).standard_normal(N)
+    D = sample(given, theta, np.arange(p))
+    gains, steps = np.empty((N, p)), np.empty((N, p))
+    for onset in range(N):  # the textbook way: one simulation for each
+        states, epsilon, psi = np.r_[x, 0.0], np.zeros(N), np.zeros((N, p))
+        z = np.zeros((p, 6))
+        for k in range(N):
+            now, past = np.r_[states[:5], u[k]], np.c_[z[:, :5], np.zeros(p)]
+            z = past @ D[0].T + (D[1:] @ now if k >= onset else 0.0)
+            states = D[0] @ now
+            epsilon[k], psi[k] = y[k] - states[5], z[:, 5]
+        g = psi[present].T @ epsilon[present] / 0.3
+        H = np.sum(psi[present] ** 2, axis=0) / 0.3 + 1 / (0.5 * theta) ** 2
+        step = np.clip(g / H, -0.6 * theta, 1.5 * theta)
+        steps[onset] = step
+        gains[onset] = g * step - H * step**2 / 2 - np.log(H * (0.5 * theta) ** 2) / 2
+    onset, change, gain = screen(
+        given, theta, x, u[:N], y, present, 0.3, 0.4 * theta, 2.5 * theta, 0.5
+    )
+    np.testing.assert_allclose(gain, gains.max(axis=0), rtol=1e-6)
+    np.testing.assert_array_equal(onset, gains.argmax(axis=0))
+    np.testing.assert_allclose(change, steps[onset, range(p)], rtol=1e-6)
+
+
+def test_colour_is_the_solution_of_the_yule_walker_equations():
+    correlations = np.array([1.2, 0.7, 0.1, -0.2, -0.1])
+    colour = np.empty(5)
+    write_colour.py_func(correlations, 0.0, colour)
+    weights = solve_toeplitz(correlations[:4], correlations[1:])
+    np.testing.assert_allclose(colour[:4], weights, rtol=1e-6)  # less a floor of 1e-9
+    remains = 1 - weights @ correlations[1:] / correlations[0]
+    assert colour[4] == pytest.approx(remains, rel=1e-6)
+
+
+def test_a_coloured_residual_is_fitted_by_generalised_least_squares(nominal, loop):
+    model, given = table(nominal)
+    N, theta, colour = 300, model.theta, np.array([0.9, -0.4])
+    noise = lfilter([1.0], np.r_[1.0, -colour], np.random.default_rng(1).standard_normal(N))
+    before = np.r_[0.3, -0.2]  # the residual one and two samples before the stretch, oldest first
+    D = sample(given, theta, np.arange(3))
+    x, z, y, psi = np.zeros(5), np.zeros((3, 5)), np.empty(N), np.empty((N, 3))
+    for k in range(N):
+        now = np.r_[x, loop.u[k]]
+        z_next = np.c_[z, np.zeros(3)] @ D[0].T + D[1:] @ now
+        x, z, psi[k], y[k] = (D[0] @ now)[:5], z_next[:, :5], z_next[:, 5], (D[0] @ now)[5]
+    misfit, H, g = _normal_equations(
+        given, theta, np.zeros(5), loop.u[:N], y + noise, np.ones(N, bool), before, colour, 2.0,
+        np.arange(3),
+    )  # fmt: skip
+    whitener = np.r_[1.0, -colour]
+    white = np.convolve(np.r_[before, noise], whitener)[2 : N + 2]
+    white_psi = np.array([np.convolve(column, whitener)[:N] for column in psi.T]).T
+    assert misfit == pytest.approx(white @ white / 2, rel=1e-9)
+    np.testing.assert_allclose(H, white_psi.T @ white_psi / 2, rtol=1e-9)
+    np.testing.assert_allclose(g, white_psi.T @ white / 2, rtol=1e-6)
+
+
+def test_a_fault_is_found_in_a_coloured_residual(nominal, simulated, relocate):
+    run = simulated(14.0, seed=6, faults={10.0: nominal | {"f_m": 0.075}})
+    white = np.random.default_rng(2).standard_normal(len(run.u))
+    y = run.y + 0.1 * lfilter([1.0], [1.0, -1.8, 0.9], white)  # rms 0.5 rad/s, five times σ
+    relocate.run(run.u, y)
+    (finding,) = relocate.findings
+    assert finding.parameters == ("f_m",)
+    assert abs(finding.onset - 2000) < 20 and finding.alarm < 2400
+
+
+@pytest.mark.parametrize(
+    ("remains", "lead", "odds", "age", "convinced"),
+    [
+        (1.0, 6.0, 20.0, 0, True),
+        (1.0, 6.0, 10.0, 0, False),  # too little evidence
+        (1.0, 1.0, 20.0, 5, False),  # two hypotheses explain it equally well: wait
+        (1.0, 1.0, 20.0, 30, True),  # they still do: take either
+        (0.5, 6.0, 60.0, 0, False),  # half of the residual is no noise: see whether it lasts
+        (0.5, 6.0, 20.0, 40, False),  # and ask for three times as much
+        (0.5, 6.0, 60.0, 40, True),
+    ],
+)
+def test_when_a_change_is_believed(remains, lead, odds, age, convinced):
+    case = Case(100, 95, 95, 0.01, np.array([0.0, 0.0, 0.0, 0.0, remains]), 1.0)
+    case.likelihood = np.array([-3.0, -5.0])
+    found = Comparison(np.array([0]), Change(2, np.ones(3), 0.0, 1.0), odds - 5.0, lead)
+    assert case.convinced(found, age, 14.0) == convinced
+    case.active = np.array(
+        [1]
+    )  # another one is in use: it goes only for one that is clearly better
+    assert case.convinced(found, age, 14.0) == (lead > 5)

@@ -1,0 +1,33 @@
+"""Triangular factors against NumPy's."""
+
+import numpy as np
+
+from flexaxis.estimators.square_root import cholesky, forward, triangularize
+
+RNG = np.random.default_rng(0)
+
+
+def test_triangularize_is_the_transposed_cholesky_factor():
+    A = RNG.standard_normal((7, 4))
+    expected = np.linalg.cholesky(A.T @ A).T
+    triangularize(A, 7, 4)
+    np.testing.assert_allclose(np.triu(A[:4]), expected, rtol=1e-12)
+
+
+def test_triangularize_takes_what_is_singular():
+    A = np.zeros((5, 3))
+    A[:, 0] = A[:, 2] = RNG.standard_normal(5)
+    before = A.T @ A
+    triangularize(A, 5, 3)
+    R = np.triu(A[:3])
+    np.testing.assert_allclose(R.T @ R, before, atol=1e-14)
+
+
+def test_cholesky_and_substitution():
+    A, B = RNG.standard_normal((5, 5)), RNG.standard_normal((5, 2))
+    A = A @ A.T + np.eye(5)
+    L, X = A.copy(), B.copy()
+    cholesky(L)
+    np.testing.assert_allclose(np.tril(L), np.linalg.cholesky(A), rtol=1e-12)
+    forward(L, X)
+    np.testing.assert_allclose(np.linalg.cholesky(A) @ X, B, rtol=1e-12)
