@@ -105,13 +105,13 @@ def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: P
     Change
     """
     best, latest = guess, len(past.theta) - 1
-    theta, evidence, misfit = _at(terms, past, active, lower, upper, spread, best, theta)
-    for direction in (-1, 1):
-        for _ in range(TRIALS):
+    evidence, misfit = -np.inf, 0.0
+    for direction in (0, -1, 1):
+        for _ in range(TRIALS if direction else 1):
             if not 0 <= best + direction <= latest:
                 break
             found = _at(terms, past, active, lower, upper, spread, best + direction, theta)
-            if found[1] <= evidence:
+            if direction and found[1] <= evidence:
                 break
             best, (theta, evidence, misfit) = best + direction, found
     return Change(best, theta, evidence, misfit / max(np.sum(past.present[best:]), 1))
@@ -148,26 +148,15 @@ def _refit(  # noqa: PLR0917
     theta = before.copy()
     for i in active:
         theta[i] = start[i]
-    misfit, H, g = _normal_equations(
-        terms, theta, x, u, y, present, epsilon, colour, variance, active
-    )
-    cost = misfit + _prior(theta, before, active, spread, H, g)
-    damping = 1e-3
-    for _ in range(ITERATIONS if q else 0):
-        damped = H.copy()
-        for a in range(q):
-            damped[a, a] += damping * H[a, a]
-        step = g.copy()
-        _solve(damped, step)
-        trial = theta.copy()
-        for a in range(q):
-            i = active[a]
-            trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
+    trial, step, damping = theta, np.zeros(q), 1e-3
+    for tries in range(1 + (ITERATIONS if q else 0)):
         fit, H_trial, g_trial = _normal_equations(
             terms, trial, x, u, y, present, epsilon, colour, variance, active
         )
         tried = fit + _prior(trial, before, active, spread, H_trial, g_trial)
-        if tried < cost:
+        if not tries:
+            misfit, cost, H, g = fit, tried, H_trial, g_trial
+        elif tried < cost:
             gained = cost - tried
             theta, misfit, cost, H, g = trial, fit, tried, H_trial, g_trial
             damping = max(damping / 10, NARROWEST)
@@ -177,6 +166,15 @@ def _refit(  # noqa: PLR0917
             damping *= 10
             if damping > WIDEST or np.dot(step, g) < CONVERGED:
                 break
+        damped = H.copy()
+        for a in range(q):
+            damped[a, a] += damping * H[a, a]
+        step = g.copy()
+        _solve(damped, step)
+        trial = theta.copy()
+        for a in range(q):
+            i = active[a]
+            trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
     evidence = -cost / 2
     if q:
         scaled = H.copy()
@@ -231,10 +229,12 @@ def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance,
     D = sample(terms, theta, active)
     n, q, order = terms.n, len(active), len(colour)
     X = np.zeros((1 + q, n + 1))
-    X[0, :n] = x
+    for i in range(n):
+        X[0, i] = x[i]
     moved = np.empty_like(X)
     lags = np.zeros((1 + q, order))  # of ε and ψ, latest first
-    lags[0] = epsilon[::-1]
+    for i in range(order):
+        lags[0, i] = epsilon[order - 1 - i]
     white = np.empty(1 + q)
     H, g, misfit = np.zeros((q, q)), np.zeros(q), 0.0
     for k in range(len(u)):
@@ -309,5 +309,7 @@ def replay(terms, theta, X, P, u, y, present, forgetting):  # noqa: PLR0917
                 for j in range(i + 1):
                     P[i, j] -= gain[i] * gain[j] / s
                     P[j, i] = P[i, j]
-    X[:] = ahead
+    for a in range(1 + p):
+        for i in range(n + 1):
+            X[a, i] = ahead[a, i]
     return delta

@@ -74,11 +74,8 @@ def sample(terms, theta, active):
     """
     n, q = terms.n, len(active)
     block = _block(terms, theta, active)
-    output = block[:, n, :].copy()
-    block[:, n, :] = 0.0  # the held input does not change
-    block *= terms.period / terms.substeps
-    small = np.zeros_like(block)
-    power, next_power = np.zeros_like(block), np.empty_like(block)
+    small, power, next_power = np.zeros((3, 1 + q, n + 1, n + 1))
+    output = _held(block, terms.period / terms.substeps)
     for i in range(n + 1):
         small[0, i, i] = power[0, i, i] = 1.0
     for k in range(1, terms.order + 1):
@@ -93,10 +90,38 @@ def sample(terms, theta, active):
         D, power = power, D
     for i in terms.reset:
         D[:, :, i] = 0.0
-    D[:, n, n] = 0.0  # the output takes the place of the input
-    _product(output.reshape(1 + q, 1, n + 1), D, power[:, :1])
-    D[:, n] = power[:, 0]
+    _put_output(output, D)
     return D
+
+
+# Loops where NumPy's assignment to slices would read better: with its messages on shapes that do
+# not fit, it takes longer to compile than all the rest.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _held(block, duration):
+    """Take the output (1+q, n+1) out of a block, for the held input does not change; scale it."""
+    q, n = block.shape[0], block.shape[1] - 1
+    output = np.empty((q, n + 1))
+    for a in range(q):
+        for m in range(n + 1):
+            output[a, m] = block[a, n, m]
+            block[a, n, m] = 0.0
+            for i in range(n):
+                block[a, i, m] *= duration
+    return output
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _put_output(output, D):
+    """Put the output into the last row, the place of the input."""
+    n = D.shape[1] - 1
+    for m in range(n + 1):
+        for a in range(len(D)):
+            total = 0.0
+            for j in range(n):
+                total += output[0, j] * D[a, j, m]
+                if a:
+                    total += output[a, j] * D[0, j, m]
+            D[a, n, m] = total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -89,14 +89,18 @@ def _forwards(D, x, u, y, present):
     N, p, n = len(u), len(D) - 1, len(x)
     z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
     X = np.zeros((1 + p, n + 1))
-    X[0, :n] = x
+    for i in range(n):
+        X[0, i] = x[i]
     moved = np.empty_like(X)
     for k in range(N):
-        z[k] = X[1:, :n]
+        for i in range(p):
+            for j in range(n):
+                z[k, i, j] = X[1 + i, j]
         move(D, X, moved, u[k])
         X, moved = moved, X
         if present[k]:
-            psi[k] = X[1:, n]
+            for i in range(p):
+                psi[k, i] = X[1 + i, n]
             epsilon[k] = y[k] - X[0, n]
     return z, psi, epsilon
 
