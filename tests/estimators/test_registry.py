@@ -97,6 +97,25 @@ def test_recipe_gives_the_published_data(nominal, loop):
         nominal_P(model, [])
 
 
+@pytest.mark.parametrize(
+    "options", [{"regularization": 0.3}, {"drift": [5e-8, 50e-8, 500e-8]}, {"forgetting": 0.99}]
+)
+def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
+    from flexaxis.estimators import reference, three_mass
+
+    model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
+    P, kept = np.diag(model.theta**2 / 100), []
+    for psi in gradient(model, model.theta, loop.u[:401], 0.005):
+        P = reference.measurement_update(P, psi)
+        drift = np.diag(options.get("drift", np.zeros(3)))
+        forgetting = 1.0 if "drift" in options else options.get("forgetting", 0.995)
+        P = reference.time_update(P, forgetting, drift)
+        P = reference.regularize(P, options.get("regularization", 0.0))
+        kept.append(np.diag(P))
+    given = nominal_P(three_mass(nominal), loop.u[:401], **options)
+    np.testing.assert_allclose(given, np.mean(kept[200:], axis=0), rtol=1e-9)
+
+
 @pytest.mark.parametrize("output", ["speed", "increment"])
 def test_gradient_is_that_of_the_filter(nominal, loop, output):
     from flexaxis.estimators import Rpem, increment, three_mass
