@@ -32,8 +32,8 @@ LEAD = {  # lag, t10 [s] and the parameter's column
 }
 FAULTS = ["ja_big_step-v1", "two_faults-v1", "repair-v1", "kg_step-v1", "ka_step-v1", "jm_step-v1"]
 FAULTS += ["dg_double-v1"]
-# Not reached: 1/J_a hardly suffers from d_g under forgetting (.18 %), but .38 % here, as a few
-# samples of a run that first takes the fault for one of J_a weigh as much as 5 s of noise.
+# Not reached: 1/J_a hardly suffers from d_g under forgetting (.18 %), but .38 % here: one run of
+# 40 takes the fault for one of J_a during three samples, which weighs as much as 5 s of noise.
 MISSED = {"dg_double-v1": (1.0, 2.5, 1.0)}
 # Not reached: at f_c = .05 N m and without a fault, two false findings in 800 s, both of f_m, make
 # its deviation 1.41 times that of forgetting.
