@@ -55,7 +55,7 @@ def gate(
     candidate: str,
     *,
     base: str,
-    names: Sequence[str] = ("smoke",),
+    names: Sequence[str] = ("gate",),
     seeds: int | None = None,
     margins: Mapping[str, float] | None = None,
     strict: bool = False,

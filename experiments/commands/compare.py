@@ -1,7 +1,7 @@
 r"""Compare a candidate estimator with a base: better, worse, same within the margin, or undecided.
 
 Both run on the same records. Scores are compared seed by seed, with a correction for the number of
-scores; docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default smoke). Two
+scores; docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default gate). Two
 folders of finished runs are compared as they are, if their scenarios and versions agree.
 
 exit status: 0 no regression, 1 regression, 2 wrong use, 3 undecided (with --strict)
@@ -87,7 +87,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.seeds import parse_seeds
 
-    names = args.names or ["smoke"]
+    names = args.names or ["gate"]
     scenarios, _, number, *_ = select(names)
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
@@ -149,7 +149,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
     if args.comparisons < 1:
         raise FlexaxisError(f"--comparisons {args.comparisons}: give 1 or more")
-    scenarios, _, number, *_ = select(args.names or ["smoke"])
+    scenarios, _, number, *_ = select(args.names or ["gate"])
     planted = (args.candidate or PLANTED,)
     with progress("self-test", 3 * 64 * len(scenarios)) as advance:
         found = self_test(
