@@ -60,6 +60,7 @@ def benchmark(
     jobs: int = 1,
     store: RecordCache | None = None,
     advance: Callable[[harness.Done], None] | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> results.Results:
     """Run a plan and write scores.jsonl, summary.json, curves.nc and report.html to a folder.
 
@@ -75,6 +76,8 @@ def benchmark(
         Where records are kept for the next run.
     advance : callable, optional
         Called with what was done since the last call.
+    say : callable, optional
+        Called with what goes on after the last case, which may take a while.
 
     Raises
     ------
@@ -92,8 +95,10 @@ def benchmark(
             cases += done.cases
             if advance:
                 advance(done)
-        rows, curves = pool(cases, plan.scenarios)
         swept = _sweep(plan, jobs=jobs, store=store, advance=advance)
+        if say:
+            say("pooling scores and drawing the report …")
+        rows, curves = pool(cases, plan.scenarios)
         found = results.Results(_summary(plan, rows) | {"tradeoff": swept}, curves)
         results.save(folder, found)
         results.write_text(folder / results.REPORT, render(found))

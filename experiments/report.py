@@ -14,6 +14,7 @@ from flexaxis.experiments.summary import Curve
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "report.html"
+SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
 DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
 
 
@@ -46,6 +47,7 @@ def render(results: Results) -> str:
         standings=lead.standings(summary["rows"]),
         scores=lead.matrix(summary["rows"], _scored(summary["rows"])),
         mismatch=_mismatch(summary["rows"], scenarios),
+        controls=lead.CONTROLS,
         colour=figures.colour,
     )
 
@@ -82,13 +84,14 @@ def _mismatch(
 
 def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
     curves = [curve for curve in results.curves if curve.scenario == name]
+    drawn = figures.svg if len(results.summary["scenarios"]) <= SHARP else figures.img
     return {
         "name": name,
         "card": scenario.card,
         "faults": in_a_line(scenario),
         "hash": results.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
-        "figure": figures.svg(figures.trajectories(_drawn(curves, results), scenario)),
+        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)),
         "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
     }
 

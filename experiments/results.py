@@ -153,9 +153,9 @@ def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
 
 
 def _load_curves(path: Path) -> list[Curve]:
-    import h5netcdf
+    import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
 
-    with h5netcdf.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         return [
             Curve(
                 scenario=group.attrs["scenario"],
@@ -164,5 +164,5 @@ def _load_curves(path: Path) -> list[Curve]:
                 time=group["time"][:],
                 **{name: group[name][:].astype(float) for name in _ARRAYS},
             )
-            for _, group in sorted(file.groups.items(), key=lambda item: int(item[0]))
+            for _, group in sorted(file.items(), key=lambda item: int(item[0]))
         ]

@@ -204,9 +204,11 @@ def _match(
 def figure(points: Sequence[Mapping[str, Any]]) -> Figure:
     """Draw lag over std for each scenario, a line an estimator, the bound as a dashed line."""
     scenarios = list(dict.fromkeys((p["scenario"], p["parameter"]) for p in points))
-    columns = min(3, max(1, len(scenarios)))
+    many = len({p["estimator"] for p in points}) > 8  # they need more room to be told apart
+    columns = min(2 if many else 3, max(1, len(scenarios)))
     rows = -(-len(scenarios) // columns)
-    fig = Figure(figsize=(0.6 + 3.6 * columns, 0.8 + 3.2 * rows), layout="constrained")
+    wide, high = (5.4, 4.4) if many else (3.6, 3.2)
+    fig = Figure(figsize=(0.6 + wide * columns, 0.8 + high * rows), layout="constrained")
     axes = fig.subplots(rows, columns, squeeze=False).ravel()
     for ax in axes[len(scenarios) :]:
         ax.set_axis_off()

@@ -91,7 +91,11 @@ def main(args: argparse.Namespace) -> int:
             simulated += task.simulated
             advance(len(task.cases))
 
-        found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done)
+        def say(text: str) -> None:
+            if plan.cases > 2000:  # else it is a matter of a few seconds
+                print(text, file=sys.stderr)
+
+        found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done, say=say)
     records = len({s.hash for s in [*plan.scenarios, *plan.swept_scenarios]}) * len(plan.seeds)
     print(f"{records} records: {simulated} simulated, the others from the cache", file=sys.stderr)
     if args.json:
