@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments import harness, results
+from flexaxis.experiments import harness, report, results
 from flexaxis.experiments.benchmark import Plan, benchmark
 from flexaxis.experiments.specs import build, parse
 
@@ -70,6 +70,14 @@ def test_a_swept_knob_leads_the_report(short, tmp_path):
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.index("In words") < page.index("Speed against variance") < page.index("Scores")
     assert page.index("Scores") < page.index('id="short"')
+
+
+def test_a_large_report_draws_dots(short, tmp_path, monkeypatch):
+    made = benchmark(plan(short), tmp_path)
+    lines = report.render(made)
+    monkeypatch.setattr(report, "SHARP", 0)
+    dots = report.render(made)
+    assert "data:image/png" in dots and "data:image" not in lines
 
 
 class Wild:

@@ -81,6 +81,22 @@ def test_the_mismatch_track_in_words():
     assert re.search(r"b in 1 of 1", text) and "False alarms a run: b 0.25." in text
 
 
+def test_a_short_lag_bought_with_noise_or_knowledge_wins_nothing():
+    rows = [
+        row("m", "rpem-forgetting", 10.0, std=1.0),
+        row("m", "noisy", 90.0, std=1.6),
+        row("m", "oracle-reset", 95.0, std=1.0),
+        row("m", "as quiet", 50.0, std=1.4),
+    ]
+    assert "as quiet in 1 of 1" in mismatch_in_words(rows, ["m"])
+
+
+def test_controls_give_no_answer():
+    order = [match(e, lag, [lag, lag]) for e, lag in (("oracle-reset", 0.1), ("a", 0.2), ("b", 3))]
+    (text,) = answers(order, {"s": ""})
+    assert "a follows" in text and "oracle" not in text
+
+
 def test_registered_estimators_look_different():
     looks = [(colour(name), marker(name)) for name in REGISTRY]
     assert len(set(looks)) == len(looks)

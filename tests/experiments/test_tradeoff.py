@@ -44,6 +44,9 @@ def test_matching_is_straight_in_the_logarithms():
     points = [point("a", r, r**-2.0) for r in (0.5, 0.8, 1.25, 2.0)] + [point("b", 1.2, 9.0)]
     a, b = matched(points)
     assert a["lag"] == pytest.approx(1.0) and a["over_bound"] == pytest.approx(10.0)
+    assert a["lag_interval"] is None  # one seed has none
+    ends = [point("c", r, r**-2.0, lag_interval=[r**-2.0 / 2, 3 * r**-2.0]) for r in (0.5, 2.0)]
+    assert matched(ends)[0]["lag_interval"] == pytest.approx([0.5, 3.0])
     assert b["lag"] is None  # its sweep does not reach the reference
 
 
