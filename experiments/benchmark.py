@@ -14,7 +14,7 @@ from flexaxis.experiments import harness, results, tradeoff
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.card import happens
 from flexaxis.experiments.report import render
-from flexaxis.experiments.summary import pool
+from flexaxis.experiments.scoring.pooling import pool
 from flexaxis.sim.scenario import Scenario
 
 

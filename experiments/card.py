@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from flexaxis.experiments.theory import bounded
+from flexaxis.experiments.scoring.theory import bounded
 from flexaxis.experiments.theta import physical
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault

@@ -17,7 +17,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.summary import Curve
+from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.theta import physical
 from flexaxis.sim.scenario import Scenario
 

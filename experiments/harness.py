@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments import theory
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.processes import process_pool
-from flexaxis.experiments.scores import relative_error, score
+from flexaxis.experiments.scoring import theory
+from flexaxis.experiments.scoring.case import relative_error, score
 from flexaxis.experiments.specs import Spec, build, parse, parse_all
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record

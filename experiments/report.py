@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from flexaxis.experiments import figures, lead, tradeoff
+from flexaxis.experiments import figures, tradeoff
 from flexaxis.experiments.card import happens, in_a_line
 from flexaxis.experiments.results import Results
-from flexaxis.experiments.summary import Curve
+from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "report.html"
@@ -44,10 +45,10 @@ def render(results: Results) -> str:
         swept=summary.get("tradeoff"),
         answers=_answers(summary, scenarios),
         findings=findings(summary["rows"]),
-        standings=lead.standings(summary["rows"]),
-        scores=lead.matrix(summary["rows"], _scored(summary["rows"])),
+        standings=ranking.standings(summary["rows"]),
+        scores=ranking.matrix(summary["rows"], _scored(summary["rows"])),
         mismatch=_mismatch(summary["rows"], scenarios),
-        controls=lead.CONTROLS,
+        controls=ranking.CONTROLS,
         colour=figures.colour,
     )
 
@@ -66,7 +67,7 @@ def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> l
     if not swept:
         return []
     words = {name: happens(scenario) for name, scenario in scenarios.items()}
-    return lead.answers(swept["matched"], swept["faults"] | words)
+    return ranking.answers(swept["matched"], swept["faults"] | words)
 
 
 def _scored(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -76,10 +77,10 @@ def _scored(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 def _mismatch(
     rows: Sequence[Mapping[str, Any]], scenarios: Mapping[str, Scenario]
 ) -> dict[str, Any] | None:
-    names = lead.mismatched(scenarios)
+    names = ranking.mismatched(scenarios)
     if not names:
         return None
-    return {"matrix": lead.matrix(rows, names), "words": lead.mismatch_in_words(rows, names)}
+    return {"matrix": ranking.matrix(rows, names), "words": ranking.mismatch_in_words(rows, names)}
 
 
 def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:

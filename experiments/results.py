@@ -16,7 +16,7 @@ from typing import IO, Any, Self
 
 import numpy as np
 
-from flexaxis.experiments.summary import Curve
+from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.sim.errors import FlexaxisError
 
 SCORES, PART, SUMMARY, CURVES, REPORT = (

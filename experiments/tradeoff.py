@@ -19,8 +19,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments import figures, harness
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.scoring.pooling import pool
 from flexaxis.experiments.specs import parse
-from flexaxis.experiments.summary import pool
 from flexaxis.sim.scenario import Scenario
 
 REFERENCE = "rpem-forgetting"

@@ -15,8 +15,8 @@ from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.scoring.pooling import pool
 from flexaxis.experiments.specs import parse
-from flexaxis.experiments.summary import pool
 from flexaxis.experiments.tradeoff import REFERENCE, with_knob
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario

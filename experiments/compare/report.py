@@ -23,7 +23,7 @@ from flexaxis.experiments.compare.verdicts import (
 )
 from flexaxis.experiments.harness import CURVE_STEP, Case
 from flexaxis.experiments.report import number
-from flexaxis.experiments.summary import Curve
+from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 

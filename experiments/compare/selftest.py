@@ -20,8 +20,8 @@ from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.compare.gate import rows_of
 from flexaxis.experiments.compare.pairs import Pairs, pair
-from flexaxis.experiments.compare.statistics import rate_interval
 from flexaxis.experiments.compare.verdicts import BETTER, VERDICTS, WORSE, judge, overall
+from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.scenario import Scenario
 
 PLANTED = "rpem-forgetting[forgetting=0.99525]"

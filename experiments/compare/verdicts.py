@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.compare import statistics
 from flexaxis.experiments.compare.pairs import LOST, METRICS, Pairs
+from flexaxis.experiments.scoring import statistics
 
 ALPHA = 0.01
 BETTER, WORSE, SAME, UNDECIDED = "better", "worse", "same", "undecided"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scores import QUIET, WINDOW
+from flexaxis.experiments.scoring.case import QUIET, WINDOW
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from flexaxis.estimators.registry import REGULARIZATION
 from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
 from flexaxis.experiments.paper.data import PAUSE, Data
 from flexaxis.experiments.paper.filters import COARSE, Runs, Tuning, filtered
-from flexaxis.experiments.summary import settling
+from flexaxis.experiments.scoring.pooling import settling
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record
 

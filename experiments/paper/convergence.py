@@ -12,7 +12,7 @@ from flexaxis.estimators.adaptation import steady_P
 from flexaxis.estimators.frequency import information, line_spectrum
 from flexaxis.experiments.paper.data import Data
 from flexaxis.experiments.paper.filters import Runs, Tuning, filtered
-from flexaxis.experiments.summary import settling
+from flexaxis.experiments.scoring.pooling import settling
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.summary import interval
+from flexaxis.experiments.scoring.pooling import interval
 
 Row = Mapping[str, Any]
 MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"

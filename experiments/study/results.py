@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from flexaxis.experiments.scoring.pooling import pool_rows
 from flexaxis.experiments.study import rows as files
 from flexaxis.experiments.study.definition import StudyError, is_option
 from flexaxis.experiments.study.folder import read_study
 from flexaxis.experiments.study.schema import COLUMNS, as_text, axis_kind, flat
-from flexaxis.experiments.summary import pool_rows
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.timing import PERIOD
 

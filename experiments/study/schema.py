@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
-from flexaxis.experiments.theory import RMSE_AT
+from flexaxis.experiments.scoring.theory import RMSE_AT
 
 Kind = Literal["text", "number", "integer", "truth"]
 

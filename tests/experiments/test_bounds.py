@@ -5,8 +5,8 @@ import pytest
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.predictor import sampled_system
-from flexaxis.experiments import bounds
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.scoring import bounds
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexaxis.experiments.compare.statistics import (
+from flexaxis.experiments.scoring.statistics import (
     Paired,
     half_width,
     holm_levels,

@@ -7,7 +7,13 @@ import pytest
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.figures import colour, marker
-from flexaxis.experiments.lead import answers, matrix, mismatch_in_words, mismatched, standings
+from flexaxis.experiments.scoring.ranking import (
+    answers,
+    matrix,
+    mismatch_in_words,
+    mismatched,
+    standings,
+)
 
 
 def match(estimator, lag, within, *, own=1.0):

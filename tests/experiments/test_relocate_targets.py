@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from flexaxis.experiments import theory
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.scores import diverged, relative_error, score, windows
+from flexaxis.experiments.scoring import theory
+from flexaxis.experiments.scoring.case import diverged, relative_error, score, windows
 from flexaxis.experiments.specs import build, parse
 from flexaxis.experiments.theta import physical, true_theta
 from flexaxis.sim.simulate import simulate

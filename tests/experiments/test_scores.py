@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.scores import diverged, quiet, relative_error, score, windows
+from flexaxis.experiments.scoring.case import diverged, quiet, relative_error, score, windows
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.scoring.theory import isolation
 from flexaxis.experiments.study import figures
 from flexaxis.experiments.study.definition import study_from
 from flexaxis.experiments.study.findings import Alarms, alarms, confusion
 from flexaxis.experiments.study.forecast import forecast
 from flexaxis.experiments.study.plan import Work, make_plan
-from flexaxis.experiments.theory import isolation
 
 
 def pooled(method, factor, **changes):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.harness import Case
-from flexaxis.experiments.summary import interval, pool, rmse, settling
+from flexaxis.experiments.scoring.pooling import interval, pool, rmse, settling
 
 
 def case(scenario, seed, *, lag=1.0, t10=2.0, std=3.0, bias=0.0, lost=False, never=False):

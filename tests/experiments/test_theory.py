@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from flexaxis.experiments import theory
-from flexaxis.experiments.bounds import jump_bound
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.scores import score as score_rows
-from flexaxis.experiments.theory import Limits, bounded, detection, limits, nees, score
+from flexaxis.experiments.scoring import theory
+from flexaxis.experiments.scoring.bounds import jump_bound
+from flexaxis.experiments.scoring.case import score as score_rows
+from flexaxis.experiments.scoring.theory import Limits, bounded, detection, limits, nees, score
 from flexaxis.experiments.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 

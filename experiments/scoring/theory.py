@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.bounds import jump_bound, lag_bound
-from flexaxis.experiments.scores import Window, finite, windows
+from flexaxis.experiments.scoring.bounds import jump_bound, lag_bound
+from flexaxis.experiments.scoring.case import Window, finite, windows
 from flexaxis.experiments.theta import physical, started_nominal, true_theta
 from flexaxis.sim.faults import Step
 from flexaxis.sim.parameters import PARAMETER_NAMES

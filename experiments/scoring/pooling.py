@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.harness import CURVE_STEP, Case
-from flexaxis.experiments.scores import finite
-from flexaxis.experiments.theory import RMSE_AT
+from flexaxis.experiments.scoring.case import finite
+from flexaxis.experiments.scoring.theory import RMSE_AT
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
