@@ -21,9 +21,8 @@ from flexaxis.experiments.compare.verdicts import (
     Verdict,
     by_metric,
 )
-from flexaxis.experiments.harness import CURVE_STEP, Case
 from flexaxis.experiments.report import number
-from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 

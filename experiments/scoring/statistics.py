@@ -150,3 +150,13 @@ def rate_interval(count: int, total: int) -> tuple[float, float]:
 
     found = binomtest(count, total).proportion_ci(0.95, method="exact")
     return float(found.low), float(found.high)
+
+
+def sign_p(more: int, less: int) -> float:
+    """Return the one-sided p-value of more against less, each of which is as likely by chance.
+
+    The exact test on discordant pairs (McNemar; the sign test).
+    """
+    from scipy.stats import binom
+
+    return float(binom.sf(more - 1, more + less, 0.5))

@@ -64,12 +64,15 @@ def test_a_swept_knob_leads_the_report(short, tmp_path):
     swept = plan(short, swept_scenarios=[short], swept_estimators=["rpem-drift"])
     count = []
     made = benchmark(swept, tmp_path, advance=lambda done: count.append(len(done.cases)))
-    assert sum(count) == swept.cases == 3 * (2 + 5 + 1)  # the reference comes along
+    assert swept.cases == 3 * (2 + 5 + 1)  # the reference comes along
+    assert sum(count) >= swept.cases  # and more where five settings do not reach its noise
     matched = made.summary["tradeoff"]["matched"]
     assert [row["estimator"] for row in matched] == ["rpem-drift"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.index("In words") < page.index("Speed against variance") < page.index("Scores")
-    assert page.index("Scores") < page.index('id="short"')
+    headings = ["At equal noise", "In words", "Speed against variance", 'id="short"']
+    places = [page.index(f">{text}<" if "id" not in text else text) for text in headings]
+    assert places == sorted(places)
+    assert "Scores" not in page  # one ranking, at equal noise, and no other beside it
 
 
 def test_a_large_report_draws_dots(short, tmp_path, monkeypatch):
@@ -113,7 +116,8 @@ def own(name):
 def test_a_diverging_estimator_is_counted_and_the_others_stay(short, tmp_path):
     made = benchmark(plan(short, estimators=[own("Wild"), "frozen"]), tmp_path)
     wild, *frozen = made.summary["rows"]
-    assert wild["diverged"] == 3 and wild["lag"] is None
+    # f_m doubles a sample: lost before the fault, and 17 D off (.5 against .075) for all of 2 s
+    assert wild["diverged"] == 3 and wild["lag"] == pytest.approx(2 * (0.5 - 0.075) / 0.025)
     assert all(row["diverged"] == 0 for row in frozen)
     for line in (tmp_path / "scores.jsonl").read_text().splitlines():
         json.loads(line, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
