@@ -25,8 +25,8 @@ def make_records() -> list[str]:
     new = made["scenarios"]
     # a line a scenario, so that a difference in the repository names it
     lines = [f"  {json.dumps(name)}: {json.dumps(new[name])}" for name in sorted(new)]
-    head = f'"made_with": {json.dumps(made["made_with"])}'
-    text = '{%s,\n"scenarios": {\n%s\n}}\n' % (head, ",\n".join(lines))
+    head = [f'{{"made_with": {json.dumps(made["made_with"])},', '"scenarios": {']
+    text = "\n".join([*head, ",\n".join(lines), "}}"]) + "\n"
     contents.RECORDS.write_text(text, encoding="utf-8")
     return contents.record_moves(old, new)
 
