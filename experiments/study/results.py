@@ -121,7 +121,7 @@ class Results:
         *,
         bins: Mapping[str, Sequence[float]] | None = None,
     ) -> list[dict[str, Any]]:
-        """Return scores over all rows that agree in some columns, with 95 % bootstrap intervals.
+        """Return scores over all rows that agree in some columns, with 95 % intervals.
 
         Parameters
         ----------
