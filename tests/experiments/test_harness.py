@@ -181,3 +181,47 @@ def test_other_parameters_get_their_P0_from_a_nominal_run(short):
 def test_start_is_told_through_the_nominal_values(short):
     estimator = build(parse("frozen"), short.override({"start": 1.2}))
     np.testing.assert_allclose(estimator.step(0.0, 0.0), [1.2, 1.2 / 0.8, 0.06], rtol=1e-12)
+
+
+class Far:
+    """Once throws its estimate very far for half a second, and is not lost for that."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.nominal, self.count = nominal["f_m"], 0
+
+    def step(self, u, y):
+        self.count += 1
+        return [1e200 if 500 <= self.count < 600 else self.nominal]
+
+
+STEP = {"kind": "step", "parameter": "f_m", "at": 6.0, "factor": 1.5}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"noise.speed": 0.0},
+        {"fault[0].factor": 0.0},
+        {"excitation.pause": [[4.0, 7.0]],
+         "fault": [STEP | {"at": 5.0}, STEP | {"parameter": "J_a"}]},
+        {"fault": [STEP | {"kind": "ramp", "at": 3.0, "over": 4.0, "factor": 2.0}, STEP]},
+    ],
+    ids=["no noise", "to zero", "overtaken in a pause", "overlapping"],
+)  # fmt: skip
+def test_what_is_odd_in_a_scenario_ends_in_a_report(short, tmp_path, changes):
+    """And where nothing is defined, that is what the rows say."""
+    scenario = short.override(changes | {"name": "odd"})
+    estimators = ["rpem-forgetting", "relocate", "frozen", own("Far")]
+    wanted = plan(scenario, estimators=estimators, seeds=[0], swept_scenarios=[scenario],
+                  swept_estimators=["rpem-drift"])  # fmt: skip
+    rows = {
+        (r["estimator"], r["parameter"]): r for r in benchmark(wanted, tmp_path).summary["rows"]
+    }
+    still = rows["frozen", "f_m"]
+    assert still["lag"] > 0 and still["never_settled"] == 1
+    assert (still["score"] is None) == (changes != {"fault[0].factor": 0.0})
+    assert (rows["relocate", "f_m"]["excess"] is None) == ("noise.speed" in changes)
+    assert rows[own("Far"), "f_m"]["diverged"] == 0
+    assert (tmp_path / "report.html").exists()
