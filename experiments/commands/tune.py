@@ -44,6 +44,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.tuning import Bench, save
 
     names = _names(args)
+    _can_be_saved(args.save)
     bench = Bench(parse_seeds(args.seeds), args.jobs, default_cache())
     found = {}
     for name in names:
@@ -69,6 +70,22 @@ def _names(args: argparse.Namespace) -> list[str]:
     if bool(args.minimize) != bool(args.option and args.scenario):
         raise FlexaxisError("--minimize lag, --option and --scenario go together")
     return [n for n, e in REGISTRY.items() if e.knob] if args.all else [args.estimator]
+
+
+def _can_be_saved(path: Path | None) -> None:
+    """Refuse a place that cannot be written before the tuning, which takes long."""
+    from flexaxis.experiments.results import OutputError
+
+    if path is None:
+        return
+    folder = path.parent
+    if path.is_dir() or not folder.is_dir():
+        reason = "it is a folder" if path.is_dir() else f"there is no folder {folder}"
+    elif not os.access(path if path.exists() else folder, os.W_OK):
+        reason = "that is not permitted"
+    else:
+        return
+    raise OutputError(f"--save {path}: cannot be written: {reason}. Nothing was tuned")
 
 
 def _tune(name: str, args: argparse.Namespace, bench):
