@@ -133,11 +133,12 @@ def test_names_that_this_scenario_makes_impossible(capsys, short, tmp_path, chan
     [("Key", "KeyError: 'f_q'", 16), ("Value", "ValueError: invalid literal", 21),
      ("Ends", "SystemExit: 1", 26)],
 )  # fmt: skip
-def test_a_constructor_that_raises(capsys, command, name, what, line, tmp_path):
+def test_a_constructor_that_raises(capsys, command, name, what, line):
     words = [*COMMANDS[command], f"own.py:{name}"]
     status, err = told(capsys, *words)
     assert status == CRASH and len(err.splitlines()) == 1
     assert what in err and f"own.py:{line})" in err and "Traceback" not in err
+    assert name == "Ends" or f"own.py:{name} crashed when it was made: " in err
     for traced in (["--traceback", *words], [*words, "--traceback"]):
         status, err = told(capsys, *traced)
         assert status == CRASH and "Traceback" in err and what in err
@@ -173,7 +174,7 @@ def test_a_fault_of_our_own_is_a_crash_as_well(capsys, monkeypatch):
 def test_no_crash_looks_like_something_else():
     statuses = {name: getattr(cli, name) for name in
                 ("FINE", "FINDING", "WRONG_USE", "UNDECIDED", "CRASH", "INTERRUPTED")}  # fmt: skip
-    assert len(set(statuses.values())) == 6 and CRASH != FINDING
+    assert len(set(statuses.values())) == 6 and (CRASH, FINDING) == (70, 1)
     assert statuses["INTERRUPTED"] == 130
 
 

@@ -185,5 +185,7 @@ def test_what_may_be_zero_may_become_zero(fault, name):
 @pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)
 @pytest.mark.parametrize("name", ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a"])
 def test_what_must_stay_positive_may_not(fault, name):
-    with pytest.raises(ScenarioError, match=rf"fault\[0\].factor: must be above 0, for {name} must"):
+    with pytest.raises(
+        ScenarioError, match=rf"fault\[0\].factor: must be above 0, for {name} must"
+    ):
         parse_scenario('name = "x"\nduration = 20\n' + fault.replace("f_m", name))
