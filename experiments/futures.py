@@ -27,10 +27,6 @@ def futures(u: Array, y: Array, cut: int) -> Iterator[tuple[str, Array, Array]]:
         yield words, changed[0], changed[1]
 
 
-def _shuffled(future: Array, random: np.random.Generator) -> Array:
-    return random.permutation(future)
-
-
 def _scaled(future: Array, random: np.random.Generator) -> Array:
     """Return another mean, spread and largest size, for statistics of the whole record."""
     return 3 * random.permutation(future) + 2 * future.std()
@@ -42,7 +38,6 @@ def _other(future: Array, random: np.random.Generator) -> Array:
 
 
 _FUTURES: Mapping[str, Callable[[Array, np.random.Generator], Array]] = {
-    "in another order": _shuffled,
-    "scaled and shifted": _scaled,
+    "shuffled, scaled and shifted": _scaled,
     "replaced by noise": _other,
 }
