@@ -30,6 +30,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
+    if args.output is not None:
+        from flexaxis.experiments.offscreen import draw_offscreen
+
+        draw_offscreen()  # before the engine is imported
     from flexaxis.experiments.catalogue import find_scenario
     from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
