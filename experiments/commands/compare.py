@@ -114,8 +114,10 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.compare.report import write
     from flexaxis.experiments.compare.stored import compare_runs
+    from flexaxis.experiments.outputs import spare
 
     base, candidate = map(Path, args.names)
+    spare(args.names, args.output)
     found = compare_runs(base, candidate, margins, estimators=(args.base, args.candidate))
     return _told(args, found, write(args.output, found), {})
 

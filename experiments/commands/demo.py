@@ -48,6 +48,7 @@ def main(args: argparse.Namespace) -> int:
         os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
     from flexaxis.experiments.demo.lesson import default_lesson, load_lesson
     from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
+    from flexaxis.experiments.outputs import spare
     from flexaxis.sim.errors import FlexaxisError
 
     if args.print_script:
@@ -56,6 +57,7 @@ def main(args: argparse.Namespace) -> int:
     if not 0.05 <= args.speed <= 50:
         raise FlexaxisError(f"--speed {args.speed:g}: give a factor from 0.05 to 50")
     if args.record:
+        spare([args.script], args.record)
         return _record(args, load_lesson(args.script))
     if args.script:
         raise FlexaxisError("--script is for --record FILE; the live demo is run by its buttons")

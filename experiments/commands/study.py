@@ -69,9 +69,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Plan, run and report."""
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.study import rows
     from flexaxis.experiments.study.definition import load_study
-    from flexaxis.experiments.study.folder import check
+    from flexaxis.experiments.study.folder import REPORT, STUDY, check
     from flexaxis.experiments.study.plan import make_plan
     from flexaxis.sim.errors import FlexaxisError
 
@@ -79,6 +80,7 @@ def main(args: argparse.Namespace) -> int:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
     plan = make_plan(load_study(args.file), shard=_shard(args.shard))
     folder = args.output or Path("results") / plan.study.name
+    spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
     if folder.is_dir():
         check(plan.study, folder)
     done = rows.done(folder)
