@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--save",
         type=Path,
         nargs="?",
-        const=Path(),
+        const=True,
         metavar="FILE",
         help="write it to this TOML file (default: the one that the registry reads)",
     )
@@ -99,13 +99,14 @@ def main(args: argparse.Namespace) -> int:
     return int(bool(missed))
 
 
-def _file(given: Path | None) -> Path | None:
+def _file(given: Path | bool | None) -> Path | None:
     """Return where to write, and try it before an hour of tuning."""
     from flexaxis.estimators import tuned
 
     if given is None:
         return None
-    path = Path(tuned.__file__).with_name("tuned.toml") if given == Path() else given
+    own = Path(tuned.__file__).with_name("tuned.toml")
+    path = given if isinstance(given, Path) else own
     _can_be_saved(path)
     return path
 
