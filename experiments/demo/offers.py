@@ -107,13 +107,14 @@ class Offers:
     def _checked(self, message: Mapping[str, Any]) -> dict[str, Any]:
         if message["type"] == CAMERA:
             return _camera(message)
-        if message["type"] != UPDATE or set(message["updates"]) != {"value"}:
-            raise KeyError  # uploads, requests for a tunnel, other properties, and what may come
+        if message["type"] != UPDATE:
+            raise KeyError  # uploads, requests for a tunnel, and what newer versions may know
         label, offer = self._offered[message["uuid"]]
         try:
             value = offer.taken(message["updates"]["value"])
         except ValueError as error:
             raise ValueError(f"{label}: {error}") from None
+        # Nothing but the value goes on: viser would set any property.
         return {"type": UPDATE, "uuid": message["uuid"], "updates": {"value": value}}
 
 

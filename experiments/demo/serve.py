@@ -156,6 +156,7 @@ def guarded_server(guard: Guard) -> Any:
     except FlexaxisError:
         with redirect_stdout(io.StringIO()):
             server.stop()
+        guard.listening.close()
         raise
     return server
 
