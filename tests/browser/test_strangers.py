@@ -100,4 +100,6 @@ def test_a_name_that_somebody_points_here_is_refused(browser, demo, share):
 def test_shared_it_is_there_under_the_number_of_the_computer(browser, demo):
     with demo("--share") as address:
         browser.open(address.replace("localhost", "127.0.0.2"))
-        browser.wait(r"/t = [1-9]\d* s/.test(document.body?.innerText)", seconds=60, what="the axis")
+        browser.wait(
+            r"/t = [1-9]\d* s/.test(document.body?.innerText)", seconds=60, what="the axis"
+        )
