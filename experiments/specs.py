@@ -3,7 +3,8 @@
 Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
 TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
-in any language. All but the first run the code they name.
+in any language. All but the first run the code they name, so that text which was not typed on the
+command line goes through `flexaxis.experiments.consent` before it comes here.
 """
 
 from __future__ import annotations
@@ -68,6 +69,22 @@ def parse(text: str) -> Spec:
                 f"It has: {', '.join(sorted(known)) or 'none'}"
             )
     return Spec(text, make, options)
+
+
+def written_options(text: str) -> dict[str, Any]:
+    """Return the options that stand in an `--estimator` option; nothing is looked up or run.
+
+    Raises
+    ------
+    EstimatorError
+        If they are not written as in TOML.
+
+    Examples
+    --------
+    >>> written_options("mine.py:Mine[gain=0.1]")
+    {'gain': 0.1}
+    """
+    return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
 
 
 def parse_all(texts: Sequence[str]) -> list[Spec]:
