@@ -113,7 +113,8 @@ def found() -> str:
             if estimator == "relocate":
                 alarms = mine[0]["detection"]
                 named = "–" if alarms["isolated"] is None else f"{100 * alarms['isolated']:.0f} %"
-                line.append(f"{alarms['missed']:.2g}; {named}; {alarms['false_alarms']:.2g}")
+                missed = f"{100 * alarms['missed']:.0f} %"
+                line.append(f"{missed}; {named}; {alarms['false_alarms']:.2g}")
         rows.append(line)
     heads = ["fault", "`relocate`: lag [s]", "cross-talk [%]", "missed; named; false alarms a run",
              "`rpem-forgetting`: lag [s]", "cross-talk [%]"]  # fmt: skip

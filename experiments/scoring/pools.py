@@ -136,11 +136,14 @@ def spread_at_a_time(theta: ArrayLike) -> Array:
 
 
 def found(rows: Sequence[Row], name: str) -> Pooled:
-    """Pool what findings are worth: the mean over the runs of each part."""
+    """Pool what findings are worth: the mean over the runs of each part, missed of all faults."""
     parts = [row[name] for row in rows if row.get(name)]
     if not parts:
         return {name: None}
-    return {name: {key: mean(parts, key)[key] for key in parts[0]}}
+    pooled = {key: mean(parts, key)[key] for key in parts[0]}
+    faults = sum(part["faults"] for part in parts)
+    missed = sum(part["missed"] for part in parts) / faults if faults else 0.0
+    return {name: pooled | {"missed": missed}}
 
 
 def first(rows: Sequence[Row], name: str) -> Pooled:

@@ -225,8 +225,8 @@ SCORES: Mapping[str, Score] = {
         Score(
             "detection",
             theory.detection_of,
-            "Changes that the estimator says it found, a run: alarms, false ones, delay, missed "
-            "faults, share of the found ones that were named rightly.",
+            "Changes that the estimator says it found: alarms and false ones a run, false ones in "
+            "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
             pool=pools.found,
             parts=theory.ALARMS,
         ),

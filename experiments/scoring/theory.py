@@ -65,8 +65,8 @@ class Detection:
         The same over the length of the run.
     delay : float or None
         From a fault to the first finding in its window, mean over those detected [s].
-    missed : int
-        Faults without a finding in their window.
+    faults, missed : int
+        Faults, and those without a finding in their window.
     isolated : float or None
         Share of the faults detected whose first finding ends up naming what changed, and no more.
     """
@@ -75,6 +75,7 @@ class Detection:
     false_alarms: int
     false_alarms_per_1000_s: float
     delay: float | None
+    faults: int
     missed: int
     isolated: float | None
 
@@ -250,6 +251,7 @@ def detection(
         false_alarms=int(np.sum(~inside)),
         false_alarms_per_1000_s=1000 * float(np.sum(~inside)) / scenario.duration,
         delay=float(np.mean(delays)) if delays else None,
+        faults=len(spans),
         missed=len(spans) - len(delays),
         isolated=float(np.mean(named)) if named else None,
     )

@@ -253,3 +253,14 @@ def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     assert list(found.rows[0])[5:-1] == ["parameter", "changed", *SCORES]
     whole = pool_rows([r.rows[2] for r in [found]], period=0.005)
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
+
+
+def test_missed_is_a_share_of_all_faults(short):
+    def of(faults, missed):
+        part = {"alarms": 1, "false_alarms": 0, "false_alarms_per_1000_s": 0.0, "delay": None}
+        return part | {"faults": faults, "missed": missed, "isolated": None}
+
+    runs = [case(short, s, detection=of(2, missed)) for s, missed in enumerate((0, 1, 2))]
+    found = pooled(short, runs)["detection"]
+    assert found["missed"] == pytest.approx(0.5) and found["alarms"] == 1.0
+    assert pooled(short, [case(short, 0, detection=of(0, 0))])["detection"]["missed"] == 0.0
