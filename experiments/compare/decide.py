@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import comb
 
 from flexaxis.experiments.scoring import statistics
 
@@ -30,12 +31,15 @@ LOST_WORSE = 0.75
 At alpha .01 that is .0015, so that ten runs lost and none regained (p = 2⁻¹⁰ = .00098) are enough.
 """
 
-FAR = 0.5
-"""A log-ratio this far on the other side (1.65 times slower or noisier) is a failure to be told."""
+UNSEEN = 0.5
+"""How far on the other side (log-ratio; 1.65 times) runs may lie that did not show."""
 
-ROBUST = 4 * 1.4826
-"""Far is also more than four standard deviations, told from the median deviation, off the median:
-where scores always scatter so much, a far pair is no failure."""
+FAILED = 0.2
+"""A pair this far on the other side (log-ratio; 22 % slower or noisier) is a failure …"""
+
+SCATTER = 4 * 1.4826
+"""… if it is also so many median deviations (four standard deviations) off the median: where
+scores always scatter so much, a far pair is none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +73,10 @@ class Decision:
         Of the log-ratios.
     level, low, high : ndarray
         Interval of the mean, and the chance with which it may miss.
-    support : ndarray
+    support, choices : ndarray
         Runs that speak for the direction of the score: those of all scores of its metric that go
-        the same way, each run once. 0 where it goes no way.
+        the same way, each run once; 0 where it goes no way. And the number of ways to choose that
+        many scenarios, for those that agree are chosen after the event.
     few, far : ndarray of bool
         Clear, but said by too few runs; clear, but a pair lies far on the other side.
     words : ndarray of str
@@ -85,6 +90,7 @@ class Decision:
     low: Array
     high: Array
     support: NDArray[np.int64]
+    choices: Array
     few: NDArray[np.bool_]
     far: NDArray[np.bool_]
     words: NDArray[np.str_]
@@ -109,34 +115,36 @@ def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
     half = statistics.half_width(sd, n, level)
     low, high = mean - half, mean + half
     way = np.where(low > 0, 1, np.where(high < 0, -1, 0))
-    support = _support(way, n, family)
+    support, choices = _support(way, n, family)
     beyond = (low > family.margins) | (high < -family.margins)
-    with np.errstate(divide="ignore"):
-        few = beyond & (np.abs(mean) <= statistics.unseen_shift(support, alpha, FAR))
+    few = beyond & (np.abs(mean) <= statistics.unseen_shift(support, alpha / choices, UNSEEN))
     far = _far(ratios, n, beyond & (way < 0), family)
     said = beyond & ~few & ~far
     inside = (low > -family.margins) & (high < family.margins)
-    words = np.select(
-        [said & (way > 0), said, inside & (way != 0), inside], [WORSE, BETTER, SLIGHT, SAME], UNDECIDED
-    )
-    return Decision(
-        n, mean, sd, np.where(np.isnan(p), 1.0, p), level, low, high, support, few, far, words
-    )
+    said_words = [WORSE, BETTER, SLIGHT, SAME]
+    words = np.select([said & (way > 0), said, inside & (way != 0), inside], said_words, UNDECIDED)
+    p = np.where(np.isnan(p), 1.0, p)
+    return Decision(n, mean, sd, p, level, low, high, support, choices, few, far, words)
 
 
-def _support(way: NDArray[np.int64], n: NDArray[np.int64], family: Family) -> NDArray[np.int64]:
-    """Count the runs behind each score: over scenarios, the most pairs of a score that agrees."""
-    support = np.zeros_like(n)
+def _support(
+    way: NDArray[np.int64], n: NDArray[np.int64], family: Family
+) -> tuple[NDArray[np.int64], Array]:
+    """Return the runs behind each score, and the ways to choose as many scenarios as agree."""
+    support, choices = np.zeros_like(n), np.ones(n.shape)
     for metric in np.unique(family.metrics):
         of_metric = family.metrics == metric
+        places = [
+            of_metric & (family.scenarios == name) for name in np.unique(family.scenarios[of_metric])
+        ]
         for side in (-1, 1):
             agreeing = np.where(way == side, n, 0)
-            total = sum(
-                agreeing[:, of_metric & (family.scenarios == scenario)].max(axis=1)
-                for scenario in np.unique(family.scenarios[of_metric])
-            )
-            support = np.where((way == side) & of_metric, np.asarray(total)[:, None], support)
-    return support
+            runs = np.stack([agreeing[:, place].max(axis=1) for place in places])
+            here = (way == side) & of_metric
+            support = np.where(here, runs.sum(axis=0)[:, None], support)
+            ways = comb(len(places), (runs > 0).sum(axis=0))
+            choices = np.where(here, ways[:, None], choices)
+    return support, choices
 
 
 def _far(
@@ -163,7 +171,7 @@ def far_pairs(ratios: Array, n: NDArray[np.int64]) -> NDArray[np.bool_]:
     off = ratios - middle
     scatter = _median(np.abs(off), n)[..., None]
     with np.errstate(invalid="ignore"):
-        return (ratios > FAR) & (off > ROBUST * scatter)
+        return (ratios > FAILED) & (off > SCATTER * scatter)
 
 
 def _median(values: Array, n: NDArray[np.int64]) -> Array:

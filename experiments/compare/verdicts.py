@@ -13,10 +13,10 @@ from flexaxis.experiments.compare import decide, lost
 from flexaxis.experiments.compare.decide import (
     ALPHA,
     BETTER,
-    FAR,
     SAME,
     SLIGHT,
     UNDECIDED,
+    UNSEEN,
     WORSE,
     Decision,
     Family,
@@ -227,7 +227,8 @@ def _score(item: Pairs, found: Decision, i: int, margin: float, alpha: float) ->
 def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int | None:
     n, mean, sd, level = (float(a[0, i]) for a in (found.n, found.mean, found.sd, found.level))
     if found.few[0, i]:  # the runs that show it grow with the seeds
-        wanted = statistics.seeds_for_unseen(mean, alpha, FAR)
+        share = alpha / float(found.choices[0, i])
+        wanted = statistics.seeds_for_unseen(mean, share, UNSEEN)
         return math.ceil(wanted * n / float(found.support[0, i]))
     return statistics.seeds_for_ratio(
         statistics.Paired(int(n), mean, sd), level, math.log1p(margin)

@@ -153,7 +153,7 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     return levels
 
 
-def unseen_shift(n: ArrayLike, alpha: float, far: float) -> Any:
+def unseen_shift(n: ArrayLike, alpha: ArrayLike, far: float) -> Any:
     """Return how far runs that none of n showed can shift a mean, at level `alpha`.
 
     What happens in a share q of the runs is missed by all n with chance (1 − q)ⁿ, so q up to
@@ -166,7 +166,7 @@ def unseen_shift(n: ArrayLike, alpha: float, far: float) -> Any:
     [0.389, 0.077, 0.018]
     """
     with np.errstate(divide="ignore", over="ignore"):
-        return far * np.expm1(-math.log(alpha) / np.asarray(n, float))
+        return far * np.expm1(-np.log(alpha) / np.asarray(n, float))
 
 
 def seeds_for_ratio(found: Paired, level: float, margin: float) -> int | None:

@@ -1,0 +1,65 @@
+"""The table of the self-test: for the terminal, and as Markdown for docs/gate.md."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from flexaxis.experiments.compare.selftest import NONE, Rate
+
+
+def columns(rates: Sequence[Rate]) -> list[str]:
+    """Return the headings: what, the seeds of each look, what is promised."""
+    return ["in % of comparisons", *dict.fromkeys(map(seeds_text, rates)), "promised"]
+
+
+def seeds_text(rate: Rate) -> str:
+    """Return the seeds of a comparison; with an arrow where it looks more than once."""
+    first, last = rate.looks[0], rate.looks[-1]
+    return f"{first} seeds" if first == last else f"{first} → {last}"
+
+
+def lines(rates: Sequence[Rate]) -> list[list[str]]:
+    """Return the cells of each row, with exact 95 % intervals; a broken promise is marked."""
+    groups: dict[str, list[Rate]] = {}
+    for rate in rates:
+        groups.setdefault(rate.what, []).append(rate)
+    return [[what, *map(_cell, group), _promised(group)] for what, group in groups.items()]
+
+
+def _cell(rate: Rate) -> str:
+    low, high = (_percent(end) for end in rate.interval)
+    return f"{_percent(rate.rate)} ({low} … {high})" + ("" if rate.kept else " BROKEN")
+
+
+def _percent(share: float) -> str:
+    """Return per cent, to a tenth of the smallest share that counts at both ends."""
+    percent = 100 * share
+    return f"{percent:.2f}" if percent < 5 or 95 < percent < 100 else f"{percent:.0f}"
+
+
+def _promised(group: Sequence[Rate]) -> str:
+    given = [rate for rate in group if rate.promise != NONE]
+    if not given:
+        return str(NONE)
+    where = "" if len(given) == len(group) else f" at {seeds_text(given[0])}"
+    return f"{given[0].promise}{where}"
+
+
+def markdown(rates: Sequence[Rate]) -> str:
+    """Return the table as Markdown; docs/gate.md shows it."""
+    head = columns(rates)
+    rows = [f"| {' | '.join(row)} |" for row in lines(rates)]
+    return "\n".join([f"| {' | '.join(head)} |", f"|{'---|' * len(head)}", *rows]) + "\n"
+
+
+def terminal(rates: Sequence[Rate]) -> Table:
+    """Return the table for a terminal."""
+    head, *rest = columns(rates)
+    table = Table(head, box=None, padding=(0, 1, 0, 0))
+    for name in rest:
+        table.add_column(name, justify="right")
+    for row in lines(rates):
+        table.add_row(*row, style="red" if any("BROKEN" in cell for cell in row) else None)
+    return table
