@@ -135,7 +135,8 @@ def _support(
     for metric in np.unique(family.metrics):
         of_metric = family.metrics == metric
         places = [
-            of_metric & (family.scenarios == name) for name in np.unique(family.scenarios[of_metric])
+            of_metric & (family.scenarios == name)
+            for name in np.unique(family.scenarios[of_metric])
         ]
         for side in (-1, 1):
             agreeing = np.where(way == side, n, 0)
@@ -158,15 +159,16 @@ def _far(
     far = np.zeros_like(better)
     asked = better.any(axis=1)
     if asked.any():
-        failed = far_pairs(ratios[asked], n[asked]).any(axis=2)
+        failed = np.asarray(far_pairs(ratios[asked], n[asked]).any(axis=2))
         for metric in np.unique(family.metrics):
             of_metric = family.metrics == metric
-            far[asked] |= of_metric & failed[:, of_metric].any(axis=1, keepdims=True)
+            spoilt = np.asarray(failed[:, of_metric].any(axis=1))
+            far[asked] |= of_metric & spoilt[:, None]
     return far & better
 
 
 def far_pairs(ratios: Array, n: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which pairs (C, S, n) are far slower (or noisier) than base and than the other pairs."""
+    """Return which pairs (C, S, n) are far slower or noisier than base, and than the others."""
     middle = _median(ratios, n)[..., None]
     off = ratios - middle
     scatter = _median(np.abs(off), n)[..., None]

@@ -113,11 +113,9 @@ def draw(
     lost = {}
     for way, flags in pool.lost.items():
         base, candidate = np.moveaxis(flags[:, :, seeds], 1, 2)
-        lost[way] = np.array(
-            [np.where(turned, candidate, base), np.where(turned, base, candidate)]
-        )
+        lost[way] = np.array([np.where(turned, candidate, base), np.where(turned, base, candidate)])
     lost["diverged"] |= np.array([random.random(shape) < share for share in lose])
-    gone = lost["diverged"].any(axis=0)
+    gone = np.asarray(lost["diverged"].any(axis=0))
     lost["never_settled"] &= ~gone
     ratios = np.moveaxis(pool.ratios[:, seeds], 0, 1)
     ratios = np.where(turned[:, pool.place], -ratios, ratios)

@@ -8,6 +8,7 @@ from typing import Any
 
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.catalogue import find_suite, suite_names
 from flexaxis.experiments.compare.decide import ALPHA, UNDECIDED, WORSE
 from flexaxis.experiments.compare.lost import MANY
 from flexaxis.experiments.compare.pairs import Table, pair, table
@@ -20,6 +21,9 @@ from flexaxis.experiments.compare.verdicts import (
 )
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
+
+SUITE = "gate"
+"""What is compared on where nothing is named."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,12 @@ class Question:
         counts = look_counts(number, self.max_seeds)
         everything = first + [first[-1] + 1 + i for i in range(counts[-1] - number)]
         return [everything[:count] for count in counts]
+
+
+def default_seeds(names: Sequence[str]) -> int:
+    """Return how many seeds a comparison has: those of the suites named, else of the gate's."""
+    suites = [find_suite(name) for name in names if name in suite_names()]
+    return max(suite.seeds for suite in suites or [find_suite(SUITE)])
 
 
 def look_counts(first: int, most: int) -> list[int]:
@@ -157,10 +167,16 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, or nothing in common; else as from `harness.run`.
+        If there are fewer than two seeds, more than `max_seeds`, or nothing in common; else as
+        from `harness.run`.
     """
     if len(question.seeds) < 2:
         raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
+    if question.max_seeds and question.max_seeds < len(question.seeds):
+        raise FlexaxisError(
+            f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
+            "begin with: give more, or fewer --seeds"
+        )
     looks, cases, done = question.looks(), [], 0
     for number, seeds in enumerate(looks, start=1):
         both = (question.base, question.candidate)

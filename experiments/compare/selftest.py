@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.compare.decide import Family
 from flexaxis.experiments.compare.draws import Drawn, Judged, Pool, draw, judged
 from flexaxis.experiments.compare.gate import look_counts, rows_of
 from flexaxis.experiments.compare.pairs import LOST, pair
-from flexaxis.experiments.compare.decide import Family
 from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
@@ -32,8 +32,10 @@ BASES = ("rpem-forgetting", "relocate", "imm")
 PLANTED = "rpem-forgetting[forgetting=0.99525]"
 """About 5 % more lag than the first of the bases."""
 
-LOOKS = tuple(tuple(look_counts(*counts)) for counts in
-              ((8, 8), (16, 16), (32, 32), (64, 64), (8, 64), (32, 128)))
+LOOKS = tuple(
+    tuple(look_counts(*counts))
+    for counts in ((8, 8), (16, 16), (32, 32), (64, 64), (8, 64), (32, 128))
+)
 """Seeds at each look of the comparisons drawn."""
 
 POOL = range(1000, 1256)
@@ -155,7 +157,7 @@ def self_test(
     comparisons: int = 4000,
     jobs: int = 1,
     store: RecordCache | None = None,
-    advance: Callable[[int], None] | None = None,
+    advance: Callable[[float], None] | None = None,
 ) -> list[Rate]:
     """Return how often the gate raises a false alarm, and how often it finds what is there.
 
@@ -174,7 +176,7 @@ def self_test(
     jobs, store
         As in `flexaxis.experiments.compare.gate.compare`.
     advance : callable, optional
-        Called with the number of cases that came.
+        Called with what was done, as in `work`.
 
     Raises
     ------
@@ -190,14 +192,27 @@ def self_test(
     same, changed = _pools(
         scenarios, margins, bases, planted, seeds, jobs=jobs, store=store, advance=advance
     )
-    return [
-        _rate(trial, look, comparisons) for trial in _trials(same, changed) for look in looks
-    ]
+    trials = list(_trials(same, changed))
+    share = _JUDGING * _cases(len(scenarios), len(bases), planted is not None, len(seeds))
+    rates = []
+    for trial in trials:
+        for look in looks:
+            rates.append(_rate(trial, look, comparisons))
+            if advance:
+                advance(share / (len(trials) * len(looks)))
+    return rates
 
 
-def case_count(scenarios: Sequence[Scenario], bases: int, planted: int, seeds: int) -> int:
-    """Return how many cases a self-test runs."""
-    return len(scenarios) * seeds * (2 * bases + planted)
+_JUDGING = 0.15  # what judging takes of the time, over what running the pool takes
+
+
+def _cases(scenarios: int, bases: int, planted: bool, seeds: int) -> int:
+    return scenarios * seeds * (2 * bases + planted)
+
+
+def work(scenarios: int, bases: int, planted: bool, seeds: int) -> float:
+    """Return how much there is to do, in the unit of `advance`: cases, and as good as cases."""
+    return (1 + _JUDGING) * _cases(scenarios, bases, planted, seeds)
 
 
 def _pools(
@@ -209,7 +224,7 @@ def _pools(
     *,
     jobs: int,
     store: RecordCache | None,
-    advance: Callable[[int], None] | None,
+    advance: Callable[[float], None] | None,
 ) -> tuple[dict[str, Pool], Pool | None]:
     """Run the pool: of each base against itself, and of the first against what is planted."""
     extra = () if planted is None else (planted,)
@@ -232,25 +247,25 @@ def _pools(
 def _trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
     for name, pool in same.items():
         for share in NULL_LOST:
-            what = f"{name} against itself" + (f", {share:.0%} of runs lost" if share else "")
+            what = f"{name} against itself" + (f", {100 * share:g} % of runs lost" if share else "")
             null = _drawing(pool, swap=True, lose=(share, share))
             yield Trial(f"{what}: called worse or better", null, _either, FALSE_ALARMS)
+            if share and name == next(iter(same)):
+                yield Trial(f"{what}: status 3", null, lambda found: found.status == 3)
     for scenarios in (1, 4):
         for sign, what in ((1, "quicker, one far slower"), (-1, "slower, one far quicker")):
             text = f"9 of 10 runs 5 % {what}, {scenarios} scenario{'s'[: scenarios - 1]}"
             rare = _rare_failures(scenarios, sign)
             yield Trial(f"{text}: called worse or better", rare, _either, RARE)
     for name, pool in same.items():
-        text = f"{name}, every score {SMALL:.1%} larger: called worse"
+        text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
         yield Trial(text, _shifted(pool), _worse, INSIDE)
     if changed is not None:
-        yield Trial(
-            "planted change: called worse", _drawing(changed), _worse, POWER, DEFAULT_SEEDS
-        )
+        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, DEFAULT_SEEDS)
     first = next(iter(same.values()))
     for share in MORE_LOST:
         more = _drawing(first, swap=True, lose=(0.0, share))
-        text = f"candidate loses {share:.0%} of runs"
+        text = f"candidate loses {100 * share:g} % of runs"
         yield Trial(f"{text}: status 1", more, lambda found: found.status == 1)
         yield Trial(f"{text}: status 1 or 3", more, lambda found: found.status > 0)
 
@@ -263,9 +278,7 @@ def _worse(found: Judged) -> NDArray[np.bool_]:
     return found.worse
 
 
-def _drawing(
-    pool: Pool, *, swap: bool = False, lose: tuple[float, float] = (0.0, 0.0)
-) -> Draw:
+def _drawing(pool: Pool, *, swap: bool = False, lose: tuple[float, float] = (0.0, 0.0)) -> Draw:
     return lambda size, count, random: draw(pool, size, count, random, swap=swap, lose=lose)
 
 

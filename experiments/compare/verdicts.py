@@ -94,9 +94,7 @@ class Verdict:
     reason: str = ""
 
 
-def judge(
-    paired: Paired, margins: Mapping[str, float], *, alpha: float = ALPHA
-) -> list[Verdict]:
+def judge(paired: Paired, margins: Mapping[str, float], *, alpha: float = ALPHA) -> list[Verdict]:
     """Return a verdict for each way to lose a run, and for each score.
 
     Parameters

@@ -106,9 +106,9 @@ def sign_p(more: ArrayLike, less: ArrayLike) -> Any:
     >>> float(sign_p(0, 3))
     1.0
     """
-    more, less = np.asarray(more, float), np.asarray(less, float)
+    more, less = np.asarray(more, np.int64), np.asarray(less, np.int64)
     # P(X > more - 1); bdtrc is not defined for "more than -1", which is certain.
-    tail = bdtrc(np.maximum(more - 1, 0.0), np.maximum(more + less, 1.0), 0.5)
+    tail = bdtrc(np.maximum(more - 1.0, 0.0), np.maximum(more + less, 1), 0.5)
     return np.where(more > 0, tail, 1.0)[()]
 
 
