@@ -249,14 +249,14 @@ def _trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
         for share in NULL_LOST:
             what = f"{name} against itself" + (f", {100 * share:g} % of runs lost" if share else "")
             null = _drawing(pool, swap=True, lose=(share, share))
-            yield Trial(f"{what}: called worse or better", null, _either, FALSE_ALARMS)
+            yield Trial(f"{what}: false alarm", null, _either, FALSE_ALARMS)
             if share and name == next(iter(same)):
                 yield Trial(f"{what}: status 3", null, lambda found: found.status == 3)
     for scenarios in (1, 4):
         for sign, what in ((1, "quicker, one far slower"), (-1, "slower, one far quicker")):
             text = f"9 of 10 runs 5 % {what}, {scenarios} scenario{'s'[: scenarios - 1]}"
             rare = _rare_failures(scenarios, sign)
-            yield Trial(f"{text}: called worse or better", rare, _either, RARE)
+            yield Trial(f"{text}: false alarm", rare, _either, RARE)
     for name, pool in same.items():
         text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
         yield Trial(text, _shifted(pool), _worse, INSIDE)
