@@ -123,7 +123,6 @@ def rare(sign, shape, seed=0):
     """Mean zero: 5 % quicker on nine runs of ten, and so much slower on one (or the mirror)."""
     failed = np.random.default_rng(seed).random(shape) < 0.1
     ratios = np.where(failed, 9 * STEP, -STEP)
-    assert 0.9 * STEP == pytest.approx(0.1 * 9 * STEP)
     return sign * ratios
 
 
@@ -140,7 +139,7 @@ def test_a_true_change_within_the_margin_is_seldom_called_worse():
     """Of 2000 comparisons, 1.5 % where 2 % matters; by the point estimate it is half of them."""
     ratios = normal(math.log(1.015), 0.02, seeds=8, comparisons=2000)
     point = (np.mean(ratios, axis=2) > math.log(1.02)).any(axis=1)
-    assert (words(ratios) == "worse").any(axis=1).mean() <= 0.01 < 0.4 < point.mean()
+    assert point.mean() > 0.4 and (words(ratios) == "worse").any(axis=1).mean() <= 0.01
 
 
 def test_false_alarms_of_scores_keep_their_share():

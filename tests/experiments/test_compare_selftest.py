@@ -11,7 +11,7 @@ from flexaxis.experiments.compare import decide as rules
 from flexaxis.experiments.compare import selftest
 from flexaxis.experiments.compare.decide import Family, decide
 from flexaxis.experiments.compare.draws import Drawn, Pool, draw, judged
-from flexaxis.experiments.compare.pairs import LOST, MARGINS
+from flexaxis.experiments.compare.pairs import LOST
 from flexaxis.experiments.compare.selftable import columns, markdown
 from flexaxis.experiments.compare.selftest import LOOKS, Promise, Rate
 
