@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from flexaxis.experiments.compare.selftest import NONE, Rate
+from flexaxis.experiments.compare.selftest import Rate
+from flexaxis.experiments.compare.trials import NONE
 
 
 def columns(rates: Sequence[Rate]) -> list[str]:

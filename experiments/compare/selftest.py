@@ -8,21 +8,19 @@ chance, so that neither can be better. Rare failures are made, not run: their me
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
-from flexaxis.experiments.compare.decide import Family
-from flexaxis.experiments.compare.draws import Drawn, Judged, Pool, draw, judged
+from flexaxis.experiments.compare.draws import Pool, judged
 from flexaxis.experiments.compare.gate import look_counts, rows_of
-from flexaxis.experiments.compare.pairs import LOST, pair
+from flexaxis.experiments.compare.pairs import pair
+from flexaxis.experiments.compare.trials import NONE, Promise, Trial, trials
 from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
@@ -39,40 +37,7 @@ LOOKS = tuple(
 """Seeds at each look of the comparisons drawn."""
 
 POOL = range(1000, 1256)
-DEFAULT_SEEDS = 32  # of `compare`; what is promised of power is promised there
 BATCH = 500  # comparisons judged at once: some 10 MB
-
-NULL_LOST = (0.0, 0.05, 0.10)
-"""Shares of runs that both sides lose by chance."""
-
-MORE_LOST = (0.05, 0.10, 0.20, 0.40, 0.70)
-"""Shares of runs that the candidate alone loses."""
-
-SMALL = 0.015  # a change below the margin
-
-Draw = Callable[[int, int, np.random.Generator], Drawn]
-Count = Callable[[Judged], NDArray[np.bool_]]
-
-
-@dataclass(frozen=True)
-class Promise:
-    """What a rate may be: `most` and its upper 95 % limit `upper`, or `least`; all optional."""
-
-    most: float = 1.0
-    upper: float = 1.0
-    least: float = 0.0
-
-    def __str__(self) -> str:
-        if self.least:
-            return f"≥ {100 * self.least:g} %"
-        return f"≤ {100 * self.most:g} %" if self.most < 1 else "–"
-
-
-NONE = Promise()
-FALSE_ALARMS = Promise(most=0.01, upper=0.015)
-RARE = Promise(most=0.02)
-INSIDE = Promise(most=0.01)
-POWER = Promise(least=0.99)
 
 
 @dataclass(frozen=True)
@@ -125,28 +90,6 @@ class Rate:
         }
 
 
-@dataclass(frozen=True)
-class Trial:
-    """A kind of comparison, and what is counted of it.
-
-    Attributes
-    ----------
-    what : str
-    draw : callable of (seeds, comparisons, random)
-    count : callable
-        Which of the judged comparisons are counted.
-    promise : Promise
-    only : int
-        The promise holds for comparisons of this many seeds; 0 for all.
-    """
-
-    what: str
-    draw: Draw
-    count: Count
-    promise: Promise = NONE
-    only: int = 0
-
-
 def self_test(
     scenarios: Sequence[Scenario],
     margins: Mapping[str, float],
@@ -192,14 +135,14 @@ def self_test(
     same, changed = _pools(
         scenarios, margins, bases, planted, seeds, jobs=jobs, store=store, advance=advance
     )
-    trials = list(_trials(same, changed))
+    tried = list(trials(same, changed))
     share = _JUDGING * _cases(len(scenarios), len(bases), planted is not None, len(seeds))
     rates = []
-    for trial in trials:
+    for trial in tried:
         for look in looks:
             rates.append(_rate(trial, look, comparisons))
             if advance:
-                advance(share / (len(trials) * len(looks)))
+                advance(share / (len(tried) * len(looks)))
     return rates
 
 
@@ -242,68 +185,6 @@ def _pools(
     if planted is None:
         return same, None
     return same, Pool.of(pair(first[bases[0]], first[planted], margins), margins)
-
-
-def _trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
-    for name, pool in same.items():
-        for share in NULL_LOST:
-            what = f"{name} against itself" + (f", {100 * share:g} % of runs lost" if share else "")
-            null = _drawing(pool, swap=True, lose=(share, share))
-            yield Trial(f"{what}: false alarm", null, _either, FALSE_ALARMS)
-            if share and name == next(iter(same)):
-                yield Trial(f"{what}: status 3", null, lambda found: found.status == 3)
-    for scenarios in (1, 4):
-        for sign, what in ((1, "quicker, one far slower"), (-1, "slower, one far quicker")):
-            text = f"9 of 10 runs 5 % {what}, {scenarios} scenario{'s'[: scenarios - 1]}"
-            rare = _rare_failures(scenarios, sign)
-            yield Trial(f"{text}: false alarm", rare, _either, RARE)
-    for name, pool in same.items():
-        text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
-        yield Trial(text, _shifted(pool), _worse, INSIDE)
-    if changed is not None:
-        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, DEFAULT_SEEDS)
-    first = next(iter(same.values()))
-    for share in MORE_LOST:
-        more = _drawing(first, swap=True, lose=(0.0, share))
-        text = f"candidate loses {100 * share:g} % of runs"
-        yield Trial(f"{text}: status 1", more, lambda found: found.status == 1)
-        yield Trial(f"{text}: status 1 or 3", more, lambda found: found.status > 0)
-
-
-def _either(found: Judged) -> NDArray[np.bool_]:
-    return found.worse | found.better
-
-
-def _worse(found: Judged) -> NDArray[np.bool_]:
-    return found.worse
-
-
-def _drawing(pool: Pool, *, swap: bool = False, lose: tuple[float, float] = (0.0, 0.0)) -> Draw:
-    return lambda size, count, random: draw(pool, size, count, random, swap=swap, lose=lose)
-
-
-def _shifted(pool: Pool) -> Draw:
-    """Make every score of the candidate larger by `SMALL`."""
-
-    def drawn(size: int, count: int, random: np.random.Generator) -> Drawn:
-        found = draw(pool, size, count, random, swap=True)
-        return replace(found, ratios=found.ratios + math.log1p(SMALL))
-
-    return drawn
-
-
-def _rare_failures(scenarios: int, sign: int) -> Draw:
-    """Make log-ratios with mean zero: ln .95 on nine runs of ten, and on one what makes up."""
-    step = -math.log(0.95)
-    names = [str(i) for i in range(scenarios)]
-    family = Family.of(names, ["lag"] * scenarios, [0.02] * scenarios)
-
-    def drawn(size: int, count: int, random: np.random.Generator) -> Drawn:
-        failed = random.random((count, scenarios, size)) < 0.1
-        none = np.zeros((2, count, scenarios, size), bool)
-        return Drawn(family, sign * np.where(failed, 9 * step, -step), dict.fromkeys(LOST, none))
-
-    return drawn
 
 
 def _rate(trial: Trial, looks: tuple[int, ...], comparisons: int) -> Rate:

@@ -46,7 +46,7 @@ class Paired:
 
 def log_ratio(base: ArrayLike, candidate: ArrayLike) -> Array:
     """Return log(candidate/base) of scores ≥ 0; NaN where either is NaN."""
-    return np.log(np.maximum(candidate, FLOOR) / np.maximum(base, FLOOR))
+    return np.asarray(np.log(np.maximum(candidate, FLOOR)) - np.log(np.maximum(base, FLOOR)))
 
 
 def paired(base: ArrayLike, candidate: ArrayLike) -> Paired:

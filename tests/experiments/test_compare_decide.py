@@ -111,6 +111,9 @@ def test_no_better_with_a_run_far_on_the_other_side():
     assert set(found.words[0]) == {"undecided"} and found.far.all()  # in the whole metric
     assert far_pairs(ratios, found.n).sum() == 1
     assert set(words(-ratios)[0]) == {"worse"}  # one gain among so many failures hides none
+    ratios = -normal(-0.1, 0.01, seeds=64)
+    ratios[0, 2, 5] = 1.0
+    assert set(words(ratios)[0]) == {"worse"}  # nor does a worse one among the worse
 
 
 def test_far_is_told_from_the_scatter():

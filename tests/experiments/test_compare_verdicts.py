@@ -1,4 +1,4 @@
-"""Verdicts on made-up scores whose right answer is known; stored runs; the sequential gate."""
+"""Verdicts on made-up scores whose right answer is known; the sequential gate."""
 
 import json
 from dataclasses import replace
@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.experiments import results
-from flexaxis.experiments.compare import gate, stored
+from flexaxis.experiments.compare import gate
 from flexaxis.experiments.compare.gate import Comparison, Question, compare
 from flexaxis.experiments.compare.pairs import MARGINS, pair, parse_margins, table
 from flexaxis.experiments.compare.report import cells, markdown, row_command, worst, write
@@ -65,6 +64,9 @@ def test_the_number_of_seeds_leaves_no_doubt():
     base = rows(spread=0.0)
     found = verdicts(base, [row | {"lag": 0.95} for row in base])["lag"]
     assert (found.verdict, found.seeds_needed) == ("undecided", 48)
+    two = [row | {"scenario": name} for name in "st" for row in base]
+    found = verdicts(two, [row | {"lag": 0.95} for row in two])["lag"]
+    assert (found.verdict, found.seeds_needed) == ("undecided", 24)  # both say so
 
 
 def test_a_far_run_is_named():
@@ -205,57 +207,6 @@ def test_one_seed_is_refused():
         compare(Question("a", "b", [], range(8), MARGINS, max_seeds=4))
 
 
-@pytest.fixture
-def folders(tmp_path):
-    """Two stored runs, the second slower."""
-    for name, scale in (("old", 1.0), ("new", 1.6)):
-        folder = tmp_path / name
-        folder.mkdir()
-        lines = [json.dumps(row) for row in rows(scale)]
-        (folder / results.SCORES).write_text("\n".join(lines) + "\n")
-        (folder / results.SUMMARY).write_text(json.dumps({"versions": {"flexaxis": "1"}}))
-    return tmp_path / "old", tmp_path / "new"
-
-
-def test_stored_runs(folders, tmp_path):
-    found = stored.compare_runs(*folders, MARGINS)
-    assert found.verdict == "worse" and found.base == found.candidate == "e"
-    page = write(tmp_path / "out", found)
-    assert page.is_file() and not (tmp_path / "out" / results.SCORES).exists()
-
-
-def test_stored_runs_on_some_seeds(folders):
-    found = stored.compare_runs(*folders, MARGINS, seeds=range(2, 50))
-    assert found.seeds == [2, 3, 4, 5, 6, 7] and found.verdicts[0].runs == 6
-    with pytest.raises(FlexaxisError, match="have 1 seeds in common of the 43 that --seeds names"):
-        stored.compare_runs(*folders, MARGINS, seeds=range(7, 50))
-
-
-@pytest.mark.parametrize(
-    ("file", "old", "new", "message"),
-    [
-        (results.SUMMARY, '"1"', '"2"', r"other versions \(flexaxis 1 and 2\)"),
-        (results.SCORES, '"h"', '"g"', r"different scenarios under the name s"),
-        (results.SCORES, '"seed"', '"sed', "no complete result"),
-    ],
-)
-def test_stored_runs_that_cannot_be_compared(folders, file, old, new, message):
-    path = folders[1] / file
-    path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(FlexaxisError, match=message):
-        stored.compare_runs(*folders, MARGINS)
-
-
-def test_which_estimator_of_a_stored_run(folders):
-    path = folders[1] / results.SCORES
-    path.write_text(path.read_text() + path.read_text().replace('"e"', '"other"'))
-    with pytest.raises(FlexaxisError, match=r"2 estimators; say which .*: e, other"):
-        stored.compare_runs(*folders, MARGINS)
-    with pytest.raises(FlexaxisError, match=r"Did you mean 'other'"):
-        stored.compare_runs(*folders, MARGINS, estimators=(None, "othr"))
-    assert stored.compare_runs(*folders, MARGINS, estimators=(None, "other")).candidate == "other"
-
-
 def test_a_comparison_end_to_end(short, tmp_path):
     """On simulated records: 8 s with a fault at 6 s; λ = .98 is four times as fast and noisier."""
     fast = "rpem-forgetting[forgetting=0.98]"
@@ -292,3 +243,17 @@ def test_another_noise_on_the_same_run(short, tmp_path):
         # 1600 samples: a correlation of 4/√1600 would be four standard deviations
         assert abs(np.corrcoef(noises)[0, 1]) < 0.1
         assert noises.std(axis=1) == pytest.approx([0.1, 0.1], rel=0.1)
+
+
+def test_the_legend_names_both_where_they_estimate_different_parameters(short):
+    from flexaxis.experiments.figures import trajectories
+    from flexaxis.experiments.scoring.pooling import Curve
+
+    def curve(side, *names):
+        flat = np.ones((3, len(names)))
+        return Curve("short", side, names, np.arange(3.0), flat, flat, flat, flat)
+
+    sides = [curve("base", "k_T", "f_m"), curve("candidate", "f_m")]  # k_T has the first panel
+    figure = trajectories(sides, short, labels={"base": "base: a", "candidate": "candidate: b"})
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert texts == ["base: a", "truth", "candidate: b"]
