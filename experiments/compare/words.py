@@ -48,7 +48,7 @@ def _scores(metric: str, word: str, said: Sequence[Verdict], number: int) -> str
         return text
     most = max(said, key=lambda v: abs(v.change or 0.0))
     where = f"{most.parameter} in {most.scenario}, {percent(most.change or 0.0)} %"
-    return f"{text} ({'at most ' if len(said) > 1 else ''}{where})"
+    return f"{text} ({'most: ' if len(said) > 1 else ''}{where})"
 
 
 def meaning(found: Comparison) -> str:
