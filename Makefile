@@ -17,13 +17,14 @@ export MKL_NUM_THREADS = 1
 # A process a core; the tests of one file stay in one process, for they share what is costly.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
 
-.PHONY: help bench test test-slow test-browser check format clean
+.PHONY: help bench test test-slow test-browser check format docs-tables clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
+	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
 	@echo "make clean      remove .venv, results and caches"
 
 bench: $(VENV)/.core
@@ -47,6 +48,9 @@ check: $(VENV)/.check
 format: $(VENV)/.check
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+docs-tables: $(VENV)/.core
+	$(BIN)/python docs/tables.py --fresh
 
 # The installed set is a stamp file each, remade when pyproject.toml changes.
 $(VENV)/.core: EXTRA :=

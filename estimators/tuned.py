@@ -18,9 +18,12 @@ class Tuning:
         Of the knob.
     setting : str
         The estimator with all options that were tuned, as for ``--estimator``.
+    match : str
+        What is equal there: "excess", the excess prediction error, or the parameter whose
+        standard deviation is.
     ratio : float
-        Standard deviation over that of `rpem-forgetting` at λ = 0.995, geometric mean over the
-        parameters, on the nominal axis.
+        That noise over that of `rpem-forgetting` at λ = 0.995, on the nominal axis; of the excess
+        error the root.
     command : str
         What found it.
     scenario : str or None
@@ -33,6 +36,7 @@ class Tuning:
     knob: str
     value: float
     setting: str
+    match: str
     ratio: float
     command: str
     scenario: str | None = None
@@ -47,7 +51,7 @@ def tunings() -> tuple[Tuning, ...]:
 
 
 def tuned(estimator: str, otherwise: float) -> float:
-    """Return the value of the knob at matched standard deviation, or another where none is known.
+    """Return the value of the knob at matched noise, or another where none is known.
 
     Parameters
     ----------

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments import harness, results, tradeoff
+from flexaxis.experiments import harness, results, sweep
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.card import happens
 from flexaxis.experiments.report import render
 from flexaxis.experiments.scoring.pooling import pool
+from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.sim.scenario import Scenario
 
 
@@ -34,7 +35,7 @@ class Plan:
         The line that runs it again.
     swept_scenarios : sequence of Scenario
     swept_estimators : sequence of str
-        Registered estimators to sweep over their knobs on these, for the trade-off figure.
+        Those to sweep over their knobs on these, to compare them at equal noise.
     """
 
     title: str
@@ -49,7 +50,7 @@ class Plan:
     def cases(self) -> int:
         """Number of cases: one estimator, at one setting, on one record."""
         plain = len(self.scenarios) * len(self.estimators)
-        swept = len(self.swept_scenarios) * len(tradeoff.settings(self.swept_estimators))
+        swept = len(self.swept_scenarios) * len(sweep.settings(self.swept_estimators))
         return (plain + swept) * len(self.seeds)
 
 
@@ -99,7 +100,8 @@ def benchmark(
         if say:
             say("pooling scores and drawing the report …")
         rows, curves = pool(cases, plan.scenarios)
-        found = results.Results(_summary(plan, rows) | {"tradeoff": swept}, curves)
+        summary = _summary(plan, rows) | {"as_set": sweep.as_set(cases), "tradeoff": swept}
+        found = results.Results(summary, curves)
         results.save(folder, found)
         results.write_text(folder / results.REPORT, render(found))
         writer.finish()
@@ -113,10 +115,10 @@ def _sweep(
     store: RecordCache | None,
     advance: Callable[[harness.Done], None] | None,
 ) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, and the lags at equal variance."""
+    """Return the points of the trade-off figure, and the lags at equal noise."""
     if not plan.swept_scenarios:
         return None
-    points = tradeoff.sweep(
+    found = sweep.sweep(
         plan.swept_scenarios,
         plan.swept_estimators,
         plan.seeds,
@@ -124,9 +126,8 @@ def _sweep(
         store=store,
         advance=advance,
     )
-    return {
-        "points": points,
-        "matched": tradeoff.matched(points),
+    return asdict(found) | {
+        "overall": overall(found.at_excess),
         "faults": {s.name: happens(s) for s in plan.swept_scenarios},
     }
 

@@ -109,7 +109,7 @@ def find_suite(name: str) -> Suite:
     estimators = everyone if table["estimators"] == "all" else table["estimators"]
     swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
     if swept["estimators"] == "all":
-        swept["estimators"] = [name for name in everyone if REGISTRY[name].knob]
+        swept["estimators"] = everyone
     return Suite(
         name,
         table["card"],

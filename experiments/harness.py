@@ -11,7 +11,7 @@ import platform
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
@@ -22,15 +22,13 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.processes import process_pool
-from flexaxis.experiments.scoring import theory
-from flexaxis.experiments.scoring.case import relative_error, score
+from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.pooling import Case, scored
 from flexaxis.experiments.specs import Spec, build, parse, parse_all
-from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
 SEEDS_PER_TASK = 16  # enough to share the cost of a batch, few enough to see progress
-CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
 
 
 @dataclass(frozen=True)
@@ -45,36 +43,6 @@ class Task:
     seeds: tuple[int, ...]
     store: RecordCache | None = None
     repeat: int = 0
-
-
-@dataclass(frozen=True)
-class Case:
-    """What is kept of one estimator on one record.
-
-    Attributes
-    ----------
-    scenario, estimator : str
-    seed : int
-    names : tuple of str
-        Estimated parameters.
-    rows : list of dict
-        Scores, one row for each parameter, as they stand in scores.jsonl.
-    curve : ndarray (M, p)
-        Every tenth estimate over its nominal value.
-    relative : dict of str to ndarray (n,)
-        θ̃/D in the first scored window of each changed parameter.
-    theta : ndarray (N, p) or None
-        All estimates, where they were asked for.
-    """
-
-    scenario: str
-    estimator: str
-    seed: int
-    names: tuple[str, ...]
-    rows: list[dict[str, Any]]
-    curve: NDArray[np.float32]
-    relative: dict[str, NDArray[np.float32]]
-    theta: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -190,7 +158,15 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     where = f"{scenario.name}, seed {record.seed}"
     theta, claimed = _with_claim(spec, estimator, scenario, record, where=where)
     seconds = time.perf_counter() - start
-    names, truth = tuple(estimator.names), record.true_parameters
+    track = Track(
+        scenario=scenario,
+        names=tuple(estimator.names),
+        theta=theta,
+        true_parameters=record.true_parameters,
+        torque=record.torque,
+        claimed=claimed,
+        findings=getattr(estimator, "findings", None),
+    )
     identity = {
         "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
@@ -203,25 +179,8 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
         "seconds": seconds,
         "host": platform.node(),
     }
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run is a result
-        rows = score(scenario, names, theta, truth, getattr(estimator, "bounds", None))
-        curve = theta[::CURVE_STEP] / true_theta(names, scenario.nominal.as_array())
-        relative = relative_error(scenario, names, theta, truth)
-        beside = _theory(scenario, names, record, theta, claimed, estimator)
-        beside_theory = [
-            asdict(row) | asdict(limit) | {"score": theory.score(row.lag, limit)} | beside
-            for row, limit in zip(rows, theory.limits(scenario, names, record.torque), strict=True)
-        ]
-        return Case(
-            scenario=scenario.name,
-            estimator=spec.text,
-            seed=record.seed or 0,
-            names=names,
-            rows=[identity | row | {"cost": cost} for row in beside_theory],
-            curve=curve.astype(np.float32),
-            relative={name: error.astype(np.float32) for name, error in relative.items()},
-            theta=theta if whole else None,
-        )
+    seed = record.seed or 0
+    return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
 
 
 def _with_claim(
@@ -242,28 +201,6 @@ def _with_claim(
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
     return np.concatenate(parts), claimed
-
-
-def _theory(  # noqa: PLR0917
-    scenario: Scenario,
-    names: tuple[str, ...],
-    record: Record,
-    theta: NDArray[np.float64],
-    claimed: Any,
-    estimator: Any,
-) -> dict[str, Any]:
-    """Return what stands beside the scores of all parameters of a case."""
-    assert record.true_parameters is not None  # a simulated record knows the truth
-    events = scenario.events()
-    last = (events[0].index if events else scenario.samples) - 1
-    error = theta[last] - true_theta(names, record.true_parameters[last])
-    findings = getattr(estimator, "findings", None)
-    found = theory.detection(scenario, names, findings)
-    return {
-        "nees": theory.nees(error, claimed),
-        "detection": None if found is None else asdict(found),
-        "isolation": theory.isolation(scenario, names, findings),
-    }
 
 
 def _estimates(

@@ -10,8 +10,9 @@ from typing import Any
 from flexaxis.experiments import figures, tradeoff
 from flexaxis.experiments.card import happens, in_a_line
 from flexaxis.experiments.results import Results
-from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.table import SCORES, label
 from flexaxis.sim.scenario import Scenario, scenario_from
 
 TEMPLATE = "report.html"
@@ -44,12 +45,14 @@ def render(results: Results) -> str:
         figure=_tradeoff_figure(summary),
         swept=summary.get("tradeoff"),
         answers=_answers(summary, scenarios),
-        findings=findings(summary["rows"]),
-        standings=ranking.standings(summary["rows"]),
-        scores=ranking.matrix(summary["rows"], _scored(summary["rows"])),
+        findings=ranking.in_words(summary["as_set"]),
+        equal=_at_equal_noise(summary),
         mismatch=_mismatch(summary["rows"], scenarios),
         controls=ranking.CONTROLS,
         colour=figures.colour,
+        heads=column_heads(),
+        cells=cells,
+        glossary={label(s.name): s.words for s in SCORES.values() if s.heading},
     )
 
 
@@ -70,17 +73,36 @@ def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> l
     return ranking.answers(swept["matched"], swept["faults"] | words)
 
 
-def _scored(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    return list(dict.fromkeys(row["scenario"] for row in rows if row.get("score") is not None))
+def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the table that the report leads with: estimator × fault at equal noise."""
+    swept = summary.get("tradeoff")
+    if not swept:
+        return None
+    rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
+    names = list(dict.fromkeys(key[2] for key in rows))
+    overall = {row["estimator"]: row for row in swept["overall"]}
+    return {
+        "faults": list(dict.fromkeys(key[:2] for key in rows)),
+        "estimators": sorted(names, key=lambda n: list(overall).index(n) if overall else 0),
+        "rows": rows,
+        "overall": overall,
+        "words": swept["faults"],
+        "reference": ranking.REFERENCE,
+    }
 
 
 def _mismatch(
     rows: Sequence[Mapping[str, Any]], scenarios: Mapping[str, Scenario]
 ) -> dict[str, Any] | None:
-    names = ranking.mismatched(scenarios)
+    names = mismatch.mismatched(scenarios)
     if not names:
         return None
-    return {"matrix": ranking.matrix(rows, names), "words": ranking.mismatch_in_words(rows, names)}
+    return {
+        "scenarios": names,
+        "estimators": list(dict.fromkeys(row["estimator"] for row in rows)),
+        "cells": mismatch.matrix(rows, names),
+        "words": mismatch.mismatch_in_words(rows, names),
+    }
 
 
 def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
@@ -108,39 +130,34 @@ def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
     }
     order = sorted(
         curves,
-        key=lambda c: (c.estimator != tradeoff.REFERENCE, lags.get(c.estimator, math.inf)),
+        key=lambda c: (c.estimator != ranking.REFERENCE, lags.get(c.estimator, math.inf)),
     )
     return order[:DRAWN]
 
 
-def findings(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return in words, for each scenario with a fault, who was fastest and at what price."""
+def column_heads() -> list[str]:
+    """Return the headings of the columns of a scenario's table."""
+    heads = [label(score.name) for score in SCORES.values() if score.heading]
+    return [*heads, "efficiency", "alarms", "false alarms in 1000 s", "µs/sample"]
+
+
+def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the cells of a pooled row in that order, each with its interval."""
     found = []
-    changed = [r for r in rows if r["changed"] and r["lag"] is not None and r["std"]]
-    for scenario in dict.fromkeys(row["scenario"] for row in changed):
-        order = sorted((r for r in changed if r["scenario"] == scenario), key=lambda r: r["lag"])
-        fast, slow = order[0], order[-1]
-        text = (
-            f"{scenario}: {fast['estimator']} follows {fast['parameter']} with the shortest lag, "
-            f"{fast['lag']:.3g} s, at a standard deviation of {fast['std']:.3g} % before the fault"
-        )
-        if slow is not fast:
-            text += f"; {slow['estimator']} takes {slow['lag']:.3g} s at {slow['std']:.3g} %"
-            cheaper = slow["std"] < fast["std"]
-            text += (
-                ". Speed is bought with variance here: compare at equal variance before "
-                "calling one the better"
-                if cheaper
-                else ". It is faster and quieter, so better for this fault at these settings"
-            )
-        lost = [r for r in order if r["diverged"] or r["never_settled"]]
-        for row in lost:
-            text += (
-                f". Of {row['seeds']} runs of {row['estimator']}, {row['diverged']} diverged and "
-                f"{row['never_settled']} did not settle within the window"
-            )
-        found.append(text + ".")
-    return found
+    for score in SCORES.values():
+        if score.heading:
+            value = row.get(score.name)
+            if score.kind == "truth":
+                text = f"{value} of {row['seeds']}"
+            elif score.pool is pools.median:
+                text = settled(value, row["changed"])
+            else:
+                text = number(value)
+            found.append((text, pair(row.get(f"{score.name}_interval"))))
+    alarms = row.get("detection") or {}
+    efficiency, cost = row.get("efficiency", {}).get("200"), row["cost"]["us_per_sample"]
+    more = (efficiency, alarms.get("alarms"), alarms.get("false_alarms_per_1000_s"), cost)
+    return found + [(number(value, 2), "") for value in more]
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -148,9 +165,11 @@ def number(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def pair(interval: Sequence[float] | None) -> str:
-    """Return an interval for a table."""
-    return "" if interval is None else f"{interval[0]:.3g} … {interval[1]:.3g}"
+def pair(interval: Sequence[float | None] | None) -> str:
+    """Return an interval for a table; an end that is not finite is said in words."""
+    if interval is None:
+        return ""
+    return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
 
 
 def shade(score: float | None) -> str:

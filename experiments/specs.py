@@ -20,18 +20,15 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
+from flexaxis.experiments.nominal import nominal_torque
 from flexaxis.experiments.pipe import PipeEstimator
 from flexaxis.experiments.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.parameters import preset
-from flexaxis.sim.scenario import Scenario, scenario_from
-from flexaxis.sim.simulate import simulate
+from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
 PIPE = "pipe:"
@@ -119,30 +116,6 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 def _has_stored_prior(scenario: Scenario) -> bool:
     """Whether P(0) is among the data stored with the estimators."""
     return tuple(scenario.identify) == tuple(DEFAULT_IDENTIFY) and scenario.nominal == preset("n1")
-
-
-def nominal_torque(scenario: Scenario) -> NDArray[np.float64]:
-    """Return the torque (8000,) [N m] of 40 s on the scenario's reference at nominal parameters."""
-    nominal = scenario.override(
-        {
-            "name": "nominal",
-            "fault": [],
-            "nuisance": None,
-            "duration": 40.0,
-            "start": 1.0,
-            "noise": {},
-        }
-        | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
-    )
-    return _torque(nominal.to_toml())
-
-
-@lru_cache(maxsize=64)
-def _torque(toml: str) -> NDArray[np.float64]:
-    # Keyed by content: within a run the same reference serves many estimators.
-    torque = simulate(scenario_from(tomllib.loads(toml), source="nominal"), [0])[0].torque
-    torque.setflags(write=False)
-    return torque
 
 
 def _options(rest: str, text: str) -> dict[str, Any]:

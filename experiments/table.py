@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
-from flexaxis.experiments.report import number, settled
+from flexaxis.experiments.report import number, pair, settled
+from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring.table import SCORES, Score
 
 CAPTION = """\
 lag after the fault, ± 95 % half-width over seeds; std before it [% of nominal]
-score: 0 for doing nothing, 100 on the oracle Cramér–Rao bound (steps only)
+score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown (steps only)
 x-talk: largest error caused in another parameter [% of nominal]
-lost: diverged runs; open: runs never settled; µs: time per sample"""
+lost: diverged runs; open: other runs never settled; µs: time per sample"""
+
+SHOWN = [score for score in SCORES.values() if score.short]
 
 
 def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -25,8 +30,9 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
     for heading in ("estimator", "θ"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("lag [s]", "t10 [s]", "score", "std %", "x-talk", "lost", "open", "µs"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    headings = [f"{s.short} [{s.unit}]" if s.unit == "s" else f"{s.short} {s.unit}" for s in SHOWN]
+    for heading in (*headings, "x-talk", "µs"):
+        table.add_column(heading.strip(), justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}
     shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
     for before, row in zip([None, *shown[:-1]], shown, strict=True):
@@ -38,17 +44,11 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
-    changed = row["changed"]
     return [
         "  " + escape(row["estimator"]),  # brackets are mark-up here
         row["parameter"],
-        _with_half_width(row["lag"], row["lag_interval"]),
-        settled(row["t10"], changed),
-        _score(row.get("score")),
-        number(row["std"], 2),
+        *(_cell(score, row) for score in SHOWN),
         number(cross_talk, 2),
-        str(row["diverged"]),
-        str(row["never_settled"]) if changed else "–",
         _cost(row["cost"]["us_per_sample"]),
     ]
 
@@ -61,8 +61,17 @@ def _with_half_width(
     return f"{number(value, digits)} ±{(interval[1] - interval[0]) / 2:.1g}"
 
 
-def _score(value: float | None) -> str:
-    return "–" if value is None else f"{value:.0f}"
+def _cell(score: Score, row: Mapping[str, Any]) -> str:
+    value = row.get(score.name)
+    if score.name == "lag":
+        return _with_half_width(value, row["lag_interval"])
+    if score.pool is pools.median:
+        return settled(value, row["changed"])
+    if score.kind == "truth":  # a count, of runs in which there was something to settle
+        return "–" if score.pool is pools.count_kept and not row["changed"] else str(value)
+    if score.better == "more":
+        return "–" if value is None else f"{value:.0f}"
+    return number(value, 2)
 
 
 def _cost(microseconds: float) -> str:
@@ -78,3 +87,47 @@ def _cross_talk(rows: Sequence[Mapping[str, Any]], row: Mapping[str, Any]) -> fl
         and other["cross_talk"] is not None
     ]
     return max(others, default=None)
+
+
+def equal_noise_table(
+    matched: Sequence[Mapping[str, Any]], overall: Sequence[Mapping[str, Any]]
+) -> Table:
+    """Return the lags at equal noise, a line a fault and estimator, and the scores of all faults.
+
+    Parameters
+    ----------
+    matched, overall : sequence of mapping
+        As from a `flexaxis.experiments.sweep.Sweep`, and from `scoring.ranking.overall`.
+    """
+    table = Table(
+        box=None, padding=(0, 1, 0, 0), min_width=78, caption=EQUAL, caption_justify="left"
+    )
+    table.add_column("estimator", no_wrap=True)
+    for heading in ("lag [s]", "95 %", "×bound", "after %", "false"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in matched):
+        table.add_row(f"[bold]{scenario}[/], {parameter}")
+        mine = [r for r in matched if (r["scenario"], r["parameter"]) == (scenario, parameter)]
+        for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
+            values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
+            table.add_row(
+                ("* " if row["leads"] else "  ") + escape(row["estimator"]),
+                SIGNS.get(row["how"], "") + number(row["lag"]),
+                pair(row["lag_interval"]),
+                *(number(value, 2) for value in values),
+            )
+    if overall:
+        table.add_row("[bold]score at equal excess error[/]")
+    for row in overall:
+        sign = {"quieter": "≥ ", "noisier": "≤ ", "mixed": "about "}.get(row["how"], "")
+        name = ("* " if row["leads"] else "  ") + escape(row["estimator"])
+        table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
+    return table
+
+
+SIGNS = {"quieter": "≤ ", "noisier": "≥ "}
+EQUAL = """\
+lag where the std of θ before the fault is that of rpem-forgetting at its default
+*: the best, and those that paired seeds cannot tell from it
+≤, ≥: quieter, or noisier, than that at every setting of its knob
+after: std in the last 2 s of the window; false: false alarms in 1000 s"""

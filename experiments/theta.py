@@ -36,3 +36,9 @@ def started_nominal(scenario: Scenario) -> dict[str, float]:
         parameter, exponent = physical(name)
         values[parameter] *= scenario.start ** float(exponent)
     return values
+
+
+def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return θ(0) (p,) of an estimator that starts where it is told to."""
+    told = started_nominal(scenario)
+    return true_theta(names, np.array([told[name] for name in PARAMETER_NAMES]))

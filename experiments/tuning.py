@@ -1,4 +1,4 @@
-"""Find the setting of an estimator's knob that gives it the standard deviation of the reference."""
+"""Find the setting of an estimator's knob at which it is as noisy as the reference."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -15,14 +16,17 @@ from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.results import write_text
 from flexaxis.experiments.scoring.pooling import pool
+from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.specs import parse
-from flexaxis.experiments.tradeoff import REFERENCE, with_knob
+from flexaxis.experiments.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.toml_text import toml_text
 
-TOLERANCE = 0.01  # of the matched standard deviation
+EXCESS = "excess"  # what is matched unless the std of one parameter is
+TOLERANCE = 0.01  # of the matched noise
 ROUNDS = 12
 DIGITS = 4  # of a setting: more than the tolerance can tell apart
 SPAN = 8.0  # an option is looked for from its default over this to its default times this
@@ -39,10 +43,13 @@ class Tuned:
     knob : str
     value : float
         Of the knob.
+    match : str
+        What is matched: "excess", or the parameter whose std is.
     ratio : float
-        Geometric mean over the parameters of std over that of the reference.
+        Noise over that of the reference: of the excess error the root, so that it is a ratio of
+        deviations.
     ratios : dict of str to float
-        The same of each parameter.
+        Ratio of the std of each parameter.
     lag : float or None
         Lag [s] on the scenario for which it is least.
     """
@@ -50,6 +57,7 @@ class Tuned:
     setting: str
     knob: str
     value: float
+    match: str
     ratio: float
     ratios: dict[str, float]
     lag: float | None = None
@@ -65,39 +73,47 @@ class Bench:
         Those for tuning.
     jobs, store
         As for `flexaxis.experiments.harness.run`.
+    match : str
+        What is to be matched: "excess", or the parameter whose std is.
     """
 
     seeds: Sequence[int]
     jobs: int = 1
     store: RecordCache | None = None
+    match: str = EXCESS
     _known: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
 
-    def stds(self, setting: str) -> dict[str, float]:
-        """Return std by parameter on the nominal axis, started at the truth."""
+    def noises(self, setting: str) -> dict[str, float]:
+        """Return the std by parameter, and the root of the excess error as "excess".
+
+        On the nominal axis, started at the truth.
+        """
         if setting not in self._known:
             scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})
             rows = self._rows(scenario, setting)
-            self._known[setting] = {row["parameter"]: row["std"] for row in rows if row["std"]}
+            found = {row["parameter"]: row["std"] for row in rows if row["std"]}
+            if rows[0]["excess"]:
+                found[EXCESS] = float(np.sqrt(rows[0]["excess"]))
+            self._known[setting] = found
         return self._known[setting]
 
     def lag(self, setting: str, scenario: Scenario) -> float:
-        """Return the lag [s] after the faults of a scenario, infinite where runs are lost."""
+        """Return the lag [s] after the faults of a scenario."""
         rows = [row for row in self._rows(scenario, setting) if row["changed"]]
         if not rows:
             raise FlexaxisError(f"{scenario.name} has no fault in an estimated parameter")
-        lost = any(row["lag"] is None or row["diverged"] for row in rows)
-        return np.inf if lost else float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
+        return float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
 
-    def _rows(self, scenario: Scenario, setting: str) -> list[dict]:
+    def _rows(self, scenario: Scenario, setting: str) -> list[dict[str, Any]]:
         done = harness.run([scenario], [setting], self.seeds, jobs=self.jobs, store=self.store)
         return pool([case for task in done for case in task.cases], [scenario])[0]
 
 
-def match_std(name: str, bench: Bench, options: Mapping[str, float] | None = None) -> Tuned:
+def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = None) -> Tuned:
     """
-    Turn the knob until std is that of `rpem-forgetting` at its default, on the nominal axis.
+    Turn the knob until the noise is that of `rpem-forgetting` at its default, on the nominal axis.
 
-    Secant steps in the logarithms; std grows with every registered knob's speed.
+    Secant steps in the logarithms; noise grows with every registered knob's speed.
 
     Parameters
     ----------
@@ -113,32 +129,37 @@ def match_std(name: str, bench: Bench, options: Mapping[str, float] | None = Non
         If the estimator has no knob, or no setting is found.
     """
     knob, speed = _knob(name)
-    reference = bench.stds(with_knob(REFERENCE, 1.0))
+    wanted = bench.noises(reference())
+    if bench.match not in wanted:
+        raise FlexaxisError(
+            f"{bench.match!r} cannot be matched.{did_you_mean(bench.match, wanted)} "
+            f"There are: {', '.join(wanted)}"
+        )
     slope, before, tried = 0.5, None, ""
     for _ in range(ROUNDS):
         speed = float(f"{speed:.{DIGITS}g}")
         value = 1 - speed if knob == "forgetting" else speed
         tried = setting(name, {**(options or {}), knob: value})
-        own = bench.stds(tried)
-        ratios = {p: own[p] / reference[p] for p in reference if p in own}
-        if not ratios:
+        own = bench.noises(tried)
+        if bench.match not in own:
             break
-        error = float(np.mean(np.log(list(ratios.values()))))
+        ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
+        ratio = ratios.pop(EXCESS, 1.0) if bench.match == EXCESS else ratios[bench.match]
+        error = float(np.log(ratio))
         if abs(error) < TOLERANCE:
-            return Tuned(tried, knob, round(value, 12), float(np.exp(error)), ratios)
+            return Tuned(tried, knob, round(value, 12), bench.match, ratio, ratios)
         if before is not None and abs(np.log(speed) - before[0]) > 1e-6:
             slope = np.clip((error - before[1]) / (np.log(speed) - before[0]), 0.1, 2.0)
         before = np.log(speed), error
         speed *= float(np.exp(np.clip(-error / slope, -1.5, 1.5)))
     raise FlexaxisError(
-        f"{name}: no setting of its knob has the standard deviation of {REFERENCE} "
-        f"(last tried {tried})"
+        f"{name}: no setting of its knob has the noise of {REFERENCE} (last tried {tried})"
     )
 
 
 def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Bench) -> Tuned:
     """
-    Find the options with which an estimator is fastest after a fault, at matched std.
+    Find the options with which an estimator is fastest after a fault, at matched noise.
 
     Each in turn: the best of seven values on a logarithmic grid, then a search between its
     neighbours; the knob is matched anew for every value.
@@ -167,7 +188,7 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Benc
     def attempt(given: dict[str, float]) -> float:
         given = {key: float(f"{value:.{DIGITS}g}") for key, value in given.items()}
         try:
-            found = match_std(name, bench, given)
+            found = match_noise(name, bench, given)
         except FlexaxisError:
             return np.inf
         lag = bench.lag(found.setting, scenario)
@@ -197,13 +218,15 @@ def setting(name: str, options: Mapping[str, float]) -> str:
 
 def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
     """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
-    tables = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"] if path.exists() else []
+    known = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    tables = known.get("tuned", [])
     tables = [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
     new = Tuning(
         estimator=name,
         knob=found.knob,
         value=found.value,
         setting=found.setting,
+        match=found.match,
         ratio=round(found.ratio, 4),
         command=command,
         scenario=scenario,
@@ -212,7 +235,7 @@ def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | N
     tables.append({key: value for key, value in asdict(new).items() if value is not None})
     tables.sort(key=lambda t: (list(REGISTRY).index(t["estimator"]), t.get("scenario", "")))
     text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
-    path.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _entry(name: str):

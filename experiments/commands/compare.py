@@ -204,9 +204,10 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
             advance=advance,
         )
     broken = [rate for rate in found if not rate.kept]
+    told = [rate.as_dict() for rate in found]
     if args.json:
-        print(dumps([rate.as_dict() for rate in found]))
+        print(dumps(told))
         return int(bool(broken))
-    _wide(Console()).print(selftable.terminal(found))
+    _wide(Console()).print(selftable.terminal(told))
     print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
     return int(bool(broken))

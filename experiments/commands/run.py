@@ -62,16 +62,16 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.harness import Done
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import REPORT, dumps
+    from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.seeds import parse_seeds
     from flexaxis.experiments.table import score_table
-    from flexaxis.experiments.tradeoff import REFERENCE
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
     chosen = select(args.names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
-    swept = [REFERENCE, *(e for e in estimators if e != "frozen")]  # which has neither std nor lag
+    swept = list(dict.fromkeys([REFERENCE, *estimators]))
     plan = Plan(
         title=" ".join(args.names),
         scenarios=chosen.scenarios,

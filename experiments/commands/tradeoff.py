@@ -1,8 +1,10 @@
-r"""Sweep each estimator over its own knob and draw speed against variance, with the bound.
+r"""Sweep each estimator over its own knob and compare at equal noise, with the bounds.
 
 Any estimator can be made faster and noisier. Compared are whole curves, and lags where the standard
-deviation is that of rpem-forgetting at its default (geometric mean over the estimated parameters,
-before the fault). Writes tradeoff.json and tradeoff.svg.
+deviation of the parameter that changes is that of rpem-forgetting at its default, before the fault.
+Where the sweep does not reach it, the knob is turned further; who is quieter at every setting has a
+lag of at most what is shown, who is noisier of at least that. The last column is one number for all
+faults: the score where the excess prediction error is equal. Writes tradeoff.json and tradeoff.svg.
 
 example:
   flexaxis tradeoff fm_step-v1 kt_step-v1 --estimator rpem-forgetting --estimator relocate
@@ -12,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from dataclasses import asdict
 from pathlib import Path
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
@@ -32,42 +35,46 @@ def main(args: argparse.Namespace) -> int:
     import json
 
     from rich.console import Console
-    from rich.table import Table
 
-    from flexaxis.experiments import tradeoff
     from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
     from flexaxis.experiments.figures import svg
-    from flexaxis.experiments.report import number
+    from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import dumps, write_text, writing
+    from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.seeds import parse_seeds
+    from flexaxis.experiments.sweep import reference, settings, sweep
+    from flexaxis.experiments.table import equal_noise_table
+    from flexaxis.experiments.tradeoff import figure
 
     scenarios, *_ = select(args.names)
     estimators = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
     seeds = parse_seeds(args.seeds)
-    points = tradeoff.sweep(scenarios, estimators, seeds, jobs=args.jobs, store=default_cache())
-    table = tradeoff.matched(points)
+    most = len(settings(estimators)) * len(scenarios) * len(seeds)
+    with progress(f"{most} cases, and more where a match is far", most) as advance:
+        found = sweep(
+            scenarios,
+            estimators,
+            seeds,
+            jobs=args.jobs,
+            store=default_cache(),
+            advance=lambda done: advance(len(done.cases)),
+        )
     content = {
         "command": command_line(args.words),
         "seeds": seeds,
-        "reference": tradeoff.with_knob(tradeoff.REFERENCE, 1.0),
-        "points": points,
-        "matched": table,
+        "reference": reference(),
+        **asdict(found),
+        "overall": overall(found.at_excess),
     }
     with writing(args.output):
         args.output.mkdir(parents=True, exist_ok=True)
     write_text(args.output / "tradeoff.json", json.dumps(content, allow_nan=False, indent=1) + "\n")
-    write_text(args.output / "tradeoff.svg", svg(tradeoff.figure(points)))
+    write_text(args.output / "tradeoff.svg", svg(figure(found.points)))
     if args.json:
         print(dumps(content))
         return 0
-    shown = Table(box=None, title="lag where std is that of the reference", title_justify="left")
-    for heading in ("scenario", "estimator", "θ", "lag [s]", "bound [s]", "× bound", "own std"):
-        shown.add_column(heading)
-    for row in table:
-        values = [number(row[key]) for key in ("lag", "bound", "over_bound", "own_ratio")]
-        shown.add_row(row["scenario"], row["estimator"], row["parameter"], *values)
-    Console().print(shown)
+    Console().print(equal_noise_table(found.matched, content["overall"]))
     print(args.output / "tradeoff.svg")
     return 0

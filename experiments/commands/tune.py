@@ -1,35 +1,54 @@
-"""Find the setting of an estimator's knob that matches the reference's standard deviation.
+"""Find the setting of an estimator's knob at which it is as noisy as the reference.
 
 On the nominal axis without a fault, started at the truth, over the seeds meant for tuning; the
-reference is rpem-forgetting at its default. What is reported elsewhere is on other seeds. With
---minimize lag, other options are chosen to be fastest after the fault of a scenario, the knob
-matched for each.
+reference is rpem-forgetting at its default. What is equal is the excess prediction error, one
+number for all parameters, or with --match the standard deviation of one of them. What is reported
+elsewhere is on other seeds. With --minimize lag, other options are chosen to be fastest after the
+fault of a scenario, the knob matched for each.
 
 example:
-  flexaxis tune ekf --match-std
-  flexaxis tune --all --match-std --save estimators/tuned.toml
-  flexaxis tune cusum-reset --match-std --minimize lag --option reset --scenario fm_step-v1
+  flexaxis tune ekf
+  flexaxis tune ekf --match f_m
+  flexaxis tune --all --save
+  flexaxis tune cusum-reset --minimize lag --option reset --scenario fm_step-v1
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
-HELP = "find the knob that matches the reference's standard deviation"
+HELP = "find the knob at which an estimator is as noisy as the reference"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", nargs="?")
-    parser.add_argument("--all", action="store_true", help="every registered one with a knob")
-    parser.add_argument("--match-std", action="store_true", required=True)
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="every registered one with a knob, and again whatever is in the file for a scenario",
+    )
+    parser.add_argument(
+        "--match",
+        default="excess",
+        metavar="NAME",
+        help="what is to be equal: excess, or a parameter whose std is (default: excess)",
+    )
     parser.add_argument("--minimize", choices=["lag"], help="turn other options, too")
     parser.add_argument("--option", action="append", default=[], metavar="NAME", help="which")
     parser.add_argument("--scenario", metavar="SCENARIO", help="and after which fault")
     parser.add_argument("--seeds", default="0:16", metavar="N or A:B", help="default: 0:16")
-    parser.add_argument("--save", type=Path, metavar="FILE", help="write it to this TOML file")
+    parser.add_argument(
+        "--save",
+        type=Path,
+        nargs="?",
+        const=Path(),
+        metavar="FILE",
+        help="write it to this TOML file (default: the one that the registry reads)",
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -43,47 +62,79 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.seeds import parse_seeds
     from flexaxis.experiments.tuning import Bench, save
 
-    names = _names(args)
-    bench = Bench(parse_seeds(args.seeds), args.jobs, default_cache())
-    found = {}
-    for name in names:
-        found[name] = tuned = _tune(name, args, bench)
-        if args.save:
-            save(args.save, name, tuned, command=_command(name, args), scenario=args.scenario)
+    tasks = _tasks(args)
+    path = _file(args.save)
+    found = []
+    for number, task in enumerate(tasks, start=1):
+        if len(tasks) > 1:
+            print(f"{number} of {len(tasks)}: {task.estimator}", file=sys.stderr)
+        bench = Bench(parse_seeds(task.seeds), args.jobs, default_cache(), task.match)
+        tuned = _tune(task, bench)
+        found.append(asdict(tuned) | {"estimator": task.estimator})
+        if path:
+            save(path, task.estimator, tuned, command=_command(task), scenario=task.scenario)
         if not args.json:
             each = ", ".join(f"{p} {ratio:.2f}" for p, ratio in tuned.ratios.items())
-            lag = "" if tuned.lag is None else f"; lag {tuned.lag:.3f} s on {args.scenario}"
-            print(f"{tuned.setting}: std {tuned.ratio:.3f} times the reference's ({each}){lag}")
+            lag = "" if tuned.lag is None else f"; lag {tuned.lag:.3f} s on {task.scenario}"
+            print(
+                f"{tuned.setting}: {task.match} {tuned.ratio:.3f} times the reference's "
+                f"(std: {each}){lag}"
+            )
     if args.json:
-        results = {name: asdict(tuned) for name, tuned in found.items()}
-        print(dumps(results if args.all else results[args.estimator]))
+        print(dumps(found if args.all else found[0]))
     return 0
 
 
-def _names(args: argparse.Namespace) -> list[str]:
+def _file(given: Path | None) -> Path | None:
+    """Return where to write, and try it before an hour of tuning."""
+    from flexaxis.estimators import tuned
+    from flexaxis.experiments.results import writing
+
+    if given is None:
+        return None
+    path = Path(tuned.__file__).with_name("tuned.toml") if given == Path() else given
+    existed = path.exists()
+    with writing(path), path.open("a"):
+        pass
+    if not existed:
+        path.unlink()
+    return path
+
+
+def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:
+    """Return what is to be tuned: one, or all that the file of the registry holds."""
     from flexaxis.estimators.registry import REGISTRY
+    from flexaxis.estimators.tuned import tunings
     from flexaxis.sim.errors import FlexaxisError
 
     if args.all == (args.estimator is not None):
         raise FlexaxisError("name one estimator, or give --all")
     if bool(args.minimize) != bool(args.option and args.scenario):
         raise FlexaxisError("--minimize lag, --option and --scenario go together")
-    return [n for n, e in REGISTRY.items() if e.knob] if args.all else [args.estimator]
+    if not args.all:
+        return [args]
+    parser = argparse.ArgumentParser()
+    configure(parser)
+    words = [[n, "--seeds", args.seeds] for n, e in REGISTRY.items() if e.knob]
+    words += [t.command.split()[2:] for t in tunings() if t.scenario]
+    return [parser.parse_args(each) for each in words]
 
 
-def _tune(name: str, args: argparse.Namespace, bench):
+def _tune(task: argparse.Namespace, bench):
     from flexaxis.experiments.catalogue import find_scenario
-    from flexaxis.experiments.tuning import least_lag, match_std
+    from flexaxis.experiments.tuning import least_lag, match_noise
 
-    if args.minimize:
-        return least_lag(name, args.option, find_scenario(args.scenario), bench)
-    return match_std(name, bench)
+    if task.minimize:
+        return least_lag(task.estimator, task.option, find_scenario(task.scenario), bench)
+    return match_noise(task.estimator, bench)
 
 
-def _command(name: str, args: argparse.Namespace) -> str:
+def _command(task: argparse.Namespace) -> str:
     """Return what finds this setting again."""
-    words = ["flexaxis tune", name, "--match-std", "--seeds", args.seeds]
-    if args.minimize:
-        words += ["--minimize lag", *(f"--option {o}" for o in args.option)]
-        words += ["--scenario", args.scenario]
+    words = ["flexaxis tune", task.estimator, "--seeds", task.seeds]
+    if task.match != "excess":
+        words += ["--match", task.match]
+    if task.minimize:
+        words += ["--minimize lag", *(f"--option {o}" for o in task.option)]
+        words += ["--scenario", task.scenario]
     return " ".join(words)

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import statistics
+from flexaxis.experiments.scoring import table as scores
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
-METRICS: Mapping[str, str] = {"lag": "s", "t10": "s", "std": "%", "cross_talk": "%"}
+METRICS: Mapping[str, str] = {name: scores.SCORES[name].unit for name in scores.METRICS}
 """Scores that can be compared, with their units; of each, less is better."""
 
-MARGINS: Mapping[str, float] = {"lag": 0.02, "std": 0.02}
+MARGINS: Mapping[str, float] = scores.MARGINS
 """What is compared unless told otherwise, and how large a change matters (.02 is 2 %)."""
 
 LOST = ("diverged", "never_settled")

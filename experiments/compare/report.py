@@ -17,9 +17,8 @@ from flexaxis.experiments.compare.lost import SILENT
 from flexaxis.experiments.compare.pairs import LOST, METRICS
 from flexaxis.experiments.compare.verdicts import Verdict
 from flexaxis.experiments.compare.words import explanation, headline, meaning, percent
-from flexaxis.experiments.harness import CURVE_STEP, Case
 from flexaxis.experiments.report import number
-from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
@@ -50,7 +49,7 @@ def cells(v: Verdict) -> tuple[str, ...]:
 
 
 def _with_unit(value: float | None, metric: str) -> str:
-    return number(value) if value is None else f"{number(value)} {METRICS[metric]}"
+    return number(value) if value is None else f"{number(value)} {METRICS[metric]}".rstrip()
 
 
 def _word(v: Verdict) -> str:

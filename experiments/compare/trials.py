@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.compare.decide import Family
 from flexaxis.experiments.compare.draws import Drawn, Judged, Pool, draw
 from flexaxis.experiments.compare.pairs import LOST
+from flexaxis.experiments.compare.selftable import NOTHING
 
 NULL_LOST = (0.0, 0.05, 0.10)
 """Shares of runs that both sides lose by chance."""
@@ -38,7 +39,7 @@ class Promise:
     def __str__(self) -> str:
         if self.least:
             return f"≥ {100 * self.least:g} %"
-        return f"≤ {100 * self.most:g} %" if self.most < 1 else "–"
+        return f"≤ {100 * self.most:g} %" if self.most < 1 else NOTHING
 
 
 NONE = Promise()

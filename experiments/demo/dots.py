@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.case import QUIET, WINDOW
+from flexaxis.experiments.scoring.case import QUIET, WINDOW, lag, rms
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class Scorer:
         dots = self.event()
         if len(self._quiet) >= LEAST:
             column = self._names.index(changed)
-            std = 100 * np.sqrt(np.mean(self._quiet[:, :, column] ** 2, axis=0))
+            std = 100 * rms(self._quiet[:, :, column])
             self._fault = column, size, std / self._nominal[column], list(labels)
         self._quiet = self._quiet[:0]
         return dots
@@ -111,9 +111,9 @@ class Scorer:
         assert self._fault is not None
         column, size, std, labels = self._fault
         scored = self._scored[: sample_index(WINDOW), :, column]
-        lag = PERIOD * np.abs(scored).sum(axis=0) / size
+        lags = lag(scored / size, PERIOD)
         self._fault, self._scored = None, self._scored[:0]
         return [
-            Dot(racer, labels[racer], self._names[column], float(std[racer]), float(lag[racer]))
+            Dot(racer, labels[racer], self._names[column], float(std[racer]), float(lags[racer]))
             for racer in range(len(labels))
         ]

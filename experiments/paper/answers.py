@@ -18,7 +18,7 @@ from flexaxis.estimators.registry import REGULARIZATION
 from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
 from flexaxis.experiments.paper.data import PAUSE, Data
 from flexaxis.experiments.paper.filters import COARSE, Runs, Tuning, filtered
-from flexaxis.experiments.scoring.pooling import settling
+from flexaxis.experiments.scoring.pools import settles
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.record import Record
 
@@ -242,7 +242,7 @@ def relative_error(data: Data, runs: Runs, records: Sequence[Record], name: str)
 def t63(data: Data, runs: Runs, records: Sequence[Record], name: str) -> float:
     """Return when the median run has 63 % of a fault behind it [s]; NaN for never."""
     error = relative_error(data, runs, records, name)
-    found = settling(list(error), 0.37, data.scenario.period)
+    found = settles(list(error), 0.37, data.scenario.period)
     return np.nan if found is None else found
 
 

@@ -12,7 +12,7 @@ from flexaxis.estimators.adaptation import steady_P
 from flexaxis.estimators.frequency import information, line_spectrum
 from flexaxis.experiments.paper.data import Data
 from flexaxis.experiments.paper.filters import Runs, Tuning, filtered
-from flexaxis.experiments.scoring.pooling import settling
+from flexaxis.experiments.scoring.pools import settles, spread_at_a_time
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _slow(data: Data, tuning: Tuning) -> Runs:
 def times(runs: Runs, level: float, *, start: float, period: float) -> list[float | None]:
     """Return when the median run has all but `level` of the initial error behind it [s], (p,)."""
     error = (runs.theta - 1) / (start - 1)
-    return [settling(list(error[:, :, i]), level, period) for i in range(error.shape[2])]
+    return [settles(list(error[:, :, i]), level, period) for i in range(error.shape[2])]
 
 
 def mean_P(runs: Runs) -> Array:
@@ -106,4 +106,4 @@ def spread(runs: Runs, *, period: float) -> Array:
     as k_T does under Δ of (32) would hide in the mean over a window of its own run.
     """
     end = runs.theta[:, -round(SPREAD_OVER / period) :]
-    return 100 * np.sqrt(end.var(axis=0, ddof=1).mean(axis=0))
+    return 100 * spread_at_a_time(end)

@@ -1,5 +1,5 @@
 """
-What no estimator can beat: Cramér–Rao after a jump, the theory of tracking, a posterior bound.
+What theory allows: Cramér–Rao after a jump, the theory of tracking, a posterior bound.
 
 docs/scores.md has the formulas with their sources. All of them take the gradient ψ of the predictor
 along the true parameters, and a white output noise of variance σ².
@@ -8,6 +8,7 @@ along the true parameters, and a white output noise of variance σ².
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -103,16 +104,33 @@ def lag_bound(deviation: ArrayLike, size: float, *, period: float = 0.005) -> fl
     return period * float(np.minimum(1.0, relative).sum())
 
 
+@dataclass(frozen=True)
+class JumpBound:
+    """
+    Bounds on the standard deviation of θ̂ after an event, each (n, p), from its sample on.
+
+    Attributes
+    ----------
+    unknown : ndarray (n, p)
+        For whoever takes all estimated parameters for unknown after the jump.
+    single : ndarray (n, p)
+        For whoever knows that this parameter alone has changed, and all others exactly.
+    """
+
+    unknown: Array
+    single: Array
+
+
 def jump_bound(
     scenario: Scenario, names: Sequence[str], index: int, stop: int, u: ArrayLike
-) -> Array:
+) -> JumpBound:
     """
-    Return the bound (stop−index, p) on the standard deviation of θ̂ after an event of a scenario.
+    Return the bounds on the standard deviation of θ̂ after an event of a scenario.
 
     Parameters
     ----------
     scenario : Scenario
-        Without friction or backlash, for they have no linear model.
+        Without friction or backlash, for they have no linear model, and with noise.
     names : sequence of str
         Estimated parameters.
     index, stop : int
@@ -123,11 +141,18 @@ def jump_bound(
     truth = scenario.true_parameters()
     u = np.asarray(u, float)
     x = _state(scenario, truth, u, index)
-    model = _model(scenario, truth[index]).parametrize(names)
+    model = linear_model(scenario, truth[index]).parametrize(names)
     theta = true_theta(names, truth[index])
     psi = jump_gradient(model, theta, u[index:stop], x, period=scenario.period)
-    bound = cramer_rao(psi, noise_variance(scenario), theta)
-    return np.sqrt(np.diagonal(bound, axis1=1, axis2=2))
+    # A friction that has fallen to zero gives the prior no scale; its nominal value does.
+    scale = np.where(theta == 0, true_theta(names, scenario.nominal.as_array()), theta)
+    variance = noise_variance(scenario)
+    bound = cramer_rao(psi, variance, scale)
+    alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
+    return JumpBound(
+        unknown=np.sqrt(np.diagonal(bound, axis1=1, axis2=2)),
+        single=np.sqrt(np.column_stack(alone)),
+    )
 
 
 def noise_variance(scenario: Scenario) -> float:
@@ -139,7 +164,8 @@ def noise_variance(scenario: Scenario) -> float:
     return 2 * (scenario.noise.angle**2 + step**2 / 12) / scenario.period**2
 
 
-def _model(scenario: Scenario, parameters: Array) -> Model:
+def linear_model(scenario: Scenario, parameters: Array) -> Model:
+    """Return the estimators' model of an axis with some parameters (12,), of what they read."""
     model = three_mass(dict(zip(PARAMETER_NAMES, parameters.tolist(), strict=True)))
     return increment(model, scenario.period) if scenario.output == "increment" else model
 
@@ -147,9 +173,9 @@ def _model(scenario: Scenario, parameters: Array) -> Model:
 def _state(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
     """Return the true state (n,) at a sample, through every change before it."""
     edges = [0, *(np.flatnonzero((np.diff(truth[:index], axis=0) != 0).any(axis=1)) + 1), index]
-    x = np.zeros(len(_model(scenario, truth[0]).states))
+    x = np.zeros(len(linear_model(scenario, truth[0]).states))
     for first, last in pairwise(edges):
-        model = _model(scenario, truth[first]).parametrize(["k_T"])
+        model = linear_model(scenario, truth[first]).parametrize(["k_T"])
         transition, gain, _ = sampled_system(model, model.theta, scenario.period)
         A, b = transition[model.n :, model.n :].copy(), gain[model.n :].copy()
         x = _driven(A, b, x, u[first:last])[-1]

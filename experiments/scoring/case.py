@@ -1,21 +1,21 @@
 """Scores of one case: one estimator on one record against the true parameters.
 
-A case gives one `Row` per estimated parameter. Errors θ̃ = θ̂ − θ_true are in per cent of nominal
-before and beside a fault, and after it in units of the size D = |θ_after − θ_before| of the
-fault. docs/scores.md has the definitions in words.
+Errors θ̃ = θ̂ − θ_true are in per cent of nominal before and beside a fault, and after it in units of
+the size D = |θ_after − θ_before| of the fault. docs/scores.md has the definitions in words.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.theta import physical, started_nominal, true_theta
+from flexaxis.experiments.theta import physical, started_theta, true_theta
 from flexaxis.sim.events import Event
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 WINDOW = 5.0  # s scored after a fault, unless another event comes first
 QUIET = 5.0  # s of excitation before the first onset in which std and bias are taken
 QUIET_WITHOUT_FAULT = 10.0  # s at the end, where there is no fault
+AFTER = 2.0  # s at the end of a window in which the std after the fault is taken
 AT_BOUND = 1.0  # s at a bound that make a run diverged
+BOX = (0.1, 10.0)  # over nominal: where an estimate has to stay, by which everybody is judged
+EDGE = 1e-6  # of nominal: nearer to the edge of the box is on it
 
 
 @dataclass(frozen=True)
@@ -39,46 +42,145 @@ class Window:
     size: float
 
 
-@dataclass(frozen=True)
-class Row:
-    """Scores of one parameter in one case; None is "not defined here"."""
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One estimator on one record, as it is scored.
 
-    parameter: str
-    changed: bool
-    lag: float | None
-    t10: float | None
-    std: float | None
-    bias: float | None
-    cross_talk: float | None
-    diverged: bool
-    never_settled: bool | None
+    Attributes
+    ----------
+    scenario : Scenario
+        What was run.
+    names : tuple of str
+        Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
+    theta : ndarray (N, p)
+        Estimates θ[k], made from y[0..k].
+    true_parameters : ndarray (N, 12)
+        True physical parameters.
+    torque : ndarray (N,), optional
+        Of the record; the bounds need it.
+    claimed : ndarray (p, p), optional
+        Covariance that the estimator claims at the last sample before the first fault.
+    findings : sequence, optional
+        Each with ``alarm`` (sample) and ``parameters`` (names).
+    memo : dict
+        What several scores are made of, computed once.
+    """
+
+    scenario: Scenario
+    names: tuple[str, ...]
+    theta: Array
+    true_parameters: Array
+    torque: Array | None = None
+    claimed: Any = None
+    findings: Sequence[Any] | None = None
+    memo: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def truth(self) -> Array:
+        """True θ (N, p)."""
+        return true_theta(self.names, self.true_parameters)
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Nominal θ (p,)."""
+        return true_theta(self.names, self.scenario.nominal.as_array())
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Lower and upper edge, each (p,), between which an estimate has to stay."""
+        return box(self.nominal, self.truth)
+
+    @cached_property
+    def lost(self) -> int | None:
+        """First sample from which the run is lost, None for a run that is not."""
+        return loss(self.theta, self.box, self.scenario.period)
+
+    @cached_property
+    def error(self) -> Array:
+        """θ̃ (N, p) as scored: from the loss of a run on as if θ̂ sat at the farther edge.
+
+        No error counts for more than that, so that nobody gains by losing a run.
+        """
+        lower, upper = self.box
+        below, above = self.truth - lower, upper - self.truth
+        farthest = np.where(above >= below, above, -below)
+        with np.errstate(invalid="ignore"):
+            error = np.clip(self.theta - self.truth, -abs(farthest), abs(farthest))
+        if self.lost is not None:
+            error[self.lost :] = farthest[self.lost :]
+        return error
+
+    @cached_property
+    def percent(self) -> Array:
+        """θ̃ (N, p) in per cent of nominal."""
+        return 100 * self.error / abs(self.nominal)
+
+    @cached_property
+    def windows(self) -> list[Window]:
+        """The scored windows, in the order of time."""
+        return windows(self.scenario, self.names)
+
+    @cached_property
+    def quiet(self) -> NDArray[np.intp]:
+        """The samples of std and bias."""
+        return quiet(self.scenario)
+
+    @property
+    def lost_before(self) -> bool:
+        """Whether the run was lost before std and bias had been taken."""
+        return self.lost is not None and bool((self.quiet >= self.lost).any())
+
+    def mine(self, i: int) -> list[Window]:
+        """Return the windows of one estimated parameter."""
+        return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
+
+    def relative(self, i: int) -> list[Array]:
+        """Return θ̃/D in each window of one estimated parameter."""
+        return [self.error[w.start : w.stop, i] / w.size for w in self.mine(i)]
+
+    def ends(self, i: int) -> Array:
+        """Return θ̃ in % in the last 2 s of the windows of one parameter that are longer."""
+        length = round(AFTER / self.scenario.period)
+        parts = [
+            self.percent[w.stop - length : w.stop, i]
+            for w in self.mine(i)
+            if w.stop - w.start > length
+        ]
+        return np.concatenate(parts) if parts else np.empty(0)
 
 
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     """Return the scored window of each event, in the order of time.
 
     The clock starts with the fault, or where nothing is excited then (a pause) when the
-    excitation returns; it stops after 5 s, at the next event, or with the record. An event of a
-    parameter that is not estimated has a window too, of size NaN: the others must stay put in it.
+    excitation returns; it stops after 5 s, at the next event, or with the record. What changes in
+    one pause is met together when it ends: each parameter has one window then, of the size of its
+    change in all. An event of a parameter that is not estimated has a window too, of size NaN:
+    the others must stay put in it.
     """
-    excited = scenario.excited()
-    events = scenario.events()
+    starts = [(_clock(scenario, event), event) for event in scenario.events()]
     found = []
-    for event in events:
-        moving = np.flatnonzero(excited[event.index :])
-        start = event.index + (int(moving[0]) if moving.size else 0)
+    for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
+        mine = [e for s, e in starts if (s, e.parameter) == (start, name)]
+        size = _size(mine[0].before, mine[-1].after, name, names)
         # Several parameters that change in the same sample are one event in time.
-        later = [e.index for e in events if e.index > event.index]
+        later = [other for other, _ in starts if other > start]
         stop = min(start + round(WINDOW / scenario.period), *later, scenario.samples)
-        found.append(Window(event.parameter, start, max(stop, start), _size(event, names)))
+        if size != 0 and stop > start:
+            found.append(Window(name, start, stop, size))
     return found
 
 
-def _size(event: Event, names: Sequence[str]) -> float:
+def _clock(scenario: Scenario, event: Event) -> int:
+    moving = np.flatnonzero(scenario.excited()[event.index :])
+    return event.index + (int(moving[0]) if moving.size else 0)
+
+
+def _size(before: float, after: float, changed: str, names: Sequence[str]) -> float:
     for name in names:
         parameter, exponent = physical(name)
-        if parameter == event.parameter:
-            return abs(event.after**exponent - event.before**exponent)
+        if parameter == changed:
+            return abs(after**exponent - before**exponent)
     return np.nan
 
 
@@ -98,107 +200,68 @@ def quiet(scenario: Scenario) -> NDArray[np.intp]:
     return usable[usable >= burnt][-round(QUIET / scenario.period) :]
 
 
-def score(
-    scenario: Scenario,
-    names: Sequence[str],
-    theta: Array,
-    true_parameters: Array,
-    bounds: tuple[Array, Array] | None = None,
-) -> list[Row]:
-    """Score a run of estimates against the truth.
+def box(nominal: Array, truth: Array) -> tuple[Array, Array]:
+    """Return the edges, each (p,), that no estimate may sit on: .1 and 10 × nominal.
 
-    Parameters
-    ----------
-    scenario : Scenario
-        What was run.
-    names : sequence of str
-        Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
-    theta : ndarray (N, p)
-        Estimates θ[k], made from y[0..k].
-    true_parameters : ndarray (N, 12)
-        True physical parameters.
-    bounds : (lower, upper), each ndarray (p,), optional
-        Box of the estimator; more than 1 s on its edge is counted as diverged.
-
-    Returns
-    -------
-    list of Row
-        One for each parameter, in the order of `names`.
+    The same for every estimator, whatever bounds of its own it has. Where the truth itself (N, p)
+    leaves the box, it is widened by as much again, so that the truth lies well inside.
     """
-    nominal = true_theta(names, scenario.nominal.as_array())
-    error = theta - true_theta(names, true_parameters)
-    lost = diverged(theta, bounds, scenario.period)
-    at_rest = quiet(scenario)
-    spans = windows(scenario, names)
-    rows = []
-    for i, name in enumerate(names):
-        mine = [w for w in spans if w.parameter == physical(name)[0]]
-        others = [w for w in spans if w not in mine]
-        percent = 100 * error[:, i] / abs(nominal[i])
-        tracked = [_track(error[w.start : w.stop, i] / w.size, scenario.period) for w in mine]
-        times = [t10 for _, t10 in tracked]
-        rows.append(
-            Row(
-                parameter=name,
-                changed=bool(mine),
-                lag=_mean([lag for lag, _ in tracked]),
-                t10=None if None in times else _mean(times),
-                std=_rms(percent[at_rest]),
-                bias=finite(percent[at_rest].mean()) if at_rest.size else None,
-                cross_talk=None
-                if mine
-                else _rms(np.concatenate([percent[w.start : w.stop] for w in others] or [[]])),
-                diverged=lost,
-                never_settled=None in times if mine else None,
-            )
-        )
-    return rows
+    lower, upper = np.sort(np.outer(BOX, nominal), axis=0)
+    low, high, room = truth.min(axis=0), truth.max(axis=0), abs(nominal)
+    lower = np.where(low <= lower, low - room, lower)
+    return lower, np.where(high >= upper, high + room * BOX[1], upper)
 
 
-def _track(relative: Array, period: float) -> tuple[float | None, float | None]:
-    """Return lag and t10 [s] of θ̃/D in one window; t10 is None if it ends outside ±10 %."""
-    lag = finite(period * np.abs(relative).sum())
-    outside = np.flatnonzero(~(np.abs(relative) <= 0.1))  # a NaN is outside
-    settled = 0 if not outside.size else int(outside[-1]) + 1
-    return lag, None if settled == len(relative) else settled * period
+def loss(theta: Array, edges: tuple[Array, Array], period: float) -> int | None:
+    """Return the first sample (of N) from which a run (N, p) is lost, or None.
 
-
-def diverged(theta: Array, bounds: tuple[Array, Array] | None, period: float) -> bool:
-    """Whether a run is lost: an estimate not finite, or at a bound for more than 1 s."""
-    if not np.isfinite(theta).all():
-        return True
-    if bounds is None:
-        return False
-    lower, upper = bounds
-    on_edge = (theta <= lower) | (theta >= upper)
+    Lost is an estimate that is not finite, or that stays at or beyond an edge of the box for more
+    than 1 s; then it is lost from the first of these samples on.
+    """
+    lower, upper = edges
+    room = EDGE * np.minimum(abs(lower), abs(upper))
+    with np.errstate(invalid="ignore"):
+        outside = (theta <= lower + room) | (theta >= upper - room)
+    bad = np.flatnonzero(~np.isfinite(theta).all(axis=1))
+    found = [int(bad[0])] if bad.size else []
     longest = round(AT_BOUND / period)
-    if len(theta) <= longest:
-        return False
-    run = np.cumsum(np.vstack([np.zeros((1, theta.shape[1]), int), on_edge]), axis=0)
-    return bool(((run[longest + 1 :] - run[: -longest - 1]) == longest + 1).any())
+    if len(theta) > longest:
+        count = np.cumsum(np.vstack([np.zeros((1, theta.shape[1]), int), outside]), axis=0)
+        stretches = (count[longest + 1 :] - count[: -longest - 1] == longest + 1).any(axis=1)
+        found += np.flatnonzero(stretches)[:1].tolist()
+    return min(found, default=None)
 
 
-def relative_error(
-    scenario: Scenario, names: Sequence[str], theta: Array, true_parameters: Array
-) -> dict[str, Array]:
+def lag(relative: Array, period: float) -> Any:
+    """Return the lag [s] of θ̃/D (n, …) along its first axis: T Σ |θ̃|/D."""
+    return period * np.abs(relative).sum(axis=0)
+
+
+def settling(relative: Array, level: float, period: float) -> float | None:
+    """Return when θ̃/D (n,) comes within ±level for good [s], or None if it never does."""
+    outside = np.flatnonzero(~(np.abs(relative) <= level))  # a NaN is outside
+    settled = 0 if not outside.size else int(outside[-1]) + 1
+    return None if settled == len(relative) else settled * period
+
+
+def rms(values: Array) -> Any:
+    """Return the root mean square along the first axis."""
+    return np.sqrt(np.mean(np.square(values), axis=0))
+
+
+def relative_error(track: Track) -> dict[str, Array]:
     """Return θ̃/D (n,), signed, in the first window of each changed parameter.
 
     Without a fault, and started off the truth, it is θ̃ over the initial error from the first
     sample to the last: the convergence of the estimates.
     """
-    error = theta - true_theta(names, true_parameters)
-    columns = {physical(name)[0]: i for i, name in enumerate(names)}
-    spans = [w for w in windows(scenario, names) if w.parameter in columns]
+    scenario, names = track.scenario, track.names
     if not scenario.events() and scenario.start != 1.0:
-        truth = true_theta(names, scenario.nominal.as_array())
-        told = started_nominal(scenario)
-        start = true_theta(names, np.array([told[name] for name in PARAMETER_NAMES]))
-        moved = [i for i in range(len(names)) if start[i] != truth[i]]
-        return {names[i]: error[:, i] / abs(start[i] - truth[i]) for i in moved}
-    first = {w.parameter: w for w in reversed(spans)}
-    return {
-        names[columns[p]]: error[w.start : w.stop, columns[p]] / w.size for p, w in first.items()
-    }
+        start = started_theta(scenario, names)
+        moved = [i for i in range(len(names)) if start[i] != track.nominal[i]]
+        return {names[i]: track.error[:, i] / abs(start[i] - track.nominal[i]) for i in moved}
+    first = {names[i]: track.relative(i)[:1] for i in range(len(names))}
+    return {name: errors[0] for name, errors in first.items() if errors}
 
 
 def finite(value: float) -> float | None:
@@ -206,11 +269,56 @@ def finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
-    if not values or None in values:
+# What follows are the scores themselves: of a track and the index of an estimated parameter.
+
+
+def lag_of(track: Track, i: int) -> float | None:
+    """Return the mean lag [s] over the windows."""
+    lags = [lag(part, track.scenario.period) for part in track.relative(i)]
+    return finite(float(np.mean(lags))) if lags else None
+
+
+def t10_of(track: Track, i: int) -> float | None:
+    """Return when θ̃ comes within ±.1 D for good [s], the mean over the windows; lost runs never."""
+    times = [settling(part, 0.1, track.scenario.period) for part in track.relative(i)]
+    if track.lost is not None or not times or None in times:
         return None
-    return float(np.mean(values))  # type: ignore[arg-type]
+    return float(np.mean(times))  # type: ignore[arg-type]
 
 
-def _rms(values: Array) -> float | None:
-    return finite(np.sqrt(np.mean(np.square(values)))) if len(values) else None
+def never_settled_of(track: Track, i: int) -> bool | None:
+    """Return whether θ̃ is outside ±.1 D at the end of a window."""
+    parts = track.relative(i)
+    return any(settling(p, 0.1, track.scenario.period) is None for p in parts) if parts else None
+
+
+def std_of(track: Track, i: int) -> float | None:
+    """Return the rms of θ̃ about zero before the fault [% of nominal]."""
+    return finite(rms(track.percent[track.quiet, i])) if track.quiet.size else None
+
+
+def bias_of(track: Track, i: int) -> float | None:
+    """Return the mean of θ̃ before the fault [% of nominal]."""
+    return finite(track.percent[track.quiet, i].mean()) if track.quiet.size else None
+
+
+def std_after_of(track: Track, i: int) -> float | None:
+    """Return the rms of θ̃ in the last 2 s of the windows [% of nominal]."""
+    return finite(rms(ends)) if (ends := track.ends(i)).size else None
+
+
+def bias_after_of(track: Track, i: int) -> float | None:
+    """Return the mean of θ̃ in the last 2 s of the windows [% of nominal]."""
+    return finite(ends.mean()) if (ends := track.ends(i)).size else None
+
+
+def cross_talk_of(track: Track, i: int) -> float | None:
+    """Return the rms of θ̃ in the windows of others [% of nominal], where it did not change."""
+    spans = [track.percent[w.start : w.stop, i] for w in track.windows]
+    return finite(rms(np.concatenate(spans))) if spans and not track.mine(i) else None
+
+
+def lost_at_of(track: Track, i: int) -> float | None:
+    """Return when the run was lost [s]."""
+    del i
+    return None if track.lost is None else track.lost * track.scenario.period

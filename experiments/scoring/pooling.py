@@ -1,28 +1,92 @@
-"""Pool the scores of all seeds into one row per scenario, estimator and parameter.
-
-Lost runs are counted beside the scores, never averaged into them.
-"""
+"""Pool the scores of all seeds into one row per scenario, estimator and parameter."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.harness import CURVE_STEP, Case
-from flexaxis.experiments.scoring.case import finite
-from flexaxis.experiments.scoring.theory import RMSE_AT
+from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring.case import Track, finite, relative_error
+from flexaxis.experiments.scoring.table import SCORES, rows
+from flexaxis.experiments.scoring.theory import RMSE_AT, information
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
 BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
-MANY = 5000  # values from which on no resampling is needed for the interval of their mean
+CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is kept of one estimator on one record.
+
+    Attributes
+    ----------
+    scenario, estimator : str
+    seed : int
+    names : tuple of str
+        Estimated parameters.
+    rows : list of dict
+        Scores, one row for each parameter, as they stand in scores.jsonl.
+    curve : ndarray (M, p)
+        Every tenth estimate over its nominal value.
+    relative : dict of str to ndarray (n,)
+        θ̃/D in the first scored window of each changed parameter.
+    theta : ndarray (N, p) or None
+        All estimates, where they were asked for.
+    """
+
+    scenario: str
+    estimator: str
+    seed: int
+    names: tuple[str, ...]
+    rows: list[dict[str, Any]]
+    curve: NDArray[np.float32]
+    relative: dict[str, NDArray[np.float32]]
+    theta: NDArray[np.float64] | None = None
+
+
+def scored(
+    track: Track,
+    *,
+    estimator: str,
+    seed: int,
+    identity: Mapping[str, Any],
+    cost: Mapping[str, Any],
+    whole: bool = False,
+) -> Case:
+    """Return the case of a track: its rows, and what its figures are made of.
+
+    Parameters
+    ----------
+    track : Track
+    estimator : str
+        As typed.
+    seed : int
+    identity, cost : mapping
+        What stands in each row before and after the scores.
+    whole : bool
+        Whether to keep all estimates.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
+        relative = relative_error(track)
+        return Case(
+            scenario=track.scenario.name,
+            estimator=estimator,
+            seed=seed,
+            names=track.names,
+            rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
+            curve=(track.theta[::CURVE_STEP] / track.nominal).astype(np.float32),
+            relative={name: error.astype(np.float32) for name, error in relative.items()},
+            theta=track.theta if whole else None,
+        )
 
 
 @dataclass(frozen=True)
@@ -51,31 +115,47 @@ def pool(
     Returns
     -------
     rows : list of dict
-        `lag`, `std` and `bias` are means over the runs that are not lost, with 95 % bootstrap
-        intervals in `lag_interval` and `std_interval`; `t10` is the median with never settled
-        runs counted as infinite; `t63` and `t90` are those of the median run; `rmse` maps
-        samples after onset to the root mean square of θ̃/D; `diverged` and `never_settled` count.
+        The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
+        `t63` and `t90` are those of the median run; `rmse` maps samples after onset to the root
+        mean square of θ̃/D, `efficiency` the same over the bound; `cost` is the median.
     curves : list of Curve
     """
     groups: dict[tuple[str, str], list[Case]] = defaultdict(list)
     for case in cases:
-        groups[case.scenario, case.estimator].append(case)
-    by_name = {scenario.name: scenario for scenario in scenarios}
-    rows: list[dict[str, Any]] = []
+        groups[case.rows[0]["hash"], case.estimator].append(case)
+    by_hash = {scenario.hash: scenario for scenario in scenarios}
+    pooled: list[dict[str, Any]] = []
     curves = []
-    for (name, _), group in groups.items():
-        columns = range(len(group[0].names))
-        with np.errstate(over="ignore", invalid="ignore"):  # runs that are all but lost
-            rows += [_pooled(group, i, by_name[name].period) for i in columns]
-        curves.append(_curve(group, by_name[name]))
-    return rows, curves
+    for (key, _), group in groups.items():
+        pooled += pool_group(group, by_hash[key])
+        curves.append(_curve(group, by_hash[key]))
+    return pooled, curves
 
 
-def _pooled(group: list[Case], i: int, period: float) -> dict[str, Any]:
-    rows = [case.rows[i] for case in group]
-    alive = [case.relative for case in group if not case.rows[i]["diverged"]]
-    name = rows[0]["parameter"]
-    return pool_rows(rows, [errors[name] for errors in alive if name in errors], period=period)
+def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
+    """Return the pooled rows of one estimator on one scenario, one for each parameter."""
+    found = []
+    for i, name in enumerate(group[0].names):
+        errors = [case.relative[name] for case in group if name in case.relative]
+        found.append(pool_rows([c.rows[i] for c in group], errors, period=scenario.period))
+    share = _systematic(found, scenario)
+    for row in found:
+        if row["excess"] is not None:
+            row["excess"] = max(0.0, row["excess"] - share)
+    return found
+
+
+def _systematic(pooled: Sequence[Mapping[str, Any]], scenario: Scenario) -> float:
+    """Return b̄ᵀMb̄ of the pooled biases b̄: what of the excess is no scatter.
+
+    None of it is taken off where runs were lost: their bias is not that of the others.
+    """
+    M = information(scenario) if pooled[0]["excess"] is not None else None
+    if M is None or pooled[0]["diverged"]:
+        return 0.0
+    bias = {row["parameter"]: row["bias"] or 0.0 for row in pooled}
+    b = np.array([bias.get(name, 0.0) for name in scenario.identify])
+    return float(b @ M @ b)
 
 
 def pool_rows(
@@ -88,141 +168,28 @@ def pool_rows(
     rows : sequence of dict
         As in scores.jsonl.
     relative : sequence of ndarray
-        θ̃/D of the runs that are not lost; `t63`, `t90`, `rmse` and `efficiency` are made of it.
+        θ̃/D of the runs; `t63`, `t90`, `rmse` and `efficiency` are made of it.
     period : float
         Sampling period [s].
     """
-    kept = [row for row in rows if not row["diverged"]]
     first = rows[0]
-    scores = [row["score"] for row in kept if row.get("score") is not None]
-    lags = [row["lag"] for row in kept if row["lag"] is not None]
-    return {
-        "scenario": first["scenario"],
-        "hash": first["hash"],
-        "estimator": first["estimator"],
-        "parameter": first["parameter"],
-        "changed": first["changed"],
-        "seeds": len(rows),
-        "lag": finite(np.mean(lags)) if lags else None,
-        "lag_interval": interval(lags),
-        "t10": _median_time([row["t10"] for row in kept]) if first["changed"] else None,
-        "t63": settling(relative, 0.37, period),
-        "t90": settling(relative, 0.10, period),
-        "std": _spread(kept),
-        "std_interval": _std_interval(kept),
-        "bias": _mean(kept, "bias"),
-        "cross_talk": _root_mean_square(kept, "cross_talk"),
-        "rmse": (errors := rmse(relative)),
-        "efficiency": efficiency(errors, kept),
-        "score": finite(np.mean(scores)) if scores else None,
-        "score_interval": interval(scores),
-        "nees": _mean(kept, "nees"),
-        "nees_interval": interval(_values(kept, "nees").tolist()),
-        "detection": detection(kept),
-        "diverged": sum(row["diverged"] for row in rows),
-        "never_settled": sum(bool(row["never_settled"]) for row in rows),
-        "cost": {"us_per_sample": float(np.median([r["cost"]["us_per_sample"] for r in rows]))},
+    identity = ("scenario", "hash", "estimator", "parameter", "changed")
+    found: dict[str, Any] = {key: first[key] for key in identity} | {"seeds": len(rows)}
+    with np.errstate(over="ignore", invalid="ignore"):
+        for score in SCORES.values():
+            if score.pool is not None:
+                found |= score.pool(rows, score.name)
+        errors = pools.rmse(relative, RMSE_AT)
+    return found | {
+        "t63": pools.settles(relative, 0.37, period),
+        "t90": pools.settles(relative, 0.10, period),
+        "rmse": errors,
+        "efficiency": pools.efficiency(errors, rows),
+        "cost": {"us_per_sample": finite(np.median([r["cost"]["us_per_sample"] for r in rows]))},
     }
 
 
-def interval(values: Sequence[float], statistic: Any = np.mean) -> list[float] | None:
-    """Return the 95 % bootstrap interval over seeds, or None for fewer than two of them.
-
-    The resampling is seeded, so that the same scores give the same interval. The mean of very many
-    values is normal: there resampling would only take time.
-    """
-    from scipy.stats import bootstrap
-
-    if len(values) < 2 or not np.isfinite(values).all():
-        return None
-    if len(values) > MANY and statistic is np.mean:
-        half = 1.96 * np.std(values, ddof=1) / np.sqrt(len(values))
-        return [float(np.mean(values) - half), float(np.mean(values) + half)]
-    if np.ptp(values) == 0:  # a bootstrap of equal values is that value
-        return [float(values[0])] * 2
-    found = bootstrap(
-        (np.asarray(values),),
-        statistic,
-        n_resamples=2000,
-        method="percentile",
-        rng=np.random.default_rng(0),
-    ).confidence_interval
-    return [float(found.low), float(found.high)]
-
-
-def settling(relative: Sequence[NDArray[np.float32]], level: float, period: float) -> float | None:
-    """Return when the median run comes inside ±level of θ̃/D and stays [s], or None."""
-    if not relative:
-        return None
-    middle = np.abs(np.median(np.stack(relative).astype(float), axis=0))
-    outside = np.flatnonzero(~(middle <= level))
-    settled = 0 if not outside.size else int(outside[-1]) + 1
-    return None if settled == len(middle) else settled * period
-
-
-def rmse(relative: Sequence[NDArray[np.float32]]) -> dict[str, float]:
-    """Return the root mean square of θ̃/D over the runs, n samples after onset, by n."""
-    if not relative:
-        return {}
-    runs = np.stack(relative).astype(float)
-    return {str(n): float(np.sqrt(np.mean(runs[:, n] ** 2))) for n in RMSE_AT if n < runs.shape[1]}
-
-
-def efficiency(errors: dict[str, float], rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Return rmse over the oracle Cramér–Rao bound, n samples after onset; 1 is perfect."""
-    limits = [row["bound"] for row in rows if row.get("bound")]
-    return {
-        n: value / float(np.sqrt(np.mean([limit[n] ** 2 for limit in limits])))
-        for n, value in errors.items()
-        if limits and n in limits[0]
-    }
-
-
-def detection(rows: list[dict[str, Any]]) -> dict[str, float | None] | None:
-    """Return alarms and false alarms a run, missed faults a run, mean delay [s], share isolated."""
-    found = [row["detection"] for row in rows if row.get("detection")]
-    return {key: _mean(found, key) for key in found[0]} if found else None
-
-
-def _median_time(times: Sequence[float | None]) -> float | None:
-    if not times:
-        return None
-    middle = float(np.median([np.inf if time is None else time for time in times]))
-    return middle if np.isfinite(middle) else None
-
-
-def _values(rows: list[dict[str, Any]], key: str) -> Array:
-    return np.array([row[key] for row in rows if row.get(key) is not None], float)
-
-
-def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
-    values = _values(rows, key)
-    return finite(values.mean()) if values.size else None
-
-
-def _root_mean_square(rows: list[dict[str, Any]], key: str) -> float | None:
-    values = _values(rows, key)
-    return finite(np.sqrt(np.mean(values**2))) if values.size else None
-
-
-def _spread(rows: list[dict[str, Any]]) -> float | None:
-    """Return √(mean std² − mean bias²): a row's std is about zero, the spread is not."""
-    std, bias = _values(rows, "std"), _values(rows, "bias")
-    if not std.size:
-        return None
-    square, constant = np.mean(std**2), np.mean(bias**2)
-    if np.isclose(square, constant, rtol=1e-12, atol=0.0):  # a difference of rounding errors
-        return 0.0
-    return finite(np.sqrt(np.maximum(0.0, square - constant)))
-
-
-def _std_interval(rows: list[dict[str, Any]]) -> list[float] | None:
-    std, bias = _values(rows, "std"), _values(rows, "bias")
-    within = interval(np.maximum(0.0, std**2 - bias**2).tolist())
-    return None if within is None else [float(np.sqrt(end)) for end in within]
-
-
-def _curve(group: list[Case], scenario: Scenario) -> Curve:
+def _curve(group: Sequence[Case], scenario: Scenario) -> Curve:
     names = group[0].names
     nominal = true_theta(names, scenario.nominal.as_array())
     truth = true_theta(names, scenario.true_parameters()) / nominal

@@ -1,214 +1,241 @@
-"""What a report says first: who is fastest at equal variance, who leads, and what mismatch does."""
+"""Who is faster, quieter, ahead, and who cannot be told apart: from paired runs, in words."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.experiments.tradeoff import REFERENCE
-from flexaxis.sim.scenario import Scenario
+from flexaxis.experiments.scoring.intervals import LEAST, mean_interval
+from flexaxis.experiments.scoring.matching import MATCHED, NOISIER, QUIETER
+from flexaxis.experiments.scoring.statistics import Paired, holm_levels, sign_p
 
 Row = Mapping[str, Any]
+Array = NDArray[np.float64]
 
-UNEQUAL = 1.5  # ratio of deviations that is worth a word
+REFERENCE = "rpem-forgetting"
 CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
+LEVEL = 0.05  # chance that the best is wrongly told apart from any of those that are as good
 
 
-@dataclass(frozen=True)
-class Standing:
-    """Where an estimator stands.
-
-    Attributes
-    ----------
-    estimator : str
-    score : float
-        Mean over the scenarios in which a score is defined for all estimators.
-    half_width : float or None
-        Of its 95 % interval over seeds.
-    scenarios : int
-        How many these are.
-    diverged, never_settled : int
-        Runs, in all scenarios.
-    false_alarms : float or None
-        A run, in all scenarios; None for an estimator that gives no alarms.
-    """
-
-    estimator: str
-    score: float
-    half_width: float | None
-    scenarios: int
-    diverged: int
-    never_settled: int
-    false_alarms: float | None
+def difference(first: Sequence[float], second: Sequence[float]) -> Paired:
+    """Return the paired difference first − second of two scores, seed by seed."""
+    d = np.subtract(first, second)
+    spread = float(d.std(ddof=1)) if len(d) > 1 and np.ptp(d) > 1e-12 else 0.0
+    return Paired(len(d), float(d.mean()), spread)
 
 
-@dataclass(frozen=True)
-class Matrix:
-    """Scenarios down, estimators across; a cell is the pooled row on the parameter that changed."""
+def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> list[str]:
+    """Return the best and all that cannot be told apart from it.
 
-    scenarios: tuple[str, ...]
-    estimators: tuple[str, ...]
-    cells: Mapping[tuple[str, str], Row]
-
-
-def answers(matched: Sequence[Row], words: Mapping[str, str]) -> list[str]:
-    """Return for each scenario who follows the fault fastest at equal variance.
+    Each is compared with the best on common seeds, and the level of each comparison is Holm's.
+    With fewer than five seeds nobody can be told apart.
 
     Parameters
     ----------
-    matched : sequence of mapping
-        As from `flexaxis.experiments.tradeoff.matched`.
+    values : mapping of str to sequence of float (n,)
+        A score by name, seed by seed; less is better.
+    most : bool
+        Whether more is better.
+
+    Returns
+    -------
+    list of str
+        The best first.
+    """
+    order = sorted(values, key=lambda name: np.mean(values[name]) * (-1 if most else 1))
+    if not order:
+        return []
+    best, others = order[0], order[1:]
+    if len(values[best]) < LEAST:
+        return order
+    p = [difference(values[name], values[best]).p for name in others]
+    levels = holm_levels(p, LEVEL)
+    return [best, *(n for n, each, level in zip(others, p, levels, strict=True) if each > level)]
+
+
+def worse(first: Row, second: Row) -> list[str]:
+    """Return in words what of the first is worse than of the second, the lag aside.
+
+    That is the standard deviation after the fault, and the number of false alarms: an estimator
+    that is frozen before a fault and jumps at it is quiet only where it is measured.
+    """
+    found = []
+    one, other = (row["values"].get("std_after") for row in (first, second))
+    if one is not None and other is not None and len(one) >= LEAST:
+        apart = difference(one, other)
+        if apart.mean > 0 and apart.p < LEVEL:
+            found.append(f"is {np.exp(apart.mean):.2g} times as noisy after the fault")
+    alarms = [np.asarray(row["values"].get("false_alarms") or [0]) for row in (first, second)]
+    more, less = int(np.sum(alarms[0] > alarms[1])), int(np.sum(alarms[0] < alarms[1]))
+    if more > less and sign_p(more, less) < LEVEL:
+        found.append(f"raises {first['false_alarms_per_1000_s']:.2g} false alarms in 1000 s")
+    return found
+
+
+def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
+    """Return the rows of a sweep with `leads`: whether a row is among the best of its fault.
+
+    Controls do not compete, nor does who is noisier than the reference at every setting.
+    """
+    rows = list(rows)
+    ahead: dict[tuple[str, str], list[str]] = {}
+    for fault in dict.fromkeys((row["scenario"], row["parameter"]) for row in rows):
+        mine = [row for row in rows if (row["scenario"], row["parameter"]) == fault]
+        ahead[fault] = leaders({row["estimator"]: row["values"]["lag"] for row in _compete(mine)})
+    return [
+        dict(row) | {"leads": row["estimator"] in ahead[row["scenario"], row["parameter"]]}
+        for row in rows
+    ]
+
+
+def _compete(rows: Sequence[Row]) -> list[Row]:
+    return [
+        row
+        for row in rows
+        if row["estimator"] not in CONTROLS and row["how"] != NOISIER and row["values"].get("lag")
+    ]
+
+
+def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Return one number an estimator over all faults: its mean score at equal excess error.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of a sweep, matched on the excess error: one for each fault and estimator.
+
+    Returns
+    -------
+    list of dict
+        ``estimator, score, score_interval, how, faults, leads``, the best first. The set of faults
+        is the same for all, those for which a bound is defined; whoever has no score at one has 0
+        there. `how` is "quieter" or "noisier" where that is all that can be said at some of them
+        (the score is then at least, or at most, so much), "mixed" where both occur.
+    """
+    faults = list(dict.fromkeys((r["scenario"], r["parameter"]) for r in rows if r["bound"]))
+    if not faults:
+        return []
+    found: dict[str, dict[str, Any]] = {}
+    for estimator in dict.fromkeys(row["estimator"] for row in rows):
+        mine = {(r["scenario"], r["parameter"]): r for r in rows if r["estimator"] == estimator}
+        each = [mine[f]["values"].get("score") if f in mine else None for f in faults]
+        n = min((len(values) for values in each if values), default=0)
+        total = np.mean([values[:n] if values else np.zeros(n) for values in each], axis=0)
+        how = {mine[f]["how"] for f in faults if f in mine} - {MATCHED}
+        found[estimator] = {
+            "estimator": estimator,
+            "score": float(total.mean()) if n else 0.0,
+            "score_interval": mean_interval(total),
+            "how": MATCHED if not how else how.pop() if len(how) == 1 else "mixed",
+            "faults": len(faults),
+            "values": total.tolist(),
+        }
+    able = {name: entry["values"] for name, entry in found.items() if _ranked(entry)}
+    ahead = leaders(able, most=True)
+    order = sorted(found.values(), key=lambda entry: -entry["score"])
+    return [entry | {"leads": entry["estimator"] in ahead} for entry in order]
+
+
+def _ranked(entry: Row) -> bool:
+    return entry["estimator"] not in CONTROLS and entry["how"] in (MATCHED, QUIETER)
+
+
+def answers(rows: Sequence[Row], words: Mapping[str, str]) -> list[str]:
+    """Return for each fault who follows it fastest at equal noise, a sentence each.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        As from `mark`.
     words : mapping of str to str
         What each fault is, by scenario.
     """
     found = []
-    for scenario in dict.fromkeys(row["scenario"] for row in matched):
-        mine = [row for row in matched if row["scenario"] == scenario and row["lag"] is not None]
-        order = [row for row in mine if row["estimator"] not in CONTROLS]
-        order.sort(key=lambda row: row["lag"])
+    for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in rows):
+        mine = [r for r in rows if (r["scenario"], r["parameter"]) == (scenario, parameter)]
+        order = sorted(_compete(mine), key=lambda row: row["lag"])
         if len(order) > 1:
-            found.append(_answer(order, f"{scenario} ({words[scenario]})"))
+            what = f"{scenario} ({words[scenario]})"
+            found.append(f"{what}: {_answer(order, parameter)}{_one_sided(mine)}")
     return found
 
 
-def _answer(order: list[Row], fault: str) -> str:
-    """Return a sentence on the estimators of one scenario, the fastest first."""
-    first, second = order[:2]
-    text = f"{fault}: {first['estimator']} follows {first['parameter']} fastest, {_lag(first)}"
-    if _apart(first, second):
-        text += f"; next comes {second['estimator']}, {_lag(second)}"
-    else:
-        text += f"; these seeds cannot tell it from {second['estimator']}, {_lag(second)}"
-    for row in order[2:]:
+def _answer(order: list[Row], parameter: str) -> str:
+    first = order[0]
+    tied = [row for row in order[1:] if row["leads"]]
+    rest = [row for row in order[1:] if not row["leads"]]
+    text = f"shortest lag of {parameter}: {_lag(first)}"
+    if tied:
+        text += f"; these seeds cannot tell it from {', '.join(map(_lag, tied))}"
+    if rest:
+        text += f"; next comes {_lag(rest[0])}"
+        faults = worse(first, rest[0])
+        if faults:
+            text += f", but {first['estimator']} {' and '.join(faults)}, so not simply better"
+    for row in rest[1:]:
         if row["estimator"] == REFERENCE:
-            text += f"; the paper's method, {REFERENCE}, {_lag(row)}"
+            text += f"; the paper's method, {_lag(row)}"
     return text + "."
 
 
 def _lag(row: Row) -> str:
-    text = f"lag {row['lag']:.2g} s"
-    if row["over_bound"]:
-        text += f" ({row['over_bound']:.2g} times the bound)"
-    own = row["own_ratio"]
-    if own and not 1 / UNEQUAL < own < UNEQUAL:  # equal in the mean over θ, not in this one
-        text += f", with {own:.2g} times the deviation in {row['parameter']} itself"
+    sign = "at most " if row["how"] == QUIETER else "at least " if row["how"] == NOISIER else ""
+    text = f"{row['estimator']} {sign}{row['lag']:.2g} s"
+    return text + (f" ({row['over_bound']:.2g} × bound)" if row["over_bound"] else "")
+
+
+def _one_sided(rows: Sequence[Row]) -> str:
+    """Return a sentence for those that no setting makes as quiet, or as noisy, as the reference."""
+    text = ""
+    for how, side, what in ((QUIETER, "at most", "Quieter"), (NOISIER, "at least", "Noisier")):
+        mine = [r for r in rows if r["how"] == how and r["estimator"] != "frozen" and r["lag"]]
+        if mine:
+            each = (f"{r['estimator']} (lag {side} {r['lag']:.2g} s)" for r in mine)
+            text += f" {what} than the reference at every setting: {', '.join(each)}."
     return text
 
 
-def _apart(first: Row, second: Row) -> bool:
-    """Whether the intervals of two lags do not overlap."""
-    one, other = first["lag_interval"], second["lag_interval"]
-    return bool(one and other and one[1] < other[0])
+def in_words(rows: Sequence[Row]) -> list[str]:
+    """Return for each fault who had the shortest lag as set, and whether the others were quieter.
 
-
-def standings(rows: Sequence[Row]) -> list[Standing]:
-    """Return the estimators by their mean score, the best first."""
-    estimators = list(dict.fromkeys(row["estimator"] for row in rows))
-    scored = {(r["scenario"], r["estimator"]): r for r in rows if r.get("score") is not None}
-    common = [
-        scenario
-        for scenario in dict.fromkeys(scenario for scenario, _ in scored)
-        if all((scenario, estimator) in scored for estimator in estimators)
-    ]
-    if not common:
-        return []
-    found = [
-        _standing(
-            estimator,
-            [scored[scenario, estimator] for scenario in common],
-            [row for row in rows if row["estimator"] == estimator],
-        )
-        for estimator in estimators
-    ]
-    return sorted(found, key=lambda standing: -standing.score)
-
-
-def _standing(estimator: str, scored: list[Row], rows: list[Row]) -> Standing:
-    widths = [np.ptp(row["score_interval"]) / 2 for row in scored if row["score_interval"]]
-    # The seeds of different scenarios are independent runs: their intervals add in quadrature.
-    complete = len(widths) == len(scored)
-    one_each = {row["scenario"]: row for row in rows}.values()  # the same on all its parameters
-    alarms = [row["detection"]["false_alarms"] for row in one_each if row.get("detection")]
-    return Standing(
-        estimator=estimator,
-        score=float(np.mean([row["score"] for row in scored])),
-        half_width=float(np.sqrt(np.sum(np.square(widths))) / len(scored)) if complete else None,
-        scenarios=len(scored),
-        diverged=_worst_by_scenario(rows, "diverged"),
-        never_settled=sum(row["never_settled"] for row in rows if row["changed"]),
-        false_alarms=float(np.mean(alarms)) if alarms else None,
-    )
-
-
-def _worst_by_scenario(rows: Sequence[Row], key: str) -> int:
-    """Return the sum over scenarios of the largest count among the parameters."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row["scenario"]] = max(counts.get(row["scenario"], 0), row[key])
-    return sum(counts.values())
-
-
-def matrix(rows: Sequence[Row], scenarios: Sequence[str]) -> Matrix:
-    """Return the pooled rows on the changed parameters, for some scenarios.
-
-    Without a fault it is the row with the largest error.
+    Parameters
+    ----------
+    rows : sequence of mapping
+        ``scenario, parameter, estimator, lag, std, diverged, seeds`` and ``values`` of lag and
+        std, seed by seed, of each estimator at the one setting it was run at.
     """
-    best: dict[tuple[str, str], Row] = {}
-    for row in rows:
-        if row["scenario"] in scenarios:
-            key = row["scenario"], row["estimator"]
-            if key not in best or _weight(row) > _weight(best[key]):
-                best[key] = row
-    estimators = tuple(dict.fromkeys(row["estimator"] for row in rows))
-    return Matrix(tuple(scenarios), estimators, best)
+    found = []
+    for fault in dict.fromkeys((row["scenario"], row["parameter"]) for row in rows):
+        mine = [row for row in rows if (row["scenario"], row["parameter"]) == fault]
+        ahead = leaders({row["estimator"]: row["values"]["lag"] for row in mine})
+        order = sorted(mine, key=lambda row: row["lag"])
+        text = f"{fault[0]}: shortest lag of {fault[1]}: {_set(order[0])}"
+        tied = [row for row in order[1:] if row["estimator"] in ahead]
+        if tied:
+            text += f"; these seeds cannot tell it from {', '.join(map(_set, tied))}"
+        slower = [row for row in order if row["estimator"] not in ahead]
+        if slower:
+            text += "; " + ", ".join(_beside(row, order[0]) for row in slower)
+        for row in order:
+            if row["diverged"]:
+                text += (
+                    f". Of {row['seeds']} runs of {row['estimator']}, {row['diverged']} diverged"
+                )
+        found.append(text + ".")
+    return found
 
 
-def _weight(row: Row) -> tuple[bool, float]:
-    return bool(row["changed"]), abs(row["bias"] or 0.0) + (row["std"] or 0.0)
+def _set(row: Row) -> str:
+    return f"{row['estimator']} {row['lag']:.2g} s at {row['std']:.2g} %"
 
 
-def mismatched(scenarios: Mapping[str, Scenario]) -> list[str]:
-    """Return the scenarios that the linear model does not describe, or with changes not meant."""
-    return [name for name, s in scenarios.items() if s.nuisance or not s.linear]
-
-
-def mismatch_in_words(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """Return who copes best where the model is wrong, and who raises false alarms there."""
-    faults = [r for r in rows if r["scenario"] in names and r["changed"] and r["lag"] is not None]
-    wins: dict[str, int] = {}
-    for name in dict.fromkeys(row["scenario"] for row in faults):
-        quiet = _quiet([row for row in faults if row["scenario"] == name])
-        if quiet:
-            first = min(quiet, key=lambda row: row["lag"])["estimator"]
-            wins[first] = wins.get(first, 0) + 1
-    text = (
-        f"Shortest lag, with at most {UNEQUAL:g} times the deviation of {REFERENCE}: "
-        + ", ".join(
-            f"{estimator} in {count} of {sum(wins.values())}"
-            for estimator, count in sorted(wins.items(), key=lambda item: -item[1])
-        )
-    )
-    alarms: dict[str, list[float]] = {}
-    for row in rows:
-        if row["scenario"] in names and row.get("detection"):
-            alarms.setdefault(row["estimator"], []).append(row["detection"]["false_alarms"])
-    if alarms:
-        text += ". False alarms a run: " + ", ".join(
-            f"{estimator} {np.mean(counts):.2g}" for estimator, counts in alarms.items()
-        )
-    return text + "."
-
-
-def _quiet(rows: list[Row]) -> list[Row]:
-    """Return the rows of estimators, not controls, that are about as quiet as the reference."""
-    limit = next(
-        (UNEQUAL * r["std"] for r in rows if r["estimator"] == REFERENCE and r["std"]), None
-    )
-    return [
-        row
-        for row in rows
-        if row["estimator"] not in CONTROLS and (limit is None or (row["std"] or 0.0) <= limit)
-    ]
+def _beside(row: Row, best: Row) -> str:
+    """Return how a slower estimator compares with the best in noise before the fault."""
+    text = f"{_set(row)} is slower"
+    apart = difference(row["values"]["std"], best["values"]["std"])
+    if apart.p < LEVEL and apart.n >= LEAST:
+        return text + (" and noisier" if apart.mean > 0 else " and quieter")
+    return text + ", its noise not told apart"

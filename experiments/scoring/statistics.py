@@ -145,8 +145,8 @@ def holm_levels(p: ArrayLike, alpha: float) -> Array:
     members = np.isfinite(p).sum(axis=-1, keepdims=True)
     rank = np.arange(p.shape[-1])
     steps = alpha / np.maximum(members - rank, 1)
-    kept = ordered > steps
-    first = np.where(kept.any(axis=-1), kept.argmax(axis=-1), p.shape[-1])[..., None]
+    last = p.shape[-1]
+    first = np.where(ordered > steps, rank, last).min(axis=-1, initial=last, keepdims=True)
     steps = np.take_along_axis(steps, np.minimum(rank, first), axis=-1)
     levels = np.empty_like(p)
     np.put_along_axis(levels, order, np.where(rank < members, steps, alpha), axis=-1)

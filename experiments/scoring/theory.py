@@ -1,24 +1,32 @@
-"""A case beside its theory: bound, score, consistency of the claimed covariance, detection."""
+"""A case beside its theory: bounds, score, excess error, consistency of the claim, detection."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.bounds import jump_bound, lag_bound
-from flexaxis.experiments.scoring.case import Window, finite, windows
-from flexaxis.experiments.theta import physical, started_nominal, true_theta
+from flexaxis.estimators.predictor import predict
+from flexaxis.experiments.nominal import nominal_torque
+from flexaxis.experiments.scoring.bounds import (
+    jump_bound,
+    lag_bound,
+    linear_model,
+    noise_variance,
+)
+from flexaxis.experiments.scoring.case import Track, Window, finite, lag_of, windows
+from flexaxis.experiments.theta import physical, started_theta, true_theta
 from flexaxis.sim.faults import Step
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
 RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
+STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
 
 
 @dataclass(frozen=True)
@@ -30,13 +38,16 @@ class Limits:
     lag_null : float or None
         Lag of an estimator that never moves [s].
     lag_bound : float or None
-        Lag on the oracle Cramér–Rao bound [s].
+        Lag on the oracle Cramér–Rao bound, all estimated parameters unknown [s].
+    lag_bound_single : float or None
+        The same for whoever knows that this parameter alone has changed [s].
     bound : dict of str to float
-        The bound on the standard deviation of θ̂ over D, by the number of samples after onset.
+        The first bound on the standard deviation of θ̂ over D, by samples after onset.
     """
 
     lag_null: float | None = None
     lag_bound: float | None = None
+    lag_bound_single: float | None = None
     bound: dict[str, float] | None = None
 
 
@@ -50,6 +61,8 @@ class Detection:
         All findings.
     false_alarms : int
         Findings outside the windows of all faults.
+    false_alarms_per_1000_s : float
+        The same over the length of the run.
     delay : float or None
         From a fault to the first finding in its window, mean over those detected [s].
     missed : int
@@ -60,9 +73,13 @@ class Detection:
 
     alarms: int
     false_alarms: int
+    false_alarms_per_1000_s: float
     delay: float | None
     missed: int
     isolated: float | None
+
+
+ALARMS = tuple(Detection.__dataclass_fields__)
 
 
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
@@ -74,13 +91,16 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
             found.append(Limits())
             continue
         window = spans[name]
-        deviation = jump_bound(scenario, names, window.start, window.stop, torque)[:, i]
-        relative = deviation / window.size
+        both = jump_bound(scenario, names, window.start, window.stop, torque)
+        unknown, single = both.unknown[:, i], both.single[:, i]
         found.append(
             Limits(
                 lag_null=_lag_null(scenario, names, i, window),
-                lag_bound=lag_bound(deviation, window.size, period=scenario.period),
-                bound={str(n): float(relative[n]) for n in RMSE_AT if n < len(relative)},
+                lag_bound=lag_bound(unknown, window.size, period=scenario.period),
+                lag_bound_single=lag_bound(single, window.size, period=scenario.period),
+                bound={
+                    str(n): float(unknown[n] / window.size) for n in RMSE_AT if n < len(unknown)
+                },
             )
         )
     return found
@@ -90,9 +110,10 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the estimated parameters for which a bound is defined, with the window it is for.
 
     The bound is that of a single step on an axis that the linear model describes and on which
-    nothing else changes but by steps; the excitation must be on when it comes.
+    nothing else changes but by steps; the excitation must be on when it comes, and there must be
+    noise, for without it nothing is unknown.
     """
-    if scenario.nuisance or not scenario.linear:
+    if scenario.nuisance or not scenario.linear or not noise_variance(scenario) > 0:
         return {}
     if not all(isinstance(fault, Step) for fault in scenario.fault):
         return {}
@@ -107,8 +128,7 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
 
 
 def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
-    told = started_nominal(scenario)
-    start = true_theta(names, np.array([told[name] for name in PARAMETER_NAMES]))[i]
+    start = started_theta(scenario, names)[i]
     truth = true_theta(names, scenario.true_parameters()[window.start : window.stop])[:, i]
     return finite(scenario.period * np.sum(np.abs(start - truth)) / window.size)
 
@@ -119,6 +139,61 @@ def score(lag: float | None, limit: Limits) -> float | None:
     if not lag or not null or not bound or bound >= null:
         return None
     return float(100 * np.log(null / lag) / np.log(null / bound)) if lag != null else 0.0
+
+
+def information(scenario: Scenario) -> Array | None:
+    """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
+
+    M is E ψψᵀ/σ² on the steady state of the scenario's reference at nominal parameters, scaled:
+    what a small error of θ̂ adds to the prediction error, over the noise. The sum depends neither
+    on the units of the parameters nor on how they are chosen. None where there is no noise.
+    """
+    return _information(_Asked(scenario.hash, scenario))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A scenario, told apart by its content."""
+
+    hash: str
+    scenario: Scenario = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _information(asked: _Asked) -> Array | None:
+    scenario = asked.scenario
+    variance = noise_variance(scenario)
+    if not variance > 0:
+        return None
+    nominal = scenario.nominal.as_array()
+    model = linear_model(scenario, nominal).parametrize(scenario.identify)
+    _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
+    per_cent = abs(true_theta(scenario.identify, nominal)) / 100
+    psi = psi[-round(STEADY / scenario.period) :] * per_cent
+    return psi.T @ psi / len(psi) / variance
+
+
+def excess_of(track: Track, i: int) -> float | None:
+    """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
+    del i
+    if "excess" not in track.memo:
+        track.memo["excess"] = _excess(track) if track.quiet.size else None
+    return track.memo["excess"]
+
+
+def _excess(track: Track) -> float | None:
+    M = information(track.scenario)
+    if M is None:
+        return None
+    asked = track.scenario.identify
+    truth = true_theta(asked, track.true_parameters[track.quiet])
+    nominal = true_theta(asked, track.scenario.nominal.as_array())
+    # Whoever does not estimate a parameter leaves it as it was told.
+    error = 100 * (started_theta(track.scenario, asked) - truth) / abs(nominal)
+    for column, name in enumerate(asked):
+        if name in track.names:
+            error[:, column] = track.percent[track.quiet, track.names.index(name)]
+    return finite(np.einsum("ki,ij,kj->", error, M, error) / len(error))
 
 
 def nees(error: Array, covariance: Any) -> float | None:
@@ -173,6 +248,7 @@ def detection(
     return Detection(
         alarms=len(alarms),
         false_alarms=int(np.sum(~inside)),
+        false_alarms_per_1000_s=1000 * float(np.sum(~inside)) / scenario.duration,
         delay=float(np.mean(delays)) if delays else None,
         missed=len(spans) - len(delays),
         isolated=float(np.mean(named)) if named else None,
@@ -199,3 +275,41 @@ def isolation(
         named = [physical(name)[0] for name in inside[0].parameters] if inside else None
         found.append({"fault": window.parameter, "named": named})
     return found
+
+
+# What follows are the scores themselves: of a track and the index of an estimated parameter.
+
+
+def limits_of(track: Track, i: int) -> Limits:
+    """Return the limits of one estimated parameter."""
+    if track.torque is None:
+        return Limits()
+    if "limits" not in track.memo:
+        track.memo["limits"] = limits(track.scenario, track.names, track.torque)
+    return track.memo["limits"][i]
+
+
+def score_of(track: Track, i: int) -> float | None:
+    """Return the score of the lag between doing nothing and the bound."""
+    return score(lag_of(track, i), limits_of(track, i))
+
+
+def nees_of(track: Track, i: int) -> float | None:
+    """Return θ̃ᵀ Σ⁻¹ θ̃ at the last sample before the first fault, or of the run."""
+    del i
+    events = track.scenario.events()
+    last = (events[0].index if events else track.scenario.samples) - 1
+    return nees(track.theta[last] - track.truth[last], track.claimed)
+
+
+def detection_of(track: Track, i: int) -> dict[str, Any] | None:
+    """Return what the findings are worth, the same for all parameters of a case."""
+    del i
+    found = detection(track.scenario, track.names, track.findings)
+    return None if found is None else asdict(found)
+
+
+def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
+    """Return what each fault was taken for, the same for all parameters of a case."""
+    del i
+    return isolation(track.scenario, track.names, track.findings)

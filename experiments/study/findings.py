@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.scoring.pooling import interval
+from flexaxis.experiments.scoring.intervals import mean_interval
 
 Row = Mapping[str, Any]
 MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"
@@ -72,7 +72,7 @@ def alarms(rows: Iterable[Row]) -> list[Alarms]:
             method,
             estimator,
             delay=float(np.mean(count.delays)) if count.delays else None,
-            delay_interval=interval(count.delays),
+            delay_interval=mean_interval(count.delays),
             missed=count.missed / max(1, count.faults),
             false_per_hour=3600 * count.false / count.seconds,
         )

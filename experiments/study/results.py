@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from flexaxis.experiments.scoring.pooling import pool_rows
+from flexaxis.experiments.scoring.table import SCORES
+from flexaxis.experiments.scoring.theory import ALARMS
 from flexaxis.experiments.study import rows as files
 from flexaxis.experiments.study.definition import StudyError, is_option
 from flexaxis.experiments.study.folder import read_study
@@ -24,12 +26,13 @@ if TYPE_CHECKING:
     import xarray
 
 # What a pooled row is made of, held as eight bytes each: a study may have millions of rows.
-_PLAIN = (
-    "lag", "t10", "std", "bias", "cross_talk", "diverged", "never_settled", "score", "nees",
-    "lag_bound",
+_PLAIN = tuple(s.name for s in SCORES.values() if s.kind in {"number", "truth"} and not s.parts)
+_TRUTHS = tuple(name for name in _PLAIN if SCORES[name].kind == "truth")
+# What takes whole trajectories, or all parameters of a case at once, is not pooled here.
+_LEFT_OUT = (
+    "t63", "t90", "rmse", "efficiency", "excess", "excess_interval",
+    "scenario", "hash", "estimator", "seeds",
 )  # fmt: skip
-_ALARMS = ("alarms", "false_alarms", "delay", "missed", "isolated")
-_LEFT_OUT = ("t63", "t90", "rmse", "efficiency", "scenario", "hash", "estimator", "seeds")
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,7 @@ class Results:
         *,
         bins: Mapping[str, Sequence[float]] | None = None,
     ) -> list[dict[str, Any]]:
-        """Return scores over all rows that agree in some columns, with 95 % bootstrap intervals.
+        """Return scores over all rows that agree in some columns, with 95 % intervals.
 
         Parameters
         ----------
@@ -224,24 +227,22 @@ def _value(row: Mapping[str, Any], column: str) -> Any:
 
 def _numbers(row: Mapping[str, Any]) -> Iterator[float]:
     alarms = row["detection"] or {}
-    given = [row[name] for name in _PLAIN] + [alarms.get(name) for name in _ALARMS]
+    given = [row[name] for name in _PLAIN] + [alarms.get(name) for name in ALARMS]
     given += [row["cost"]["us_per_sample"], row["seconds"]]
     return (math.nan if value is None else float(value) for value in given)
 
 
 def _pooled(key: Mapping[str, Any], values: array[float]) -> dict[str, Any]:
-    width = len(_PLAIN) + len(_ALARMS) + 2
+    width = len(_PLAIN) + len(ALARMS) + 2
     table = np.frombuffer(values).reshape(-1, width)
     rows = [_row(key, [None if np.isnan(v) else v for v in line.tolist()]) for line in table]
     scores = {k: v for k, v in pool_rows(rows, period=PERIOD).items() if k not in _LEFT_OUT}
-    bounds = [row["lag_bound"] for row in rows if row["lag_bound"] is not None]
     found = [row["detection"] for row in rows if row["detection"]]
     hours = float(table[:, -1].sum() / 3600)
     return {
         **key,
         "cases": len(rows),
         **scores,
-        "lag_bound": float(np.mean(bounds)) if bounds else None,
         "false_alarms_per_hour": sum(f["false_alarms"] for f in found) / hours if found else None,
         "hours": hours,
     }
@@ -257,7 +258,7 @@ def _middle(value: float | None, edges: Sequence[float]) -> float | None:
 
 def _row(key: Mapping[str, Any], line: Sequence[float | None]) -> dict[str, Any]:
     """Return a row as `pool_rows` reads it."""
-    alarms = dict(zip(_ALARMS, line[len(_PLAIN) :], strict=False))
+    alarms = dict(zip(ALARMS, line[len(_PLAIN) :], strict=False))
     plain = dict(zip(_PLAIN, line, strict=False))
     return {
         "scenario": None,
@@ -265,8 +266,7 @@ def _row(key: Mapping[str, Any], line: Sequence[float | None]) -> dict[str, Any]
         "estimator": None,
         **key,
         **plain,
-        "diverged": bool(plain["diverged"]),
-        "never_settled": bool(plain["never_settled"]),
+        **{name: None if plain[name] is None else bool(plain[name]) for name in _TRUTHS},
         "detection": None if alarms["alarms"] is None else alarms,
         "cost": {"us_per_sample": line[-2]},
     }

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any
 
-from flexaxis.experiments.scoring.theory import RMSE_AT
-
-Kind = Literal["text", "number", "integer", "truth"]
-
-_ALARMS = ("alarms", "false_alarms", "delay", "missed", "isolated")
+from flexaxis.experiments.scoring.table import Kind, columns
 
 COLUMNS: Mapping[str, Kind] = {
     **dict.fromkeys(("case", "hash", "scenario", "base", "estimator", "method"), "text"),
@@ -18,12 +14,7 @@ COLUMNS: Mapping[str, Kind] = {
     "seconds": "number",
     "parameter": "text",
     "changed": "truth",
-    **dict.fromkeys(("lag", "t10", "std", "bias", "cross_talk"), "number"),
-    **dict.fromkeys(("diverged", "never_settled"), "truth"),
-    **dict.fromkeys(("lag_null", "lag_bound", "score", "nees"), "number"),
-    **dict.fromkeys((f"bound.{n}" for n in RMSE_AT), "number"),
-    **dict.fromkeys((f"detection.{name}" for name in _ALARMS), "number"),
-    "isolation": "text",
+    **columns(),
     "error": "text",
     "rows": "integer",
     **dict.fromkeys(("cost.us_per_sample", "cost.seconds"), "number"),

@@ -17,17 +17,12 @@ from flexaxis.experiments import specs
 from flexaxis.experiments.cache import RecordCache, records
 from flexaxis.experiments.harness import case_id, run_case, warm
 from flexaxis.experiments.results import dumps
+from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.study.plan import Entry, Unit, Variant
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import versions
-
-# A case that fails has one row, in which these are null.
-UNDEFINED = (
-    "parameter", "changed", "lag", "t10", "std", "bias", "cross_talk", "diverged",
-    "never_settled", "lag_null", "lag_bound", "bound", "score", "nees", "detection", "isolation",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -164,7 +159,8 @@ def _failure(
     }
     cost = {"us_per_sample": None, "seconds": None, "host": None, "versions": made_with()}
     study = _study_columns(variant, entry) | {"rows": 1, "error": problem}
-    return [identity | dict.fromkeys(UNDEFINED) | {"cost": cost} | study]
+    # A case that fails has one row, in which every score is null.
+    return [identity | undefined() | {"cost": cost} | study]
 
 
 def _study_columns(variant: Variant, entry: Entry) -> dict[str, Any]:

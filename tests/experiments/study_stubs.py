@@ -6,7 +6,8 @@ from pathlib import Path
 
 from flexaxis.experiments.harness import case_id
 from flexaxis.experiments.results import dumps
-from flexaxis.experiments.study.work import UNDEFINED, Outcome
+from flexaxis.experiments.scoring.table import undefined
+from flexaxis.experiments.study.work import Outcome
 
 PARAMETERS = ("k_T", "1/J_a", "f_m")
 
@@ -28,7 +29,7 @@ def case_rows(unit, entry, seed):
         "rows": len(PARAMETERS),
         "error": None,
     }
-    scores = dict.fromkeys(UNDEFINED) | {"changed": False, "diverged": False, "std": seed % 7 / 10}
+    scores = undefined() | {"changed": False, "diverged": False, "std": seed % 7 / 10}
     return [known | scores | {"parameter": name} | rest for name in PARAMETERS]
 
 

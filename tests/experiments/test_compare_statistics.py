@@ -72,6 +72,7 @@ def test_families_in_bulk_are_families_one_by_one_and_nan_is_no_member():
         there = np.isfinite(row)
         np.testing.assert_array_equal(levels[there], holm_levels(row[there], 0.05))
         assert (levels[~there] == 0.05).all()
+    assert holm_levels([], 0.05).shape == (0,)
 
 
 def test_the_family_keeps_its_level():

@@ -1,39 +1,69 @@
-"""Scores that must not change unless someone means it.
+"""Scores that must not change unless someone means it: every estimator, every column.
 
-`python tests/experiments/test_golden.py` writes the file anew, for a change that is meant.
+`python tests/golden/make.py` writes them anew, for a change that is meant, and prints what moved.
 """
 
-import json
+import importlib.util
 from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.harness import run
+from flexaxis.estimators.registry import REGISTRY
 
-GOLDEN = Path(__file__).parents[1] / "golden" / "scores.jsonl"
-SCENARIOS = ("fm_step-v1", "encoder_fm_step-v1")
-ESTIMATORS = ("rpem-forgetting", "rpem-drift-mu", "ekf")
-SEEDS = range(2)
+GOLDEN = Path(__file__).parents[1] / "golden"
+ADVICE = "if that is meant: python tests/golden/make.py scores"
 
 
-def scores():
-    done = run([find_scenario(name) for name in SCENARIOS], ESTIMATORS, SEEDS)
-    rows = [row for task in done for case in task.cases for row in case.rows]
-    return [{key: value for key, value in row.items() if key != "cost"} for row in rows]
+def load():
+    """The module beside the goldens; a folder of data is no package."""
+    place = importlib.util.spec_from_file_location("golden_contents", GOLDEN / "contents.py")
+    module = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    return module
 
 
-def test_scores_are_what_they_were():
-    golden = [json.loads(line) for line in GOLDEN.read_text(encoding="utf-8").splitlines()]
-    found = scores()
-    assert len(found) == len(golden)
-    for new, old in zip(found, golden, strict=True):
-        # Other processors round differently in the last place; an error grows to 1e-9 at most.
-        assert {key: new[key] for key in old} == {
-            key: pytest.approx(value, rel=1e-7, abs=1e-9) if isinstance(value, float) else value
-            for key, value in old.items()
-        }
+contents = load()
+OLD = contents.golden_rows()
 
 
-if __name__ == "__main__":
-    GOLDEN.write_text("".join(json.dumps(row) + "\n" for row in scores()), encoding="utf-8")
+@pytest.mark.parametrize("name", contents.SCENARIOS)
+def test_scores_are_what_they_were(name):
+    old = [row for row in OLD if row["scenario"] == name]
+    moved = contents.moves(old, contents.score_rows(name))
+    assert not moved, "\n".join([ADVICE, *moved])
+
+
+def test_the_file_holds_every_estimator_on_every_scenario():
+    held = {(row["scenario"], row["estimator"], row["seed"]) for row in OLD}
+    assert held == {
+        (scenario, estimator, seed)
+        for scenario in contents.SCENARIOS
+        for estimator in REGISTRY
+        for seed in contents.SEEDS
+    }, ADVICE
+
+
+def changed(**changes):
+    return [OLD[0] | changes, *OLD[1:]]
+
+
+@pytest.mark.parametrize(
+    ("new", "said"),
+    [
+        (OLD[1:], "row gone: fm_step-v1 rpem-forgetting 0 k_T"),
+        ([*OLD, OLD[0] | {"estimator": "mine"}], "row fresh: fm_step-v1 mine 0 k_T"),
+        (changed(std=OLD[0]["std"] * (1 + 2e-6)), "std: 1 rows moved, most 2e-06 relative"),
+        (changed(std=None), "std: 1 rows moved, most not by a number"),
+        (changed(diverged=True), "diverged: 1 rows moved"),
+        (changed(diverged=0), "diverged: 1 rows moved"),  # 0 is not False in the file
+        (changed(fresh=1.0), "fresh: 1 rows moved, most not by a number: absent -> 1.0"),
+        ([{k: v for k, v in OLD[0].items() if k != "nees"}, *OLD[1:]], "nees: 1 rows moved"),
+    ],
+)
+def test_every_kind_of_move_is_seen(new, said):
+    (line,) = contents.moves(OLD, new)
+    assert line.startswith(said)
+
+
+def test_rounding_is_no_move():
+    assert not contents.moves(OLD, changed(std=OLD[0]["std"] * (1 + 1e-8)))

@@ -16,7 +16,9 @@ import pytest
 
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.scoring import theory
-from flexaxis.experiments.scoring.case import diverged, relative_error, score, windows
+from flexaxis.experiments.scoring.case import Track, relative_error, windows
+from flexaxis.experiments.scoring.pools import spread
+from flexaxis.experiments.scoring.table import rows as score
 from flexaxis.experiments.specs import build, parse
 from flexaxis.experiments.theta import physical, true_theta
 from flexaxis.sim.simulate import simulate
@@ -53,9 +55,8 @@ class Measured:
     lost: int
 
     def std(self):
-        square, bias = (np.array([[getattr(r, key) for r in run] for run in self.rows])
-                        for key in ("std", "bias"))  # fmt: skip
-        return np.sqrt(np.mean(square**2, axis=0) - np.mean(bias, axis=0) ** 2)
+        columns = zip(*self.rows, strict=True)
+        return np.array([spread([r["std"] for r in c], [r["bias"] for r in c]) for c in columns])
 
 
 @lru_cache
@@ -73,10 +74,11 @@ def on(scenario, records, text):
         estimator.reset()
         theta, truth = estimator.run(record.torque, record.speed), record.true_parameters
         errors.append(100 * (theta - true_theta(estimator.names, truth)) / nominal)
-        rows.append(score(scenario, estimator.names, theta, truth, estimator.bounds))
+        track = Track(scenario, tuple(estimator.names), theta, truth)
+        rows.append(score(track))
         findings.append(getattr(estimator, "findings", ()))
-        relative.append(relative_error(scenario, estimator.names, theta, truth))
-        lost += diverged(theta, estimator.bounds, scenario.period)
+        relative.append(relative_error(track))
+        lost += track.lost is not None
     return Measured(np.array(errors), rows, findings, relative, lost)
 
 
@@ -111,8 +113,8 @@ def report(title, **numbers):
 def test_quick_and_no_noisier(name):
     lag, t10, i = LEAD[name]
     scenario, records, mine, plain = measured(name)
-    lags = np.mean([run[i].lag for run in mine.rows])
-    settled = np.median([np.inf if run[i].t10 is None else run[i].t10 for run in mine.rows])
+    lags = np.mean([run[i]["lag"] for run in mine.rows])
+    settled = np.median([np.inf if run[i]["t10"] is None else run[i]["t10"] for run in mine.rows])
     noisier = mine.std() / plain.std()
     bounds = [
         theory.limits(scenario, scenario.identify, record.torque)[i].bound for record in records

@@ -1,10 +1,13 @@
 """Scores against hand-made trajectories whose scores are known in closed form."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.scoring.case import diverged, quiet, relative_error, score, windows
+from flexaxis.experiments.scoring.case import Track, box, loss, quiet, relative_error, windows
+from flexaxis.experiments.scoring.table import rows as score
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005
@@ -16,9 +19,13 @@ def truth_of(scenario):
     return np.column_stack([values[:, 0], 1 / values[:, 3], values[:, 8]])
 
 
-def rows_of(scenario, theta, **options):
-    rows = score(scenario, NAMES, theta, scenario.true_parameters(), **options)
-    return {row.parameter: row for row in rows}
+def track(scenario, theta):
+    return Track(scenario, NAMES, theta, scenario.true_parameters())
+
+
+def rows_of(scenario, theta):
+    rows = score(track(scenario, theta))
+    return {row["parameter"]: SimpleNamespace(**row) for row in rows}
 
 
 @pytest.mark.parametrize(
@@ -107,25 +114,91 @@ def test_convergence_from_a_wrong_start_is_relative_to_the_initial_error():
     scenario = find_scenario("paper_nominal-v1")
     theta = truth_of(scenario)
     theta[0] = [1.2, 1.25 * 1.2, 0.06]
-    relative = relative_error(scenario, NAMES, theta, scenario.true_parameters())
+    relative = relative_error(track(scenario, theta))
     assert [relative[name][0] for name in NAMES] == pytest.approx([1.0, 1.0, 1.0])
 
 
-def test_diverged_means_not_finite_or_long_at_a_bound():
+def test_lost_means_not_finite_or_long_at_an_edge_of_the_one_box():
+    edges = (np.array([0.1]), np.array([1.0]))
     theta = np.full((1000, 1), 0.5)
-    bounds = (np.array([0.1]), np.array([1.0]))
-    assert not diverged(theta, bounds, T)
+    assert loss(theta, edges, T) is None
     theta[300:500] = 1.0  # 200 samples, exactly one second
-    assert not diverged(theta, bounds, T)
-    theta[500] = 1.0
-    assert diverged(theta, bounds, T)
-    assert not diverged(theta, None, T)
-    assert diverged(np.array([[np.nan]]), None, T)
+    assert loss(theta, edges, T) is None
+    theta[500] = 2.0  # beyond counts as at
+    assert loss(theta, edges, T) == 300
+    theta[100] = np.nan
+    assert loss(theta, edges, T) == 100
+    low = np.full((300, 1), 0.1)
+    assert loss(low, edges, T) == 0
 
 
-def test_a_lost_run_has_no_scores_that_are_not_numbers():
+def test_the_box_is_a_tenth_to_ten_times_nominal_whatever_its_sign():
+    truth = np.array([[1.0, -2.0]])
+    lower, upper = box(np.array([1.0, -2.0]), truth)
+    assert lower.tolist() == pytest.approx([0.1, -20.0])
+    assert upper.tolist() == pytest.approx([10.0, -0.2])
+
+
+def test_the_box_holds_the_truth_also_where_it_leaves_the_usual_range():
+    """A friction that falls to zero can be followed without being lost."""
+    scenario = find_scenario("fm_step-v1").override({"fault[0].factor": 0.0})
+    theta = truth_of(scenario)
+    row = rows_of(scenario, theta)["f_m"]
+    assert not row.diverged and row.lag == 0.0 and not row.never_settled
+
+
+def test_a_lost_run_is_scored_at_the_farther_edge_from_there_on():
     scenario = find_scenario("fm_step-v1")
     theta = truth_of(scenario)
-    theta[1500:] = np.nan
+    theta[2200:] = np.nan  # 1 s after the fault
     row = rows_of(scenario, theta)["f_m"]
-    assert row.diverged and row.lag is None and row.std is None and row.never_settled
+    # f_m is .075 after the fault, the farther edge .5, and D .025: 4 s at 17 D
+    assert row.diverged and row.lost_at == pytest.approx(11.0) and not row.lost_before
+    assert row.lag == pytest.approx(4 * (0.5 - 0.075) / 0.025)
+    assert row.t10 is None and row.never_settled and row.std == 0.0
+    theta[1500:] = np.inf
+    row = rows_of(scenario, theta)["f_m"]
+    # half of the 5 s before the fault at 9 times nominal off
+    assert row.std == pytest.approx(900 / np.sqrt(2)) and row.bias == pytest.approx(450)
+    assert row.lost_before
+
+
+def test_no_honest_estimate_is_scored_beyond_that_edge():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    theta[2000:2100] = 1e200  # half a second: not lost
+    row = rows_of(scenario, theta)["f_m"]
+    assert not row.diverged and row.lag == pytest.approx(0.5 * (0.5 - 0.075) / 0.025)
+
+
+def test_an_estimator_without_bounds_is_judged_by_the_same_box():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    theta[2000:, 0] = 1e6
+    assert all(row.diverged for row in rows_of(scenario, theta).values())
+
+
+def test_changes_in_one_pause_are_met_together_when_it_ends():
+    faults = [
+        {"kind": "step", "parameter": "f_m", "at": 15.0, "factor": 1.5},
+        {"kind": "step", "parameter": "J_a", "at": 20.0, "factor": 1.1},
+        {"kind": "step", "parameter": "f_m", "at": 25.0, "factor": 2.0},
+    ]
+    scenario = find_scenario("pause_fm_step-v1").override({"fault": faults})
+    friction, inertia = windows(scenario, NAMES)
+    assert (friction.start, friction.stop) == (inertia.start, inertia.stop) == (6000, 7000)
+    assert friction.size == pytest.approx(0.1)  # .05 to .15 in all
+    still = np.tile(truth_of(scenario)[0], (scenario.samples, 1))
+    rows = rows_of(scenario, still)
+    assert rows["f_m"].lag == pytest.approx(5.0) == pytest.approx(rows["1/J_a"].lag)
+
+
+def test_the_deviation_after_a_fault_is_of_the_last_two_seconds():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    theta[2000:2600, 2] += 0.03
+    theta[2600:3000, 2] += np.where(np.arange(400) % 2, 0.002, -0.001)
+    row = rows_of(scenario, theta)["f_m"]
+    assert row.bias_after == pytest.approx(1.0)
+    assert row.std_after == pytest.approx(np.sqrt((4.0**2 + 2.0**2) / 2))
+    assert rows_of(scenario, theta)["k_T"].std_after is None

@@ -1,6 +1,7 @@
 """Scores beside theory: fixed points of the score, consistency, what counts as an alarm."""
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,12 +9,17 @@ import pytest
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.bounds import jump_bound
-from flexaxis.experiments.scoring.case import score as score_rows
+from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theory import Limits, bounded, detection, limits, nees, score
 from flexaxis.experiments.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
+
+
+def score_rows(scenario, names, theta, truth):
+    return [SimpleNamespace(**row) for row in rows(Track(scenario, names, theta, truth))]
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,9 @@ def test_limits_of_a_step(torque):
     k_T, J_a, f_m = limits(find_scenario("fm_step-v1"), NAMES, torque)
     assert k_T == J_a == Limits()
     assert f_m.lag_null == pytest.approx(5.0)
-    deviation = jump_bound(find_scenario("fm_step-v1"), NAMES, 2000, 3000, torque)[:, 2]
+    both = jump_bound(find_scenario("fm_step-v1"), NAMES, 2000, 3000, torque)
+    deviation = both.unknown[:, 2]
+    assert f_m.lag_bound_single < f_m.lag_bound
     assert f_m.bound["100"] == pytest.approx(deviation[100] / 0.025)
     assert set(f_m.bound) == {"20", "50", "100", "200", "400"}
 

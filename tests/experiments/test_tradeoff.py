@@ -1,4 +1,4 @@
-"""The trade-off sweep, its matching, and the tuning of a knob."""
+"""Matching at equal noise, the sweep over knobs, and its command."""
 
 import json
 
@@ -7,14 +7,38 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.tradeoff import figure, matched, with_knob
+from flexaxis.experiments.knobs import with_knob
+from flexaxis.experiments.scoring.matching import Setting, match
+from flexaxis.experiments.sweep import settings, sweep
+from flexaxis.experiments.tradeoff import figure
+
+COMMON = np.random.default_rng(0).standard_normal(12)
 
 
-def point(estimator, ratio, lag, **more):
-    return {
-        "scenario": "s", "parameter": "f_m", "estimator": estimator, "ratio": ratio, "lag": lag,
-        "lag_interval": None, "std": ratio, "own_ratio": ratio, "bound": 0.1,
-    } | more  # fmt: skip
+def setting(factor, *, std=1.0, lag=1.0, excess=1e-2, lost=0, text="e"):
+    """Twelve runs of an estimator; what the record does is common to all settings."""
+    rows = [
+        {
+            "lag": lag * np.exp(0.2 * c), "std": std * np.exp(0.1 * c), "bias": 0.0,
+            "std_after": std, "bias_after": 0.0, "excess": excess, "score": 50.0 - c,
+            "diverged": i < lost, "lost_before": i < lost, "detection": None,
+        }
+        for i, c in enumerate(COMMON)
+    ]  # fmt: skip
+    return Setting(f"{text}[{factor}]", factor, rows)
+
+
+def line(factors, *, lag=1.0, noise=1.0):
+    """lag = lag·factor⁻², std = noise·factor."""
+    return [setting(f, std=noise * f, lag=lag * f**-2.0, excess=1e-2 * f**2) for f in factors]
+
+
+def lag_of(found):
+    return np.exp(found.at("lag").mean())
+
+
+def geometric(lag):
+    return lag * np.exp(0.2 * COMMON.mean())
 
 
 def test_knobs():
@@ -22,6 +46,7 @@ def test_knobs():
     assert with_knob("rpem-drift", 4.0) == "rpem-drift[scale=4]"
     assert with_knob("frozen", 4.0) == "frozen"
     assert with_knob("ekf[noise=0.2]", 4.0) == "ekf[noise=0.2]"
+    assert with_knob("rpem-forgetting", 256) is None  # λ would be below zero
     with pytest.raises(EstimatorError, match=r"no file .*mine\.py"):
         with_knob("mine.py:Mine", 1.0)
 
@@ -40,30 +65,128 @@ def test_an_own_estimator_says_which_option_is_its_knob(tmp_path):
 
 
 def test_matching_is_straight_in_the_logarithms():
-    # lag = ratio⁻² on this sweep
-    points = [point("a", r, r**-2.0) for r in (0.5, 0.8, 1.25, 2.0)] + [point("b", 1.2, 9.0)]
-    a, b = matched(points)
-    assert a["lag"] == pytest.approx(1.0) and a["over_bound"] == pytest.approx(10.0)
-    assert a["lag_interval"] is None  # one seed has none
-    ends = [point("c", r, r**-2.0, lag_interval=[r**-2.0 / 2, 3 * r**-2.0]) for r in (0.5, 2.0)]
-    assert matched(ends)[0]["lag_interval"] == pytest.approx([0.5, 3.0])
-    assert b["lag"] is None  # its sweep does not reach the reference
+    found = match(setting(1.0), line([0.25, 0.5, 2.0, 4.0]), "std")
+    assert found.how == "matched" and found.settings == ("e[0.5]", "e[2.0]")
+    assert lag_of(found) == pytest.approx(geometric(1.0))
+    assert np.exp(found.at("std_after").mean()) == pytest.approx(1.0)
+    # a setting that is exactly as noisy is the match
+    exact = match(setting(1.0), line([0.5, 1.0, 2.0]), "std")
+    assert lag_of(exact) == pytest.approx(geometric(1.0))
 
 
-def test_the_figure_holds_every_estimator_and_the_bound():
-    points = [point(e, r, 1 / r) for e in ("a", "b") for r in (0.5, 2.0)]
+def test_what_is_matched_is_the_noise_asked_for():
+    """Equal in the excess error of all parameters need not be equal in the one that is timed."""
+    louder = [setting(f, std=3 * f, lag=f**-2.0, excess=1e-2 * f**2) for f in (0.1, 0.5, 2.0)]
+    assert lag_of(match(setting(1.0), louder, "excess")) == pytest.approx(geometric(1.0))
+    assert lag_of(match(setting(1.0), louder, "std")) == pytest.approx(geometric(9.0))
+
+
+def test_out_of_reach_is_said_on_one_side():
+    quiet = match(setting(1.0), line([0.25, 0.5]), "std")
+    assert (quiet.how, quiet.settings) == ("quieter", ("e[0.5]",))
+    assert quiet.ratio == pytest.approx(0.5) and lag_of(quiet) == pytest.approx(geometric(4.0))
+    loud = match(setting(1.0), line([2.0, 4.0]), "std")
+    assert loud.how == "noisier" and loud.ratio == pytest.approx(2.0)
+    still = match(setting(1.0), [setting(1.0, std=0.0, lag=5.0)], "std")
+    assert still.how == "quieter" and still.ratio == 0.0
+
+
+def test_a_run_lost_before_the_fault_is_noise():
+    lost = setting(1.0, std=1.0, lost=3)
+    for row in lost.rows[:3]:
+        row["std"] = 900.0
+    assert match(setting(1.0), [lost], "std").how == "noisier"
+
+
+def test_the_interval_counts_how_well_the_match_itself_is_known():
+    """Lag and noise of a run hang together; the match between two settings trades them."""
+    rng, found = np.random.default_rng(2), []
+    for _ in range(400):
+        own, other = rng.standard_normal((2, 16))
+        made = []
+        for factor in (0.5, 2.0):
+            rows = [
+                {"lag": factor**-2.0, "std": factor * np.exp(0.2 * c), "bias": 0.0,
+                 "lost_before": False, "diverged": False} for c in own
+            ]  # fmt: skip
+            made.append(Setting("e", factor, rows))
+        reference = Setting(
+            "r",
+            1.0,
+            [{"std": np.exp(0.2 * c), "bias": 0.0, "lost_before": False} for c in other],
+        )
+        lags = match(reference, made, "std").at("lag")
+        half = 2.131 * lags.std(ddof=1) / 4  # Student's t, 15 degrees of freedom
+        found.append(abs(lags.mean()) <= half)
+    assert 0.925 <= np.mean(found) <= 0.975
+
+
+def test_the_reference_is_matched_with_itself(short):
+    found = sweep([short], ["rpem-forgetting", "frozen"], [0, 1], factors=(0.5, 1.0, 2.0))
+    mine, still = found.matched
+    assert mine["how"] == "matched" and mine["estimator"] == "rpem-forgetting"
+    default = next(p for p in found.points if p["factor"] == 1.0)
+    assert mine["lag"] == pytest.approx(default["lag"], rel=1e-9)
+    assert still["how"] == "quieter"
+    assert found.at_excess[0]["score"] is not None and not still["leads"]
+
+
+class Timid:
+    """Follows f_m by a filter far slower than the reference, unless its gain is turned up."""
+
+    names, output, knob = ("f_m",), "speed", "gain"
+
+    def __init__(self, nominal, period, *, gain=1e-7):
+        self.theta, self.gain, self.y = nominal["f_m"], gain, 0.0
+
+    def step(self, u, y):
+        noise = 0.0 if y is None else y - self.y
+        self.theta += self.gain * noise
+        self.y += noise
+        return [self.theta]
+
+
+def test_a_sweep_that_does_not_reach_is_widened(short):
+    own = f"{__file__}:Timid"
+    found = sweep([short], [own], [0, 1, 2])
+    factors = {p["factor"] for p in found.points}
+    assert {16.0, 64.0} <= factors  # its noise at the default is a thousandth of the reference's
+    (mine,) = found.matched
+    assert mine["how"] in ("matched", "quieter")
+
+
+def test_what_a_first_sweep_runs():
+    texts = settings(["frozen", "rpem-drift"], factors=(0.5, 1.0))
+    assert texts["frozen"] == ("frozen", 1.0) and len(texts) == 4
+    assert texts["rpem-forgetting[forgetting=0.995]"] == ("rpem-forgetting", 1.0)
+
+
+def test_the_figure_holds_every_estimator_and_the_bounds():
+    points = [
+        {"scenario": "s", "parameter": "f_m", "estimator": e, "lag": 1 / r, "std": r,
+         "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05}
+        for e in ("a", "b") for r in (0.5, 2.0)
+    ]  # fmt: skip
     labels = figure(points).axes[0].get_legend_handles_labels()[1]
-    assert sorted(labels) == ["a", "b", "oracle Cramér–Rao bound"]
+    assert sorted(labels) == [
+        "Cramér–Rao bound, all θ unknown", "a", "b", "the same, only this θ unknown"
+    ]  # fmt: skip
 
 
 def test_the_command(tmp_path, capsys):
     words = ["tradeoff", "kt_step-v1", "--estimator", "rpem-forgetting", "--seeds", "2",
-             "--jobs", "1", "-o", str(tmp_path), "--json"]  # fmt: skip
-    assert main(words) == 0
+             "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip
+    assert main([*words, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
     assert content["reference"] == "rpem-forgetting[forgetting=0.995]"
     lags = [p["lag"] for p in content["points"]]
     assert len(lags) == 5 and (np.diff(lags) < 0).all()  # faster the more it forgets
     (row,) = content["matched"]
     assert row["lag"] == pytest.approx(lags[2]) and row["over_bound"] > 5
+    assert row["over_single"] > row["over_bound"]
+    (whole,) = content["overall"]
+    assert 0 < whole["score"] < 100 and whole["faults"] == 1
     assert (tmp_path / "tradeoff.svg").exists() and (tmp_path / "tradeoff.json").exists()
+    assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert "kt_step-v1, k_T" in shown and "score at equal excess error" in shown

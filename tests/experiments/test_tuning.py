@@ -1,6 +1,7 @@
 """Tuning: what it finds, what it writes, and that the registry takes what was written."""
 
 import json
+import re
 import tomllib
 
 import pytest
@@ -11,38 +12,39 @@ from flexaxis.experiments import tuning
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.specs import parse
-from flexaxis.experiments.tuning import TOLERANCE, Bench, least_lag, match_std
+from flexaxis.experiments.tuning import TOLERANCE, Bench, least_lag, match_noise
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
 OWN = PAPER | {"relocate", "oracle-reset"}  # these keep the value they are known for
 
 
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys):
-    assert main(["tune", "rpem-forgetting-mu", "--match-std", "--seeds", "0:2", "--jobs", "1"]) == 0
-    assert "std 0.99" in (out := capsys.readouterr().out) or "std 1.0" in out
-    assert main(["tune", "frozen", "--match-std", "--seeds", "0:2"]) == 2
+    assert main(["tune", "rpem-forgetting-mu", "--seeds", "0:2", "--jobs", "1"]) == 0
+    ratio = float(re.search(r"excess ([\d.]+) times the reference's", capsys.readouterr().out)[1])
+    assert abs(ratio - 1) < TOLERANCE
+    assert main(["tune", "frozen", "--seeds", "0:2"]) == 2
     assert "no knob" in capsys.readouterr().err
 
 
 class Powers(Bench):
-    """Instead of runs: std goes as the root of 1−λ, lag has its least at an option of 0.3."""
+    """Instead of runs: noise goes as the root of 1−λ, lag has its least at an option of 0.3."""
 
-    def stds(self, setting):
+    def noises(self, setting):
         options = parse(setting).options
         quiet = 1.0 if setting.startswith("rpem") else 2.0
-        return {"f_m": quiet * (1 - options["forgetting"]) ** 0.5}
+        return {"f_m": 1.0, "excess": quiet * (1 - options["forgetting"]) ** 0.5}
 
     def lag(self, setting, scenario):
         return 1 + (parse(setting).options["reset"] - 0.3) ** 2
 
 
 def test_secants_find_the_match():
-    found = match_std("cusum-reset", Powers(range(2)))
+    found = match_noise("cusum-reset", Powers(range(2)))
     assert found.value == pytest.approx(1 - 0.005 / 4, abs=0.005 / 4 * 0.025)
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == "forgetting"
 
 
-def test_an_option_is_turned_to_the_least_lag_at_matched_std():
+def test_an_option_is_turned_to_the_least_lag_at_matched_noise():
     found = least_lag("cusum-reset", ["reset"], find_scenario("fm_step-v1"), Powers(range(2)))
     assert parse(found.setting).options["reset"] == pytest.approx(0.3, rel=0.1)
     assert found.lag == pytest.approx(1.0, abs=0.002) and abs(found.ratio - 1) < TOLERANCE
@@ -50,17 +52,17 @@ def test_an_option_is_turned_to_the_least_lag_at_matched_std():
 
 def test_no_match_and_wrong_words_are_said(capsys):
     class Flat(Powers):
-        def stds(self, setting):
-            return {"f_m": 1.0 if setting.startswith("rpem") else 2.0}
+        def noises(self, setting):
+            return {"excess": 1.0 if setting.startswith("rpem") else 2.0}
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last tried ekf"):
-        match_std("ekf", Flat(range(1)))
+        match_noise("ekf", Flat(range(1)))
     with pytest.raises(ValueError, match=r"no option 'rest'.*reset"):
         least_lag("cusum-reset", ["rest"], find_scenario("fm_step-v1"), Powers(range(1)))
     for words, said in (
-        (["--match-std"], "name one estimator, or give --all"),
-        (["ekf", "--match-std", "--minimize", "lag"], "go together"),
-        (["ekff", "--match-std"], "Did you mean 'ekf'"),
+        ([], "name one estimator, or give --all"),
+        (["ekf", "--minimize", "lag"], "go together"),
+        (["ekff"], "Did you mean 'ekf'"),
     ):
         assert main(["tune", *words]) == 2
         assert said in capsys.readouterr().err
@@ -69,7 +71,7 @@ def test_no_match_and_wrong_words_are_said(capsys):
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
     monkeypatch.setattr(tuning, "Bench", Powers)
-    words = ["tune", "cusum-reset", "--match-std", "--seeds", "0:2", "--save", str(path)]
+    words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
     fault = ["--minimize", "lag", "--option", "reset", "--scenario", "fm_step-v1"]
     for more in ([], fault, []):
         assert main([*words, *more, "--json"]) == 0
@@ -77,9 +79,7 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     plain, variant = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
     assert "scenario" not in plain and variant["scenario"] == "fm_step-v1"
-    assert variant["command"] == "flexaxis tune cusum-reset --match-std --seeds 0:2 " + " ".join(
-        fault
-    )
+    assert variant["command"] == "flexaxis tune cusum-reset --seeds 0:2 " + " ".join(fault)
 
 
 def test_the_registry_has_what_was_tuned():
@@ -89,7 +89,7 @@ def test_the_registry_has_what_was_tuned():
     assert {t.estimator for t in tunings()} == {e.name for e in REGISTRY.values() if e.knob}
     for found in tunings():
         assert abs(found.ratio - 1) < TOLERANCE
-        assert found.command.startswith(f"flexaxis tune {found.estimator} --match-std --seeds 0:16")
+        assert found.command.startswith(f"flexaxis tune {found.estimator} --seeds 0:16")
         options = parse(found.setting).options
         assert options[found.knob] == found.value
     assert REGISTRY["rpem-forgetting"].options["forgetting"] == 0.995
@@ -99,7 +99,7 @@ def test_the_registry_has_what_was_tuned():
 @pytest.mark.parametrize("name", ["imm", "moving-horizon"])
 def test_tuning_again_finds_the_same(name):
     (stored,) = (t for t in tunings() if t.estimator == name and t.scenario is None)
-    found = match_std(name, Bench(range(16)))
+    found = match_noise(name, Bench(range(16)))
     # it starts from the stored value, which other processors leave within the tolerance
     assert found.value == pytest.approx(stored.value)
     assert found.ratio == pytest.approx(stored.ratio, rel=1e-3)

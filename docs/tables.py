@@ -1,0 +1,226 @@
+"""Write the tables of the documentation anew: `make docs-tables`, or `python docs/tables.py`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and everything in it comes out of
+a command: what was run, at which commit and on which seeds is said below it. With names of tables
+only these are written; `results/standard` and `results/self-test.json` are made if they are
+missing, and again with `--fresh`.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.tuned import tunings
+from flexaxis.experiments.compare.selftable import markdown as self_test_table
+from flexaxis.experiments.scoring.ranking import CONTROLS
+from flexaxis.experiments.scoring.table import SCORES
+
+ROOT = Path(__file__).parents[1]
+PAGES = ("README.md", "docs/scores.md", "docs/gate.md")
+STANDARD, SELF_TEST = ROOT / "results" / "standard", ROOT / "results" / "self-test.json"
+SEEDS = 20
+RUN = f"flexaxis run standard --seeds {SEEDS}"
+MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
+
+SWEPT = ("fm_step-v1", "fm_double-v1", "ja_step-v1", "kt_step-v1")
+WRONG = ("coulomb_fm_step-v1", "lugre_fm_step-v1", "cogging_fm_step-v1", "backlash_fm_step-v1",
+         "told_kg_fm_step-v1")  # fmt: skip
+FEW = ("rpem-forgetting", "ekf", "imm", "cusum-reset", "relocate")
+OTHERS = ("ja_big_step-v1", "two_faults-v1", "repair-v1", "kg_step-v1", "ka_step-v1",
+          "jm_step-v1", "dg_double-v1")  # fmt: skip
+
+Row = Mapping[str, Any]
+
+
+def scores() -> str:
+    """Return what each score is."""
+    rows = [
+        [f"`{s.name}`", s.unit, {"less": "less", "more": "more"}.get(s.better or "", ""), s.words]
+        for s in SCORES.values()
+    ]
+    return table(["score", "unit", "better", "what it is"], rows)
+
+
+def tuned() -> str:
+    """Return the knob of each estimator: its default, and its value at equal noise."""
+    rows = []
+    for entry in REGISTRY.values():
+        found = [t for t in tunings() if t.estimator == entry.name and t.scenario is None]
+        default = f"{entry.options[entry.knob]:.6g}" if entry.knob else "–"
+        matched = f"{found[0].value:.6g}" if found else "–"
+        rows.append([f"`{entry.name}`", entry.knob or "–", default, matched, entry.summary])
+    return table(["estimator", "knob", "default", "at equal excess error", "what it does"], rows)
+
+
+def equal_noise() -> str:
+    """Return the lag of every estimator at equal std of the parameter that changes."""
+    summary = standard()
+    matched = {
+        (r["scenario"], r["estimator"]): r
+        for r in summary["tradeoff"]["matched"]
+        if r["scenario"] in SWEPT
+    }
+    whole = {r["estimator"]: r for r in summary["tradeoff"]["overall"]}
+    names = sorted({key[1] for key in matched}, key=lambda n: list(whole).index(n))
+    heads = ["estimator", *(f"{s}: lag [s], × bound" for s in SWEPT), "score at equal excess error"]
+    rows = [
+        [_name(n), *(_lag(matched.get((s, n))) for s in SWEPT), _score(whole[n])] for n in names
+    ]
+    return table(heads, rows) + said(
+        RUN,
+        "lag where the std of the parameter that changes is, before the fault, that of "
+        "`rpem-forgetting` with λ = 0.995; 95 % interval; **bold**: the best, and all that paired "
+        "seeds cannot tell from it; ≤, ≥: quieter, or noisier, than that at every setting",
+    )
+
+
+def mismatch() -> str:
+    """Return bias and deviation of f_m, and the deviation of k_T, where the model is wrong."""
+    cells = {(r["scenario"], r["estimator"], r["parameter"]): r for r in standard()["rows"]}
+    rows = []
+    for name in WRONG:
+        line = [f"`{name}`"]
+        for estimator in FEW:
+            f_m, k_T = (cells[name, estimator, p] for p in ("f_m", "k_T"))
+            line.append(f"{f_m['bias']:.2g} ± {f_m['std']:.2g}; {k_T['std']:.2g}")
+        rows.append(line)
+    heads = ["scenario", *(f"`{name}`" for name in FEW)]
+    return table(heads, rows) + said(
+        RUN, "bias ± std of f_m; std of k_T, before the fault, in % of nominal, as set"
+    )
+
+
+def found() -> str:
+    """Return what `relocate` makes of faults off the beaten track, beside the paper's method."""
+    rows = []
+    for name in OTHERS:
+        line = [f"`{name}`"]
+        for estimator in ("relocate", "rpem-forgetting"):
+            mine = [
+                r
+                for r in standard()["rows"]
+                if (r["scenario"], r["estimator"]) == (name, estimator)
+            ]
+            talk = ", ".join(f"{r['parameter']} {r['cross_talk']:.2g}" for r in mine
+                             if r["cross_talk"] is not None)  # fmt: skip
+            lags = ", ".join(f"{r['parameter']} {r['lag']:.2g}" for r in mine if r["changed"])
+            line += [lags or "–", talk or "–"]
+            if estimator == "relocate":
+                alarms = mine[0]["detection"]
+                named = "–" if alarms["isolated"] is None else f"{100 * alarms['isolated']:.0f} %"
+                line.append(f"{alarms['missed']:.2g}; {named}; {alarms['false_alarms']:.2g}")
+        rows.append(line)
+    heads = ["fault", "`relocate`: lag [s]", "cross-talk [%]", "missed; named; false alarms a run",
+             "`rpem-forgetting`: lag [s]", "cross-talk [%]"]  # fmt: skip
+    return table(heads, rows) + said(RUN, "as set")
+
+
+def self_test() -> str:
+    """Return how often the gate is wrong, and what it finds."""
+    if not SELF_TEST.exists() or "--fresh" in sys.argv:
+        SELF_TEST.parent.mkdir(exist_ok=True)
+        SELF_TEST.write_text(call("compare", "--self-test", "--json"), encoding="utf-8")
+    content = json.loads(SELF_TEST.read_text(encoding="utf-8"))
+    return self_test_table(content) + said("flexaxis compare --self-test", "")
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "scores": scores,
+    "tuned": tuned,
+    "equal-noise": equal_noise,
+    "mismatch": mismatch,
+    "found": found,
+    "self-test": self_test,
+}
+
+
+def standard() -> Any:
+    """Return the summary of the run that most tables are made of."""
+    if not (STANDARD / "summary.json").exists() or "--fresh" in sys.argv[1:]:
+        call(*RUN.split()[1:], "-o", str(STANDARD))
+        sys.argv = [word for word in sys.argv if word != "--fresh"]
+    return json.loads((STANDARD / "summary.json").read_text(encoding="utf-8"))
+
+
+def call(*words: str) -> str:
+    """Run a command of flexaxis, its progress on the terminal, and return what it printed."""
+    done = subprocess.run(
+        [sys.executable, "-m", "flexaxis.experiments", *words], stdout=subprocess.PIPE, check=False
+    )
+    if done.returncode not in (0, 1):
+        sys.exit(f"flexaxis {' '.join(words)} ended with status {done.returncode}")
+    return done.stdout.decode()
+
+
+def said(command: str, what: str) -> str:
+    """Return the line below a table: what it is, and how it was made."""
+    commit = subprocess.run(
+        ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"],
+        capture_output=True, text=True, check=False,
+    ).stdout.strip()  # fmt: skip
+    words = f"{what[:1].upper()}{what[1:]}. " if what else ""
+    seeds = f", seeds 1000 to {999 + SEEDS}" if command == RUN else ""
+    return f"\n{words}`{command}`, commit {commit}{seeds}.\n"
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(_cell(c) for c in line)} |\n" for line in lines)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def _name(estimator: str) -> str:
+    return f"`{estimator}`" + (" (a control)" if estimator in CONTROLS else "")
+
+
+def _lag(row: Row | None) -> str:
+    if row is None or row["lag"] is None:
+        return "–"
+    sign = {"quieter": "≤ ", "noisier": "≥ "}.get(row["how"], "")
+    value = f"{sign}{row['lag']:.3g}"
+    if row["leads"]:
+        value = f"**{value}**"
+    if row["lag_interval"] and row["how"] == "matched":
+        value += " ({:.3g} … {:.3g})".format(*row["lag_interval"])
+    return value + (f", {row['over_bound']:.2g}" if row["over_bound"] else "")
+
+
+def _score(row: Row) -> str:
+    sign = {"quieter": "≥ ", "noisier": "≤ ", "mixed": "about "}.get(row["how"], "")
+    value = f"{sign}{row['score']:.0f}"
+    if row["leads"]:
+        value = f"**{value}**"
+    if row["score_interval"]:
+        value += " ({:.0f} … {:.0f})".format(*row["score_interval"])
+    return value
+
+
+def main(wanted: Sequence[str]) -> None:
+    """Write the tables that are wanted, all if nothing is named."""
+    names = [word for word in wanted if not word.startswith("--")]
+    if wrong := set(names) - set(TABLES):
+        sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
+    for page in PAGES:
+        path = ROOT / page
+        text = path.read_text(encoding="utf-8")
+
+        def written(match: re.Match[str]) -> str:
+            name = match[1]
+            if names and name not in names:
+                return match[0]
+            return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
+
+        path.write_text(MARK.sub(written, text), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,279 @@
+"""SCORES: every score there is, once: how it is made, pooled, named and shown.
+
+Rows, summaries, tables, reports, columns of studies, exports and `compare` read it from here, so
+that a new score is one entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from flexaxis.experiments.scoring import case, pools, theory
+from flexaxis.experiments.scoring.case import Track
+
+Kind = Literal["text", "number", "integer", "truth"]
+Pool = Callable[[Sequence[Mapping[str, Any]], str], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Score:
+    """One score.
+
+    Attributes
+    ----------
+    name : str
+        Key in rows and summaries.
+    of : callable
+        ``of(track, i)`` of the i-th estimated parameter; None where it is not defined.
+    words : str
+        What it is, in a sentence.
+    unit : str
+        Empty for a plain number.
+    better : {"less", "more"}, optional
+        Which way is better; None for what is neither.
+    pool : callable, optional
+        ``pool(rows, name)``, what stands in the pooled row; None for what is of one run only.
+    heading : str
+        Of its column in the report; one without has none.
+    short : str
+        Of its column in the terminal; one without has none.
+    kind : {"number", "integer", "truth", "text"}
+        What its column holds.
+    parts : tuple of str
+        Keys of a score that is a table; each is a column of its own.
+    margin : float, optional
+        A change smaller than this share does not matter to `compare`, which leaves out scores
+        without one unless told.
+    """
+
+    name: str
+    of: Callable[[Track, int], Any]
+    words: str
+    unit: str = ""
+    better: Literal["less", "more"] | None = None
+    pool: Pool | None = None
+    heading: str = ""
+    short: str = ""
+    kind: Kind = "number"
+    parts: tuple[str, ...] = ()
+    margin: float | None = None
+
+    @property
+    def compared(self) -> bool:
+        """Whether `compare` can take ratios of it: a positive number of which less is better."""
+        return self.better == "less" and self.kind == "number"
+
+
+SCORES: Mapping[str, Score] = {
+    score.name: score
+    for score in (
+        Score(
+            "lag",
+            case.lag_of,
+            "T Σ |θ̃|/D over 5 s after the fault, or until the next event; D is the size of the "
+            "fault. Where nothing moves at the fault, the clock starts when the excitation "
+            "returns. Geometric mean over the runs.",
+            unit="s",
+            better="less",
+            pool=pools.geometric,
+            heading="lag",
+            short="lag",
+            margin=0.02,
+        ),
+        Score(
+            "t10",
+            case.t10_of,
+            "The last time that the error leaves ±10 % of the fault, within the same window. "
+            "Median over the runs; never settled and lost runs count as never.",
+            unit="s",
+            better="less",
+            pool=pools.median,
+            heading="t10",
+            short="t10",
+        ),
+        Score(
+            "std",
+            case.std_of,
+            "Standard deviation of the error before the fault (last 5 s of excitation; last 10 s "
+            "without a fault), over time and runs about their common mean.",
+            unit="%",
+            better="less",
+            pool=pools.deviation("bias", "lost_before"),
+            heading="std",
+            short="std",
+            margin=0.02,
+        ),
+        Score(
+            "bias",
+            case.bias_of,
+            "Mean of the error in the same time, over all runs.",
+            unit="%",
+            pool=pools.mean,
+            heading="bias",
+        ),
+        Score(
+            "std_after",
+            case.std_after_of,
+            "Standard deviation of the error in the last 2 s of the window after the fault: who "
+            "is quiet before a fault only because it is frozen is not quiet here.",
+            unit="%",
+            better="less",
+            pool=pools.deviation("bias_after", "diverged"),
+            heading="std after",
+        ),
+        Score(
+            "bias_after",
+            case.bias_after_of,
+            "Mean of the error in the same time.",
+            unit="%",
+            pool=pools.mean,
+        ),
+        Score(
+            "cross_talk",
+            case.cross_talk_of,
+            "Root mean square error that the fault causes in a parameter that did not change.",
+            unit="%",
+            better="less",
+            pool=pools.root_mean_square,
+            heading="cross-talk",
+        ),
+        Score(
+            "excess",
+            theory.excess_of,
+            "What the errors of all estimated parameters add to the prediction error before the "
+            "fault, θ̃ᵀQθ̃/σ²: one number for all of them, whatever their units.",
+            better="less",
+            pool=pools.mean,
+            heading="excess error",
+        ),
+        Score(
+            "diverged",
+            lambda track, _: track.lost is not None,
+            "Lost runs: not finite, or at or beyond .1 … 10 × nominal for more than 1 s. From "
+            "there on they are scored as if they sat at the farther edge of that box.",
+            better="less",
+            pool=pools.count,
+            heading="diverged",
+            short="lost",
+            kind="truth",
+        ),
+        Score("lost_at", case.lost_at_of, "When the run was lost.", unit="s"),
+        Score(
+            "lost_before",
+            lambda track, _: track.lost_before,
+            "Whether it was lost before std and bias had been taken.",
+            kind="truth",
+        ),
+        Score(
+            "never_settled",
+            case.never_settled_of,
+            "Runs outside ±10 % of the fault at the end of the window, lost ones aside.",
+            better="less",
+            pool=pools.count_kept,
+            heading="never settled",
+            short="open",
+            kind="truth",
+        ),
+        Score(
+            "lag_null",
+            lambda track, i: theory.limits_of(track, i).lag_null,
+            "Lag of an estimator that never moves.",
+            unit="s",
+            pool=pools.mean,
+        ),
+        Score(
+            "lag_bound",
+            lambda track, i: theory.limits_of(track, i).lag_bound,
+            "Lag that noise allows to whoever is told time and state of the jump and takes all "
+            "estimated parameters for unknown after it (Cramér–Rao).",
+            unit="s",
+            pool=pools.mean,
+        ),
+        Score(
+            "lag_bound_single",
+            lambda track, i: theory.limits_of(track, i).lag_bound_single,
+            "The same for whoever is told besides which parameter it is, and knows the others.",
+            unit="s",
+            pool=pools.mean,
+        ),
+        Score(
+            "bound",
+            lambda track, i: theory.limits_of(track, i).bound,
+            "Standard deviation on the bound with all unknown over D, by samples after onset.",
+            parts=tuple(map(str, theory.RMSE_AT)),
+        ),
+        Score(
+            "score",
+            theory.score_of,
+            "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
+            "scale; for steps on an axis that the linear model describes.",
+            better="more",
+            pool=pools.mean,
+            heading="score",
+            short="score",
+        ),
+        Score(
+            "nees",
+            theory.nees_of,
+            "Squared error before the fault in units of the claimed covariance; the number of "
+            "estimated parameters for an honest claim.",
+            pool=pools.mean,
+            heading="NEES",
+        ),
+        Score(
+            "detection",
+            theory.detection_of,
+            "Changes that the estimator says it found, a run: alarms, false ones, delay, missed "
+            "faults, share of the found ones that were named rightly.",
+            pool=pools.found,
+            parts=theory.ALARMS,
+        ),
+        Score(
+            "isolation", theory.isolation_of, "What each fault was taken for.", kind="text"
+        ),
+    )
+}  # fmt: skip
+
+METRICS = tuple(score.name for score in SCORES.values() if score.compared)
+"""What `compare` can compare: positive numbers of which less is better."""
+
+MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
+"""What it compares unless told otherwise, and how large a change matters (.02 is 2 %)."""
+
+
+def rows(track: Track) -> list[dict[str, Any]]:
+    """Return the scores of a case, a row a parameter, as they stand in scores.jsonl."""
+    return [
+        {"parameter": name, "changed": bool(track.mine(i))}
+        | {score.name: score.of(track, i) for score in SCORES.values()}
+        for i, name in enumerate(track.names)
+    ]
+
+
+def undefined() -> dict[str, None]:
+    """Return the scores of a case that could not be run."""
+    return dict.fromkeys(("parameter", "changed", *SCORES))
+
+
+def columns() -> dict[str, Kind]:
+    """Return the columns of the scores in a table, by name; a part has its table's before a dot."""
+    found: dict[str, Kind] = {}
+    for score in SCORES.values():
+        names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
+        found |= dict.fromkeys(names, score.kind)
+    return found
+
+
+def label(name: str) -> str:
+    """Return a score with its unit, as for an axis.
+
+    Examples
+    --------
+    >>> label("lag"), label("cross_talk"), label("excess")
+    ('lag [s]', 'cross-talk [%]', 'excess error')
+    """
+    score = SCORES[name]
+    words = score.heading or name.replace("_", " ")
+    return f"{words} [{score.unit}]" if score.unit else words

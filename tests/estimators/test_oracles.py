@@ -1,0 +1,205 @@
+"""Estimators where the answer is known: closed forms, textbook loops, exact data."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import multivariate_normal
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.forgetful import forgetful_rpem
+from flexaxis.estimators.oracle_reset import OracleReset
+from flexaxis.estimators.plan import plan
+from flexaxis.estimators.recipes import rpem_forgetting
+from flexaxis.estimators.refit import Past, explain
+from flexaxis.estimators.rivals import imm, joint
+from flexaxis.estimators.sampled import terms
+
+T = 0.005
+NAMES = ("k_T", "1/J_a", "f_m")
+FILTERS = {
+    "rpem": rpem_forgetting,
+    "ekf": joint,
+    # the mean over sigma points is not the model at the mean; close together they are as good
+    "ukf": partial(joint, unscented=True, spread=1e-3, walk=1e-4),
+    "imm": imm,
+}
+
+
+@pytest.fixture(scope="module")
+def stiff(nominal, simulated):
+    """An axis with a gear of a thousandfold stiffness, and 3 s of it without noise."""
+    parameters = dict(nominal) | {"k_g": 1e3 * nominal["k_g"]}
+    return parameters, simulated(3.0, parameters=parameters, sigma=0.0)
+
+
+@pytest.mark.parametrize("output", ["speed", "increment"])
+@pytest.mark.parametrize("name", FILTERS)
+def test_at_the_truth_exact_data_of_a_stiff_axis_move_nothing(stiff, name, output):
+    """Several substeps take one sample: none may be lost or counted twice."""
+    parameters, run = stiff
+    model = three_mass(parameters).parametrize(NAMES)
+    assert plan(model, 0.1 * model.theta, 10 * model.theta, T)[1] > 1
+    estimator = FILTERS[name](parameters, T, output=output)
+    theta = estimator.run(run.u, run.y if output == "speed" else run.increment)
+    tolerance = 1e-5 if name == "ukf" else 1e-10
+    np.testing.assert_allclose(theta / model.theta, 1.0, atol=tolerance, rtol=0)
+
+
+@pytest.mark.parametrize("unscented", [False, True])
+def test_without_measurements_theta_walks_as_far_as_is_said(nominal, loop, unscented):
+    """`walk` is the relative deviation after a second, `spread` that at the start."""
+    estimator = joint(nominal, T, walk=0.03, spread=0.2, unscented=unscented)
+    estimator.run(loop.u[:400], np.zeros(400), np.zeros(400, bool))
+    theta = three_mass(nominal).parametrize(NAMES).theta
+    expected = np.diag(theta**2 * (0.2**2 + 2 * 0.03**2))
+    np.testing.assert_allclose(estimator.covariance, expected, rtol=1e-9, atol=1e-15)
+
+
+@pytest.fixture(scope="module")
+def linear(nominal, by_hand):
+    """k_T multiplies all that the axis does from rest: torque (N,), and speed for k_T = 1."""
+    A, B = by_hand(dict(nominal) | {"k_T": 1.0})
+    step = expm(np.block([[A, B[:, None]], [np.zeros((1, 7))]]) * T)
+    u = np.random.default_rng(4).normal(0, 1, 300)
+    x, speed = np.zeros(6), []
+    for torque in u:
+        speed.append(x[2])
+        x = step[:6, :6] @ x + step[:6, 6] * torque
+    return u, np.array(speed)
+
+
+def test_a_corrected_state_is_that_of_the_present_parameters(nominal, linear):
+    """Then x = k_T x₁ exactly, and the filter is least squares in closed form."""
+    u, speed = linear
+    y = 1.3 * speed + 0.1 * np.random.default_rng(5).standard_normal(len(u))
+    factor, P0 = 0.99, 0.2
+    ours = Rpem(
+        three_mass(nominal), identify=["k_T"], P0=[P0], forgetting=factor, state_correction=True
+    )
+    theta = ours.run(u, y)[:, 0]
+    for k in (1, 10, 100, 299):
+        weights = factor ** np.arange(k, -1.0, -1.0)
+        start = weights[0] / P0  # the first time update comes after the first measurement
+        total = start + np.sum(weights * speed[: k + 1] ** 2)
+        expected = start * nominal["k_T"] + np.sum(weights * speed[: k + 1] * y[: k + 1])
+        assert theta[k] == pytest.approx(expected / total, rel=1e-9)
+
+
+@pytest.mark.parametrize("start", [0.7, 2.0])
+@pytest.mark.parametrize("share", [1e4, 1.0])
+def test_a_change_of_a_linear_parameter_is_fitted_and_weighed_in_closed_form(
+    nominal, linear, share, start
+):
+    """k_T normal before the data, y normal given k_T: so are its posterior and the data.
+
+    The data say `share` times as much as the prior.
+    """
+    u, speed = linear
+    N, before, relative = 60, 0.7, 0.5
+    slope, spread = speed[1 : N + 1], relative * before
+    variance = spread**2 * (slope @ slope) / share
+    y = 1.0 * slope + np.sqrt(variance) * np.random.default_rng(6).standard_normal(N)
+    model = three_mass(nominal).parametrize(["k_T", "f_m"])
+    theta = np.array([before, nominal["f_m"]])
+    past = Past(
+        theta=theta[None],
+        x=np.zeros((1, model.n)),
+        likelihood=np.zeros(1),
+        u=u[:N],
+        y=y,
+        present=np.ones(N, bool),
+        epsilon=np.zeros(1 + 4),
+        colour=np.zeros(4),
+        variance=variance,
+    )
+    lower, upper = 0.1 * theta, 10 * theta
+    order, substeps = plan(model, lower, upper, T)
+    known = terms(model, order, substeps, T)
+
+    def fit(active):
+        guess = np.array([start, nominal["f_m"]])
+        return explain(known, past, np.array(active, int), lower, upper, relative, 0, guess)
+
+    change, nothing = fit([0]), fit([])
+    precision = slope @ slope / variance + 1 / spread**2
+    posterior = (slope @ y / variance + before / spread**2) / precision
+    # least squares stops where a step would gain .02 nats: .2 deviations at most
+    assert change.theta[0] == pytest.approx(posterior, abs=0.2 / np.sqrt(precision))
+    assert change.theta[1] == nominal["f_m"]
+    misfit = np.sum((y - change.theta[0] * slope) ** 2) / variance
+    assert change.unexplained == pytest.approx(misfit / N, rel=1e-9)
+
+    prior = multivariate_normal(before * slope, variance * np.eye(N))
+    both = multivariate_normal(
+        before * slope, variance * np.eye(N) + spread**2 * np.outer(slope, slope)
+    )
+    odds = both.logpdf(y) - prior.logpdf(y)
+    assert change.evidence - nothing.evidence == pytest.approx(odds, abs=0.02)
+
+
+def measured_factors(filter_, run):
+    """λ of every sample by which P was divided, with ε and ψᵀPψ from before."""
+    found = []
+    for u, y in zip(run.u, run.y, strict=True):
+        P, X = filter_.state["P"][0].copy(), filter_.state["X"][0]
+        psi = X[-1, 1 : 1 + len(P)].copy()
+        size = psi @ P @ psi
+        filter_.step(u, y)
+        updated = P - np.outer(P @ psi, psi @ P) / (1 + size)
+        factor = np.trace(updated) / np.trace(filter_.state["P"][0])
+        found.append((factor, filter_.state["epsilon"][0], size))
+    return np.array(found).T
+
+
+def test_the_variable_factor_is_that_of_the_paper(nominal, simulated):
+    """λ = σ_q σ_v/|σ_e − σ_v| of standard deviations, where the residual exceeds the noise."""
+    run = simulated(4.0, seed=2, faults={2.0: dict(nominal) | {"k_T": 0.6}})
+    P0 = three_mass(nominal).parametrize(NAMES).theta ** 2
+    ours = forgetful_rpem(three_mass(nominal), rule="variable", P0=P0, level=1.5)
+    factor, epsilon, size = measured_factors(ours, run)
+    e = q = v = 0.0
+    expected = []
+    for residual, spread in zip(epsilon, size, strict=True):
+        e += (residual**2 - e) / 60
+        q += (spread**2 - q) / 60
+        v += (residual**2 - v) / 400
+        sigma_e, sigma_q, sigma_v = np.sqrt([e, q, v])
+        large = sigma_e > 1.5 * sigma_v
+        wanted = sigma_q * sigma_v / abs(sigma_e - sigma_v) if large else 0.995
+        expected.append(np.clip(wanted, 0.9, 0.995))
+    inside = (np.array(expected) > 0.9) & (np.array(expected) < 0.995)
+    assert inside.sum() >= 20  # neither limit hides the formula
+    np.testing.assert_allclose(factor, expected, rtol=1e-9)
+
+
+def test_the_oracle_begins_anew_with_the_first_sample_of_a_fault(nominal, loop):
+    def corrected():
+        return Rpem(three_mass(nominal), P0=[0.01, 0.01, 0.01], state_correction=True)
+
+    told, by_hand = OracleReset(corrected(), onsets=[700]), corrected()
+    theta = told.run(loop.u[:900], loop.y[:900])
+    before = by_hand.run(loop.u[:700], loop.y[:700])
+    by_hand.restart((0.5 * by_hand.theta / 0.1) ** 2)
+    after = by_hand.run(loop.u[700:900], loop.y[700:900])
+    np.testing.assert_array_equal(theta, np.concatenate([before, after]))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_an_outlier_is_clipped_at_deviations_of_the_prediction(nominal, loop, sign):
+    """While P is large the prediction is uncertain, and a large residual is no outlier."""
+    N, clip = 400, 3.0
+    ours = Rpem(three_mass(nominal), P0=[1e-3, 1e-3, 1e-3], forgetting=0.995, robust=clip)
+    ours.run(loop.u[:N], loop.y[:N])
+    psi = ours._state["X"][0, -1, 1:4].copy()
+    ours.P = [1.0, 1.0, 1e-3]
+    noise = 2 * ours.covariance[0, 0] / ours.P[0, 0]
+    s = 1 + psi @ ours.P @ psi
+    assert s > 3  # the spread of the prediction counts
+    expected = ours.P @ psi / s * sign * clip * np.sqrt(noise * s)
+    before = ours.theta
+    lower, upper = ours.bounds
+    assert ((before + expected > lower) & (before + expected < upper)).all()
+    ours.step(loop.u[N], loop.y[N] + sign * 1e3)
+    np.testing.assert_allclose(ours.theta - before, expected, rtol=1e-9)

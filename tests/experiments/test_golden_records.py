@@ -1,0 +1,63 @@
+"""Records that must not change unless someone means it: every signal of every scenario.
+
+`python tests/golden/make.py records` writes their digests anew, for a change that is meant.
+"""
+
+import importlib.util
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.catalogue import scenario_names
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+ADVICE = "if that is meant: python tests/golden/make.py records"
+
+
+def load():
+    """The module beside the goldens; a folder of data is no package."""
+    place = importlib.util.spec_from_file_location("golden_contents", GOLDEN / "contents.py")
+    module = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    return module
+
+
+contents = load()
+OLD = contents.golden_digests()["scenarios"]
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_a_record_is_what_it_was(name):
+    assert name in OLD, f"{name} has no digest; {ADVICE}"
+    new = contents.digest(contents.record_of(name))
+    assert new.keys() == OLD[name].keys()
+    moved = {signal: contents.signal_change(OLD[name][signal], new[signal]) for signal in new}
+    assert not any(moved.values()), f"relative changes {moved}; {ADVICE}"
+
+
+def test_the_file_holds_no_other_scenario():
+    assert sorted(OLD) == sorted(scenario_names()), ADVICE
+
+
+@pytest.fixture(scope="module")
+def record():
+    return contents.record_of("fm_step-v1")
+
+
+@pytest.mark.parametrize("signal", contents.SIGNALS)
+def test_one_sample_that_moves_by_a_millionth_is_seen(record, signal):
+    values = getattr(record, signal).copy()
+    # a sample of ordinary size; a smaller one moves less than the tolerance
+    k = int(np.argmin(abs(abs(values.ravel()) - np.sqrt(np.mean(values**2)))))
+    values.ravel()[k] *= 1 + 1e-6
+    moved = contents.digest(replace(record, **{signal: values}))
+    old = contents.digest(record)
+    assert {s for s in old if contents.signal_change(old[s], moved[s])} == {signal}
+
+
+def test_rounding_moves_the_bytes_and_not_the_record(record):
+    rounded = replace(record, speed=record.speed * (1 + 1e-14))
+    old, new = contents.digest(record)["speed"], contents.digest(rounded)["speed"]
+    assert old[0] != new[0] and contents.signal_change(old, new) == 0

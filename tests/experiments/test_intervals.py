@@ -1,0 +1,100 @@
+"""Intervals: what each covers, how often, and what is said where nothing can be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.scoring.intervals import (
+    log_interval,
+    mean_interval,
+    median_interval,
+    pseudo_values,
+    spread_interval,
+)
+
+DRAWS = 4000  # binomial standard deviation .35 %
+ALLOWED = (0.925, 0.975)
+
+
+def coverage(interval, draws, wanted):
+    inside = 0
+    for draw in draws:
+        low, high = interval(draw)
+        inside += low <= wanted <= high
+    return inside / len(draws)
+
+
+@pytest.mark.parametrize("n", [8, 16])
+@pytest.mark.parametrize("kind", ["normal", "lognormal"])
+def test_the_interval_of_a_mean_covers_the_mean(kind, n):
+    rng = np.random.default_rng(n)
+    if kind == "normal":
+        draws, wanted = rng.normal(1.0, 0.3, (DRAWS, n)), 1.0
+    else:
+        draws, wanted = rng.lognormal(0.0, 0.5, (DRAWS, n)), math.exp(0.125)
+    assert ALLOWED[0] <= coverage(mean_interval, draws, wanted) <= ALLOWED[1]
+
+
+@pytest.mark.parametrize("n", [8, 16])
+@pytest.mark.parametrize("kind", ["normal", "lognormal"])
+def test_the_interval_of_a_lag_covers_the_geometric_mean(kind, n):
+    rng = np.random.default_rng(n + 100)
+    if kind == "normal":
+        draws = rng.normal(1.0, 0.2, (DRAWS, n))
+        x = np.linspace(0.2, 1.8, 20001)  # four standard deviations, lags are positive
+        weight = np.exp(-0.5 * ((x - 1) / 0.2) ** 2)
+        wanted = math.exp(float(np.sum(weight * np.log(x)) / np.sum(weight)))
+    else:
+        draws, wanted = rng.lognormal(0.0, 0.5, (DRAWS, n)), 1.0
+    assert ALLOWED[0] <= coverage(log_interval, draws, wanted) <= ALLOWED[1]
+
+
+@pytest.mark.parametrize("n", [8, 16])
+@pytest.mark.parametrize(
+    ("slow", "quick", "scale"),
+    [(1.0, 0.01, 0.0), (1.0, 1.0, 0.0), (0.5, 1.0, 0.0), (0.0, 1.0, 0.2), (0.0, 1.0, 0.5)],
+)
+def test_the_interval_of_a_deviation_covers_it(slow, quick, scale, n):
+    """Errors slow, quick or both; in the last two the runs differ in how noisy they are."""
+    rng = np.random.default_rng(round(10 * slow + 100 * scale) + n)
+    bias = slow * rng.standard_normal((DRAWS, n))
+    within = quick**2 * rng.chisquare(10, (DRAWS, n)) / 10
+    if scale:
+        within = quick**2 * rng.lognormal(0.0, 2 * scale, (DRAWS, n))
+    wanted = math.sqrt(slow**2 + quick**2 * (math.exp(2 * scale**2) if scale else 1.0))
+    inside = 0
+    for b, w in zip(bias, within, strict=True):
+        low, high = spread_interval(np.sqrt(w + b**2), b)
+        inside += low <= wanted <= high
+    assert ALLOWED[0] <= inside / DRAWS <= ALLOWED[1]
+
+
+def test_the_interval_of_a_median_covers_it_and_may_end_at_never():
+    rng = np.random.default_rng(0)
+    inside = sum(
+        low <= 0.0 <= high
+        for low, high in (median_interval(rng.standard_normal(16)) for _ in range(DRAWS))
+    )
+    # Order statistics cannot be exact: 15 choose from P = .923, 16 from .979.
+    assert 0.945 <= inside / DRAWS <= 0.985
+    assert median_interval([1.0, 2.0, 3.0, *[np.inf] * 5])[1] is None
+
+
+@pytest.mark.parametrize("interval", [mean_interval, log_interval, median_interval])
+def test_of_fewer_than_five_nothing_is_said(interval):
+    assert interval([1.0, 2.0, 3.0, 4.0]) is None
+    assert spread_interval([1.0] * 4, [0.0, 1.0, 0.5, 0.2]) is None
+
+
+def test_equal_values_have_no_width_and_those_that_are_not_finite_none():
+    assert mean_interval([2.0] * 8) == [2.0, 2.0]
+    assert log_interval([5.0] * 8) == pytest.approx([5.0, 5.0])
+    assert spread_interval([0.0] * 8, [0.0] * 8) == [0.0, 0.0]
+    assert mean_interval([1.0, 2.0, 3.0, 4.0, np.nan]) is None
+
+
+def test_pseudo_values_of_a_mean_are_the_values_and_of_a_variance_take_its_bias_out():
+    x = np.random.default_rng(1).standard_normal(12)
+    np.testing.assert_allclose(pseudo_values(lambda i: x[i].mean(), 12), x, atol=1e-12)
+    assert pseudo_values(lambda i: x[i].var(), 12).mean() == pytest.approx(x.var(ddof=1))

@@ -1,0 +1,84 @@
+"""The harness against estimators and numbers that are known exactly."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments import harness
+from flexaxis.experiments.cache import RecordCache, records
+from flexaxis.sim.simulate import simulate
+
+
+class Counter:
+    """θ is f_m times 1 + a thousandth of the samples taken; the claim is their number, scaled."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.f_m, self.count = nominal["f_m"], 0
+
+    @property
+    def covariance(self):
+        return np.array([[1e-6 * self.count]])
+
+    def step(self, u, y):
+        self.count += 1
+        return [self.f_m * (1 + 1e-3 * self.count)]
+
+
+class Silent(Counter):
+    covariance = None
+
+
+def nees(scenario, name):
+    (done,) = harness.run([scenario], [f"{Path(__file__)}:{name}"], [0])
+    (row,) = done.cases[0].rows
+    return row["nees"]
+
+
+def test_error_and_claim_are_those_before_the_fault(short):
+    """At 6 s 1200 samples are taken: .05·1.2 over a variance of .0012; none of the fault yet."""
+    assert nees(short, "Counter") == pytest.approx((0.05 * 1.2) ** 2 / 1.2e-3, rel=1e-9)
+
+
+def test_without_a_fault_they_are_those_at_the_end(short):
+    quiet = short.override({"fault": []})
+    assert nees(quiet, "Counter") == pytest.approx((0.05 * 1.6) ** 2 / 1.6e-3, rel=1e-9)
+
+
+def test_who_claims_nothing_is_not_judged(short):
+    assert nees(short, "Silent") is None
+
+
+def noises(scenario, seeds, *, repeat=0):
+    made = simulate(scenario, seeds, repeat=repeat)
+    return np.array([record.speed - record.true_speed for record in made])
+
+
+def test_every_seed_and_every_repeat_has_noise_of_its_own(short):
+    noise = np.vstack([noises(short, range(4)), noises(short, range(2), repeat=1)])
+    # of independent white noise the correlation has a standard deviation of 1/√1600
+    apart = np.corrcoef(noise)[~np.eye(6, dtype=bool)]
+    assert abs(apart).max() < 5 / np.sqrt(noise.shape[1])
+    # the deviation of 9600 samples is known to 0.7 %
+    assert noise.std() == pytest.approx(0.1, rel=0.04)
+
+
+def test_seeds_move_differently_and_repeats_alike(short):
+    first, second = simulate(short, [0, 1])
+    (again,) = simulate(short, [0], repeat=1)
+    assert abs(np.corrcoef(first.true_speed, second.true_speed)[0, 1]) < 0.5
+    np.testing.assert_array_equal(first.true_speed, again.true_speed)
+
+
+def test_the_cache_keeps_repeats_and_noises_apart(short, tmp_path):
+    store = RecordCache(tmp_path / "records")
+    louder = short.override({"noise.speed": 0.3})
+    asked = [(short, 0), (short, 1), (louder, 0)]
+    first = [records(scenario, [0], store, repeat=n) for scenario, n in asked]
+    assert [simulated for _, simulated in first] == [1, 1, 1]
+    again = [records(scenario, [0], store, repeat=n) for scenario, n in asked]
+    assert [simulated for _, simulated in again] == [0, 0, 0]
+    for (scenario, n), ((kept,), _) in zip(asked, again, strict=True):
+        np.testing.assert_array_equal(kept.speed, simulate(scenario, [0], repeat=n)[0].speed)

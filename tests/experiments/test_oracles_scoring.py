@@ -1,0 +1,154 @@
+"""Scores, theory and bounds against what is worked out here: by hand, by simulation, by scipy."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.stats import halfnorm
+
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.scoring import bounds
+from flexaxis.experiments.scoring.case import windows
+from flexaxis.experiments.scoring.pooling import pool_rows
+from flexaxis.experiments.scoring.table import undefined
+from flexaxis.experiments.scoring.theory import limits
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.simulate import simulate
+
+NAMES = ("k_T", "1/J_a", "f_m")
+T = 0.005
+
+
+@pytest.mark.parametrize(("counts", "angle"), [(2048, 0.0), (2048, 1e-3), (0, 1e-3)])
+def test_the_noise_of_increments_is_that_of_a_rounded_angle(counts, angle):
+    """Two readings make an increment, so it has the variance of both."""
+    rng = np.random.default_rng(0)
+    true = np.cumsum(rng.normal(0, 0.5, 400_000))  # many counts from sample to sample
+    read = true + angle * rng.standard_normal(len(true))
+    if counts:
+        read = np.round(read * counts / (2 * np.pi)) * 2 * np.pi / counts
+    found = np.var(np.diff(read - true) / T)
+    scenario = find_scenario("coarse_encoder_fm_step-v1").override(
+        {"encoder.counts": counts, "noise.angle": angle}
+    )
+    # 400 000 correlated samples know a variance to 0.3 % (one standard deviation)
+    assert bounds.noise_variance(scenario) == pytest.approx(found, rel=0.01)
+
+
+def axis(parameters):
+    """exp of A and B of equations (3), (4), written out: differences of angles, then rates."""
+    q = parameters
+    r, damped = q["r"], q["r"] * q["d_g"]
+    A, B = np.zeros((5, 5)), np.zeros(5)
+    A[0, 2:4] = r, -1
+    A[1, 3:5] = 1, -1
+    A[2, [0, 2, 3]] = np.array([-r * q["k_g"], -r * damped - q["f_m"], damped]) / q["J_m"]
+    row = [q["k_g"], -q["k_a"], damped, -q["f_g"] - q["d_g"] - q["d_a"], q["d_a"]]
+    A[3] = np.array(row) / q["J_g"]
+    A[4, [1, 3, 4]] = np.array([q["k_a"], q["d_a"], -q["d_a"] - q["f_a"]]) / q["J_a"]
+    B[2] = q["k_T"] / q["J_m"]
+    both = expm(T * np.block([[A, B[:, None]], [np.zeros((1, 6))]]))
+    return both[:5, :5], both[:5, 5]
+
+
+def driven(parameters, x, u):
+    """Motor speed at each sample from the state x on, and the state after the last."""
+    A, b = axis(parameters)
+    speed = []
+    for torque in u:
+        speed.append(x[2])
+        x = A @ x + b * torque
+    return np.array(speed), x
+
+
+@pytest.fixture(scope="module")
+def jump():
+    """Torque of fm_step-v1, and deviations (1000, 3) of the bound after its fault, by hand."""
+    u = simulate(find_scenario("fm_step-v1"), [0])[0].torque
+    before = preset("n1").as_dict()
+    _, x = driven(before, np.zeros(5), u[:2000])
+    assert abs(x).max() > 0.1  # the axis is moving
+
+    theta = np.array([before["k_T"], 1 / before["J_a"], 1.5 * before["f_m"]])
+
+    def speed(values):
+        k_T, inverse, f_m = values
+        return driven(before | {"k_T": k_T, "J_a": 1 / inverse, "f_m": f_m}, x, u[2000:3000])[0]
+
+    steps = np.diag(1e-5 * theta)
+    psi = np.array([(speed(theta + h) - speed(theta - h)) / (2 * h.sum()) for h in steps]).T
+    information = np.diag(1 / (0.5 * theta) ** 2) + np.zeros((1000, 3, 3))
+    information += np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0) / 0.1**2
+    deviation = np.sqrt([np.diag(np.linalg.inv(J)) for J in information])
+    return u, deviation
+
+
+def test_the_bound_after_a_jump_by_matrix_exponential_and_differences(jump):
+    u, by_hand = jump
+    found = bounds.jump_bound(find_scenario("fm_step-v1"), NAMES, 2000, 3000, u)
+    # differences of 1e-5 are good to about 1e-9
+    np.testing.assert_allclose(found.unknown, by_hand, rtol=1e-6)
+
+
+def test_the_lag_on_the_bound_is_that_of_the_mean_modulus_of_a_normal_error(jump):
+    u, by_hand = jump
+    limit = limits(find_scenario("fm_step-v1"), NAMES, u)[2]
+    size = 0.5 * 0.05
+    modulus = halfnorm(scale=by_hand[:, 2] / size).mean()
+    assert limit.lag_bound == pytest.approx(T * np.minimum(1, modulus).sum(), rel=1e-6)
+    assert limit.bound["100"] == pytest.approx(by_hand[100, 2] / size, rel=1e-6)
+
+
+@pytest.mark.parametrize("deviation", [0.3, 30.0])
+def test_the_lag_bound_of_one_deviation(deviation):
+    expected = T * 40 * min(1.0, halfnorm(scale=deviation / 2.0).mean())
+    assert bounds.lag_bound(np.full(40, deviation), 2.0) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("start", "seconds"), [(1.0, 5.0), (1.2, 3.0), (1.5, 0.0)])
+def test_doing_nothing_is_staying_at_what_one_was_told(jump, start, seconds):
+    """Told 1.2 of what becomes 1.5: 0.3 off for 5 s, by a fault of 0.5."""
+    scenario = find_scenario("fm_step-v1").override({"start": start})
+    assert limits(scenario, NAMES, jump[0])[2].lag_null == pytest.approx(seconds, abs=1e-9)
+
+
+def row(bound):
+    """A row of scores.jsonl, as far as pooling reads it."""
+    return undefined() | {
+        "scenario": "s",
+        "hash": "h",
+        "estimator": "e",
+        "parameter": "f_m",
+        "changed": True,
+        "diverged": False,
+        "bound": {"20": bound},
+        "cost": {"us_per_sample": 1.0},
+    }
+
+
+def test_efficiency_is_a_ratio_of_deviations():
+    """Errors .2 and .4 are .1 in the mean square; bounds .1 and .3 are .05: the ratio is √2."""
+    errors = [np.full(30, error, np.float32) for error in (0.2, -0.4)]
+    pooled = pool_rows([row(0.1), row(0.3)], errors, period=T)
+    assert pooled["rmse"]["20"] == pytest.approx(np.sqrt(0.1), rel=1e-6)
+    assert pooled["efficiency"] == {"20": pytest.approx(np.sqrt(2), rel=1e-6)}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "sizes"),
+    [
+        ("fm_step-v1", [0.025]),
+        ("repair-v1", [0.05, 0.05]),  # doubled, and back: from .1, not from .05
+        ("ja_step-v1", [1 / 0.8 - 1 / 0.88]),  # estimated is the inverse
+        ("three_faults-v1", [0.025, 1 / 0.8 - 1 / 0.88, 0.1]),
+    ],
+)
+def test_a_fault_is_as_large_as_what_it_changes(scenario, sizes):
+    found = [window.size for window in windows(find_scenario(scenario), NAMES)]
+    assert found == pytest.approx(sizes, rel=1e-9)
+
+
+def test_a_fault_after_a_drift_is_as_large_as_it_then_is():
+    """f_m falls by 30 % from 5 s on, with 20 s to 63 %, and half of what is left comes on top."""
+    fault = windows(find_scenario("warming_fm_step-v1"), NAMES)[-1]
+    left = 0.05 * (0.7 + 0.3 * np.exp(-25 / 20))
+    assert fault.size == pytest.approx(left / 2, rel=1e-3)

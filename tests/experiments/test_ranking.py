@@ -1,0 +1,187 @@
+"""Who leads, who is tied, and what is said of them: from paired values made by hand."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.figures import colour, marker
+from flexaxis.experiments.scoring.mismatch import matrix, mismatch_in_words, mismatched
+from flexaxis.experiments.scoring.ranking import answers, in_words, leaders, mark, overall, worse
+
+RECORD = np.random.default_rng(0).standard_normal(16)
+"""What the record does to every estimator alike."""
+
+
+def values(lag, *, own=0.02, seed=1, common=0.5):
+    """ln of lags that share what the record does; `own` is what each adds to it."""
+    noise = own * np.random.default_rng(seed).standard_normal(16)
+    return (np.log(lag) + common * RECORD + noise - noise.mean()).tolist()
+
+
+def match(estimator, lag, *, how="matched", scenario="s", score=None, false=None, **more):
+    return {
+        "scenario": scenario, "parameter": "f_m", "estimator": estimator, "how": how,
+        "lag": lag, "lag_interval": [lag / 2, lag * 2], "bound": 0.1, "over_bound": lag / 0.1,
+        "std_after": 0.3, "false_alarms_per_1000_s": None if false is None else 50.0 * sum(false),
+        "values": {
+            "lag": values(lag, seed=len(estimator)),
+            "std_after": values(0.3, own=0.1, seed=7),
+            "score": None if score is None else (score + RECORD).tolist(),
+            "false_alarms": false,
+        } | more,
+    }  # fmt: skip
+
+
+def row(scenario, estimator, lag, *, changed=True, parameter="f_m", **more):
+    return {
+        "scenario": scenario, "estimator": estimator, "parameter": parameter, "changed": changed,
+        "lag": lag, "lag_interval": None if lag is None else [0.9 * lag, 1.1 * lag], "std": 1.0,
+        "bias": 0.1, "diverged": 0, "never_settled": 0, "detection": None,
+    } | more  # fmt: skip
+
+
+def test_pairs_tell_apart_what_intervals_that_overlap_do_not():
+    lags = {"a": values(0.20, seed=1), "b": values(0.24, seed=2)}  # each ±25 %, together ±2 %
+    assert leaders(lags) == ["a"]
+    assert leaders({"a": lags["a"], "b": values(0.201, own=0.1, seed=2)}) == ["a", "b"]
+
+
+def test_the_whole_set_is_compared_not_only_the_second():
+    lags = {"a": values(0.20), "b": values(0.24, seed=2), "c": values(0.25, own=0.5, seed=3)}
+    assert leaders(lags) == ["a", "c"]  # c is behind b, but cannot be told from a
+
+
+def test_with_fewer_than_five_seeds_nobody_is_told_apart():
+    assert leaders({"a": [0.0] * 4, "b": [9.0, 9.1, 9.0, 9.2]}) == ["a", "b"]
+
+
+def test_the_best_is_wrongly_told_from_its_equals_in_one_of_twenty_at_most():
+    """Eight estimators that are all alike: the best of them is the best by luck."""
+    rng, wrong = np.random.default_rng(5), 0
+    for _ in range(400):
+        wrong += len(leaders({str(i): rng.standard_normal(16).tolist() for i in range(8)})) < 8
+    # Looking for the best first costs something: its luck is counted in every comparison.
+    assert wrong / 400 <= 0.15
+
+
+def test_controls_and_those_that_are_noisier_everywhere_do_not_lead():
+    rows = mark(
+        [match("oracle-reset", 0.1), match("loud", 0.12, how="noisier"), match("slow", 2.0),
+         match("quiet", 0.2, how="quieter")]
+    )  # fmt: skip
+    assert [r["estimator"] for r in rows if r["leads"]] == ["quiet"]
+
+
+def test_the_sentence_names_the_best_its_equals_and_the_papers_method():
+    rows = mark([match("rpem-forgetting", 2.0), match("quick", 0.2), match("middling", 0.5)])
+    (text,) = answers(rows, {"s": "f_m +50 % at 10 s"})
+    assert text.startswith("s (f_m +50 % at 10 s): shortest lag of f_m: quick 0.2 s (2 × bound)")
+    assert "next comes middling 0.5 s (5 × bound)" in text
+    assert "the paper's method, rpem-forgetting 2 s (20 × bound)." in text
+
+
+def test_nobody_is_left_out_without_a_sentence():
+    rows = mark([match("a", 0.2), match("b", 0.4), match("two.py:Two", 0.39, how="quieter"),
+                 match("loud", 0.1, how="noisier")])  # fmt: skip
+    (text,) = answers(rows, {"s": ""})
+    assert "Quieter than the reference at every setting: two.py:Two (lag at most 0.39 s)" in text
+    assert "Noisier than the reference at every setting: loud (lag at least 0.1 s)" in text
+
+
+def test_faster_is_said_only_if_nothing_else_is_worse():
+    jumpy = match("jumpy", 0.1, std_after=values(0.9, own=0.1, seed=3))
+    calm = match("calm", 0.3, std_after=values(0.3, own=0.1, seed=4))
+    assert worse(jumpy, calm) == ["is 3 times as noisy after the fault"]
+    assert worse(calm, jumpy) == []
+    (text,) = answers(mark([jumpy, calm]), {"s": ""})
+    assert "but jumpy is 3 times as noisy after the fault, so not simply better" in text
+
+
+def test_false_alarms_are_worse_only_if_they_are_no_chance():
+    none = match("none", 0.3, false=[0] * 16)
+    assert worse(match("few", 0.1, false=[1] * 4 + [0] * 12), none) == []  # p = 1/16
+    assert "false alarms" in worse(match("many", 0.1, false=[1] * 5 + [0] * 11), none)[0]
+    assert "false alarms" in worse(match("many", 0.1, false=[2] * 5 + [0] * 11), match("b", 1))[0]
+
+
+def test_one_number_over_all_faults_has_a_fixed_set_and_no_score_is_zero():
+    rows = [
+        match("a", 1, scenario="one", score=80.0), match("a", 1, scenario="two", score=60.0),
+        match("b", 1, scenario="one", score=90.0), match("b", 1, scenario="two"),
+        match("c", 1, scenario="one", score=100.0, how="noisier"),
+        match("c", 1, scenario="two", score=100.0),
+    ]  # fmt: skip
+    c, a, b = overall(rows)
+    mean = RECORD.mean()
+    assert (c["estimator"], c["how"], c["leads"]) == ("c", "noisier", False)  # at most so much
+    assert a["score"] == pytest.approx(70 + mean) and a["leads"]
+    assert b["score"] == pytest.approx(45 + mean / 2) and not b["leads"]
+    assert a["faults"] == b["faults"] == 2
+    low, high = a["score_interval"]
+    assert low < a["score"] < high
+    assert overall([match("a", 1) | {"bound": None}]) == []
+
+
+def test_dropping_a_scenario_never_raises_the_rank():
+    """With a third that has no score in "hard", the set of scenarios stays what it was."""
+    scores = {("A", "hard"): 20.0, ("A", "easy"): 70.0, ("B", "hard"): 60.0, ("B", "easy"): 60.0}
+    both = [match(name, 1, scenario=s, score=value) for (name, s), value in scores.items()]
+    third = [match("C", 1, scenario="easy", score=10.0), match("C", 1, scenario="hard")]
+    assert [r["estimator"] for r in overall(both)] == ["B", "A"]
+    assert [r["estimator"] for r in overall(both + third)] == ["B", "A", "C"]
+
+
+def test_as_set_faster_and_quieter_need_pairs():
+    def at(name, lag, std, **options):
+        stds = values(std, own=options.get("own", 0.05), seed=len(name) + 9, common=0.1)
+        return {
+            "scenario": "s", "parameter": "f_m", "estimator": name, "lag": lag, "std": std,
+            "diverged": options.get("lost", 0), "seeds": 16,
+            "values": {"lag": values(lag, seed=sum(map(ord, name))), "std": stds},
+        }  # fmt: skip
+
+    (text,) = in_words([at("quick", 0.2, 0.3), at("slower", 1.0, 0.1), at("slow too", 2.0, 0.31,
+                        own=0.4, lost=3)])  # fmt: skip
+    assert "shortest lag of f_m: quick 0.2 s at 0.3 %" in text
+    assert "slower 1 s at 0.1 % is slower and quieter" in text
+    assert "slow too 2 s at 0.31 % is slower, its noise not told apart" in text
+    assert "Of 16 runs of slow too, 3 diverged" in text
+    (text,) = in_words([at("ekf", 0.49178, 0.3, own=0.2), at("ukf", 0.49179, 0.3, own=0.2)])
+    assert "cannot tell it from ukf" in text and "better" not in text
+
+
+def test_a_cell_is_the_changed_parameter_else_the_worst():
+    rows = [
+        row("s", "a", 1.0, parameter="k_T", changed=False, bias=50.0),
+        row("s", "a", 2.0, parameter="f_m"),
+        row("calm", "a", None, parameter="k_T", changed=False),
+        row("calm", "a", None, parameter="f_m", changed=False, bias=-9.0),
+    ]
+    cells = matrix(rows, ["s", "calm"])
+    assert [cells[name, "a"]["parameter"] for name in ("s", "calm")] == ["f_m", "f_m"]
+
+
+def test_the_mismatch_track_in_words():
+    names = ["coulomb_fm_step-v1", "fm_step-v1"]
+    assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
+    alarms = {"false_alarms_per_1000_s": 2.5}
+    rows = [row("m", "a", 4.0), row("m", "b", 2.0, detection=alarms), row("m", "c", 2.2)]
+    text = mismatch_in_words(rows, ["m"])
+    assert "b in 1 of 1, c in 1 of 1" in text and "False alarms in 1000 s: b 2.5." in text
+
+
+def test_a_short_lag_bought_with_noise_or_knowledge_wins_nothing():
+    rows = [
+        row("m", "rpem-forgetting", 4.0, std=1.0),
+        row("m", "noisy", 0.1, std=1.6),
+        row("m", "oracle-reset", 0.1, std=1.0),
+        row("m", "as quiet", 2.0, std=1.4),
+    ]
+    assert ": as quiet in 1 of 1." in mismatch_in_words(rows, ["m"])
+
+
+def test_registered_estimators_look_different():
+    looks = [(colour(name), marker(name)) for name in REGISTRY]
+    assert len(set(looks)) == len(looks)
+    assert colour("mine.py:Mine") == colour("mine.py:Mine")

@@ -1,0 +1,77 @@
+"""The tables of the documentation: that they are what commands wrote, of what there is now."""
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue import find_suite, scenario_names
+
+ROOT = Path(__file__).parents[1]
+WORDS = {17: "seventeen", 18: "eighteen", 19: "nineteen", 20: "twenty", 21: "twenty-one"}
+
+
+@pytest.fixture(scope="module")
+def tables():
+    place = importlib.util.spec_from_file_location("docs_tables", ROOT / "docs" / "tables.py")
+    module = importlib.util.module_from_spec(place)
+    sys.modules["docs_tables"] = module
+    place.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def written(tables):
+    """The tables as they stand in the pages, by name: lines of cells."""
+    found = {}
+    for page in tables.PAGES:
+        for name, text in tables.MARK.findall((ROOT / page).read_text(encoding="utf-8")):
+            lines = [line for line in text.splitlines() if line.startswith("|")]
+            found[name] = [[c.strip() for c in re.split(r"(?<!\\)\|", x)[1:-1]] for x in lines]
+            found[name, "text"] = text
+    return found
+
+
+def test_every_table_has_its_place_and_every_place_its_table(tables, written):
+    assert {name for name in written if isinstance(name, str)} == set(tables.TABLES)
+
+
+@pytest.mark.parametrize("name", ["scores", "tuned"])
+def test_tables_of_what_there_is_are_up_to_date(tables, written, name):
+    assert written[name, "text"] == tables.TABLES[name](), "run: make docs-tables"
+
+
+def test_every_estimator_stands_in_the_table_of_lags(tables, written):
+    head, _, *lines = written["equal-noise"]
+    assert head[1:-1] == [f"{name}: lag [s], × bound" for name in tables.SWEPT]
+    names = {line[0].split("`")[1] for line in lines}
+    assert names == set(find_suite("standard").estimators), "run: make docs-tables"
+    assert all(len(line) == len(head) for line in lines)
+
+
+@pytest.mark.parametrize(("name", "first"), [("mismatch", "WRONG"), ("found", "OTHERS")])
+def test_tables_of_scenarios_hold_those_they_are_of(tables, written, name, first):
+    head, _, *lines = written[name]
+    assert [line[0].strip("`") for line in lines] == list(getattr(tables, first))
+    assert set(getattr(tables, first)) <= set(scenario_names())
+    assert all(len(line) == len(head) for line in lines)
+
+
+@pytest.mark.parametrize("name", ["equal-noise", "mismatch", "found", "self-test"])
+def test_measured_tables_say_how_they_were_made(written, name):
+    assert re.search(r"`flexaxis \w+ .*`, commit [0-9a-f]{7,}", written[name, "text"])
+
+
+def test_the_readme_counts_what_there_is():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"catalogue of {len(scenario_names())} " in text
+    assert f"**Estimators**, {WORDS[len(REGISTRY)]} of them" in text
+
+
+def test_no_other_page_counts_scenarios_differently():
+    for page in ROOT.glob("docs/*.md"):
+        for count in re.findall(r"catalogue of (\d+)", page.read_text(encoding="utf-8")):
+            assert int(count) == len(scenario_names()), page
