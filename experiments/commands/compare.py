@@ -49,7 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SCORE=%[,…]",
-        help="smaller changes do not matter (default lag=2%%,std=2%%; others: t10, cross_talk)",
+        help="smaller changes do not matter (default lag=2%%,std=2%%; others: t10, std_after, "
+        "cross_talk, excess)",
     )
     parser.add_argument("--strict", action="store_true", help="exit 3 if undecided")
     parser.add_argument(
