@@ -56,7 +56,7 @@ docs-tables: $(VENV)/.core
 $(VENV)/.core: EXTRA :=
 $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
-$(VENV)/.browser: EXTRA := [test,demo]
+$(VENV)/.browser: EXTRA := [test]
 $(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \

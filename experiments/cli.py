@@ -1,8 +1,7 @@
 """The command `flexaxis`: results on stdout, progress and errors on stderr.
 
-Exit status: 0 fine, 1 a finding, 2 wrong use or bad input, 130 Ctrl-C. Each command is a module in
-`flexaxis.experiments.commands` with `HELP`, `configure(parser)` and `main(args)`; the heavy
-imports lie inside `main`, so that `--help` is quick.
+Each command is a module in `flexaxis.experiments.commands` with `HELP`, `configure(parser)` and
+`main(args)`; the heavy imports lie inside `main`, so that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -14,6 +13,11 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.metadata import version
 from keyword import iskeyword
+
+FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
+"""Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
+failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
+raised what it should not, ours or the user's, or a worker process that died: none of the others."""
 
 COMMANDS = (
     "list",
@@ -49,7 +53,11 @@ first steps:
   flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
 
 `flexaxis COMMAND --help` explains a command, with an example.
+
+exit status:
+  0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash, 130 Ctrl-C
 """
+TRACEBACK = "--traceback"
 
 
 def parser() -> argparse.ArgumentParser:
@@ -61,6 +69,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}")
+    top.add_argument(TRACEBACK, action="store_true", help="where a crash came from, in full")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         suffix = "_" if iskeyword(name) else ""
@@ -72,6 +81,9 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.configure(sub)
+        sub.add_argument(
+            TRACEBACK, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS
+        )
         sub.set_defaults(main=module.main)
     return top
 
@@ -83,26 +95,66 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
     args = parser().parse_args(words)
-    args.words = words
+    args.words = [word for word in words if word != TRACEBACK]  # no part of what is repeated
     return _guarded(args)
 
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.experiments.crashes import EstimatorCrash, worker_died
     from flexaxis.sim.errors import FlexaxisError
 
     try:
-        return int(args.main(args) or 0)
+        return int(args.main(args) or FINE)
     except (FlexaxisError, EstimatorError) as error:
-        for line in str(error).splitlines():
-            print(f"flexaxis: {line}", file=sys.stderr)
-        return 2
+        if isinstance(error, EstimatorCrash) or worker_died(error):
+            return _crashed(args, error, str(error))
+        _say(str(error))
+        return WRONG_USE
     except KeyboardInterrupt:
-        print("flexaxis: interrupted; what was computed so far is kept", file=sys.stderr)
-        return 130
+        _say("interrupted" + ("; the rows so far are kept" if args.command == "run" else ""))
+        return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return FINE
+    except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
+        return _crashed(args, error, _unexpected(args, error))
+
+
+def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
+    from flexaxis.experiments.crashes import described, user_code, worker_died
+
+    if worker_died(error):
+        own = f" ({', '.join(_own_code(args))})" if _own_code(args) else ""
+        return (
+            f"{args.command}: a worker process died: its code{own} ended it, memory ran out, or it "
+            "was killed. Try --jobs 1"
+        )
+    whose = "code that was given" if user_code(error) else "flexaxis itself, which should not"
+    return f"{args.command}: crashed in {whose}: {described(error)}"
+
+
+def _own_code(args: argparse.Namespace) -> list[str]:
+    """Return the estimators of a command line that are not of the registry."""
+    given = [getattr(args, name, None) for name in ("estimator", "base", "candidate")]
+    texts = [text for one in given if one for text in ([one] if isinstance(one, str) else one)]
+    return [text for text in texts if ":" in text.partition("[")[0]]
+
+
+def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
+    if args.traceback:
+        import traceback
+
+        traceback.print_exception(error)
+        _say(text)
+    else:
+        _say(f"{text}; {TRACEBACK} shows more")
+    return CRASH
+
+
+def _say(text: str) -> None:
+    for line in text.splitlines():
+        print(f"flexaxis: {line}", file=sys.stderr)
 
 
 if __name__ == "__main__":

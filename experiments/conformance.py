@@ -29,7 +29,7 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[Finding]:
 
     Raises
     ------
-    EstimatorError
+    EstimatorError, EstimatorCrash
         If it cannot be built at all.
     """
     subject = _subject(spec, store)
@@ -45,10 +45,6 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
         except EstimatorError as error:
             problems.append(error)
             continue
-        except Exception as error:
-            raise EstimatorError(
-                f"{spec.text} cannot be built: {type(error).__name__}: {error}"
-            ) from error
         return Subject(spec, scenario, records(scenario, [0], store)[0][0])
     raise problems[0]
 

@@ -49,6 +49,37 @@ class Cheater:
         return np.concatenate([theta[self.AHEAD :], np.tile(theta[-1], (self.AHEAD, 1))])[: len(u)]
 
 
+class Hindsight:
+    """WRONG ON PURPOSE: clips y at twice its standard deviation, taken over the whole record.
+
+    No order of the samples matters to that, and no single one of the future is used; still no
+    robot knows today how much its axis will move tomorrow.
+    """
+
+    def __init__(
+        self,
+        nominal: Mapping[str, float],
+        period: float,
+        *,
+        identify: Sequence[str] = DEFAULT_IDENTIFY,
+        output: str = "speed",
+        torque: Array | None = None,
+    ) -> None:
+        self._inner = rpem_forgetting(
+            nominal, period, identify=identify, output=output, torque=torque
+        )
+        self.names, self.output, self.bounds = identify, output, self._inner.bounds
+
+    def step(self, u: float, y: float | None) -> Array:
+        """Take one sample, honestly."""
+        return self._inner.step(u, y)
+
+    def run(self, u: Array, y: Array, *missing: Any) -> Array:
+        """Take all samples, those of y clipped at what is unusual in all of them."""
+        usual = 2 * np.std(y)
+        return self._inner.run(u, np.clip(y, -usual, usual), *missing)
+
+
 class Sloppy:
     """WRONG ON PURPOSE: four mistakes that are easily made.
 

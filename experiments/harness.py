@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.cache import RecordCache, records
+from flexaxis.experiments.crashes import crash
 from flexaxis.experiments.processes import process_pool
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
@@ -210,9 +211,7 @@ def _estimates(
     try:
         theta = run_estimator(estimator, u, y, valid)
     except Exception as error:
-        raise EstimatorError(
-            f"{spec.text} failed on {where}: {type(error).__name__}: {error}"
-        ) from error
+        raise crash(spec.text, f"on {where}", error) from error
     if theta.shape != (len(u), len(estimator.names)):
         raise EstimatorError(
             f"{spec.text} returned estimates of the shape {theta.shape} on {where}; "

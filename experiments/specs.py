@@ -3,7 +3,8 @@
 Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
 TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
-in any language. All but the first run the code they name.
+in any language. All but the first run the code they name, so that text which was not typed on the
+command line goes through `flexaxis.experiments.consent` before it comes here.
 """
 
 from __future__ import annotations
@@ -20,14 +21,18 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
+from flexaxis.experiments.crashes import crash, user_code
 from flexaxis.experiments.nominal import nominal_torque
 from flexaxis.experiments.pipe import PipeEstimator
 from flexaxis.experiments.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.parameters import preset
+from flexaxis.sim.problems import estimated_problems
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
@@ -66,6 +71,22 @@ def parse(text: str) -> Spec:
     return Spec(text, make, options)
 
 
+def written_options(text: str) -> dict[str, Any]:
+    """Return the options that stand in an `--estimator` option; nothing is looked up or run.
+
+    Raises
+    ------
+    EstimatorError
+        If they are not written as in TOML.
+
+    Examples
+    --------
+    >>> written_options("mine.py:Mine[gain=0.1]")
+    {'gain': 0.1}
+    """
+    return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
+
+
 def parse_all(texts: Sequence[str]) -> list[Spec]:
     """Return the specs, or one error that has a line for each wrong text."""
     specs, problems = [], []
@@ -79,6 +100,12 @@ def parse_all(texts: Sequence[str]) -> list[Spec]:
     return specs
 
 
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
+
+
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
@@ -89,7 +116,10 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     Raises
     ------
     EstimatorError
-        If an option is refused, or the estimator reads another output than the scenario gives.
+        If an option is refused, `names` cannot be scored on this scenario, or the estimator reads
+        another output than the scenario gives.
+    EstimatorCrash
+        If its constructor raises anything.
     """
     known = _keywords(spec.make)
     offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
@@ -100,17 +130,37 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         given["torque"] = nominal_torque(scenario)
     try:
         estimator = spec.make(started_nominal(scenario), scenario.period, **given)
-    except (EstimatorError, TypeError) as error:
+    except EstimatorError as error:
         raise EstimatorError(f"{spec.text}: {error}") from error
+    except Exception as error:
+        if isinstance(error, TypeError | ValueError) and user_code(error) is None:
+            raise EstimatorError(f"{spec.text}: {error}") from error  # a shipped one refuses it
+        raise crash(spec.text, "when it was made", error) from error
     for attribute in ("names", "output", "step"):
         if not hasattr(estimator, attribute):
             raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
+    _check_names(spec.text, estimator.names, scenario)
     if estimator.output != scenario.output:
         raise EstimatorError(
             f"{spec.text} reads {estimator.output!r}, but {scenario.name} gives "
             f"{scenario.output!r}: set its `output` to that, or leave the scenario out"
         )
     return estimator
+
+
+def _check_names(text: str, names: Any, scenario: Scenario) -> None:
+    """Refuse names that no score could be taken for."""
+    wrong = isinstance(names, str) or not isinstance(names, Sequence | np.ndarray)
+    if wrong or not len(names) or not all(isinstance(name, str) for name in names):
+        raise EstimatorError(
+            f"{text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a') or "
+            f"('f_m',), not {names!r}"
+        )
+    if tuple(names) == scenario.identify:  # which was checked when the scenario was made
+        return
+    problems = estimated_problems(names, scenario.model_dump(), key="names")
+    if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
+        raise EstimatorError("\n".join(lines))
 
 
 def _has_stored_prior(scenario: Scenario) -> bool:

@@ -218,9 +218,7 @@ def setting(name: str, options: Mapping[str, float]) -> str:
 
 def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
     """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
-    known = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    tables = known.get("tuned", [])
-    tables = [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
+    tables = _others(path, name, scenario)
     new = Tuning(
         estimator=name,
         knob=found.knob,
@@ -233,6 +231,22 @@ def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | N
         lag=None if found.lag is None else round(found.lag, 4),
     )
     tables.append({key: value for key, value in asdict(new).items() if value is not None})
+    _write(path, tables)
+
+
+def forget(path: Path, name: str, *, scenario: str | None = None) -> None:
+    """Remove the setting of an estimator from such a file: what was found is no match any more."""
+    _write(path, _others(path, name, scenario))
+
+
+def _others(path: Path, name: str, scenario: str | None) -> list[dict[str, Any]]:
+    """Return what the file holds besides one setting."""
+    known = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    tables = known.get("tuned", [])
+    return [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
+
+
+def _write(path: Path, tables: list[dict[str, Any]]) -> None:
     tables.sort(key=lambda t: (list(REGISTRY).index(t["estimator"]), t.get("scenario", "")))
     text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
     write_text(path, text)

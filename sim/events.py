@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,8 @@ class Event:
     index : int
         First sample with a changed value.
     before, after : float
-        Value before the change, and when it is complete.
+        Value before the change, and when it is complete; what else changes meanwhile is left
+        out (see `find_events`).
     """
 
     parameter: str
@@ -42,27 +43,54 @@ def changed(nominal: float, name: str, changes: Iterable[Fault], times: Array) -
 
 
 def find_events(
-    faults: Iterable[Fault], times: Array, value: Callable[[str, Array], Array]
+    faults: Sequence[Fault],
+    nuisances: Sequence[Fault],
+    times: Array,
+    nominal: Callable[[str], float],
 ) -> tuple[Event, ...]:
     """Return the changes by faults, in order of time.
 
+    An event is what the faults that begin in one sample do to one parameter, and nothing else:
+    `before` is the true value in the sample before, and `after` is what it would become if only
+    they went on to where they settle, and every other change of the parameter, whether fault or
+    nuisance, kept its factor of the sample before. So after/before is the factor of the fault,
+    also where it falls into a ramp or a drift, or is overtaken by another.
+
     Parameters
     ----------
-    faults : iterable of Fault
-        What happens; several on one parameter in one sample are one event.
+    faults : sequence of Fault
+        What is scored; several on one parameter in one sample are one event.
+    nuisances : sequence of Fault
+        What else changes the truth.
     times : ndarray (N,)
         Sample times of the run [s].
-    value : callable
-        ``value(name, times)``: the true value at times (M,).
+    nominal : callable
+        ``nominal(name)``: the value that the factors multiply.
     """
-    settled: dict[tuple[int, str], int] = {}
-    for fault in faults:
+    changes = (*faults, *nuisances)
+    settled: dict[tuple[int, str], dict[int, int]] = {}
+    for number, fault in enumerate(faults):
         for first, last in fault.onsets(times):
-            key = first, fault.parameter
-            settled[key] = max(last, settled.get(key, last))
+            settled.setdefault((first, fault.parameter), {})[number] = last
     found = []
-    for (first, name), last in settled.items():
-        before, after = value(name, np.array([first - 1, last]) * PERIOD).tolist()
+    for (first, name), ends in settled.items():
+        before = _product(nominal(name), name, changes, {}, first - 1)
+        after = _product(nominal(name), name, changes, ends, first - 1)
         if before != after:
             found.append(Event(name, first, before, after))
     return tuple(sorted(found, key=lambda e: (e.index, CHANGEABLE.index(e.parameter))))
+
+
+def _product(
+    nominal: float, name: str, changes: Sequence[Fault], ends: Mapping[int, int], otherwise: int
+) -> float:
+    """Return nominal times the factor of each change of `name`, in a sample of its own.
+
+    That is the one in `ends` for the changes numbered there, and `otherwise` for the others.
+    """
+    value = nominal
+    for number, change in enumerate(changes):
+        if change.parameter == name:
+            sample = ends.get(number, otherwise)
+            value *= float(change.factor_at(np.array([sample]) * PERIOD)[0])
+    return value

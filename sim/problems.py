@@ -50,17 +50,45 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     """
     duration = _number(content.get("duration"))
     yield from _parameter_problems(content)
-    yield from _identify_problems(content.get("identify"))
-    yield from _told_problems(content.get("told"), content.get("identify", DEFAULT_IDENTIFY))
+    identify = _items(content.get("identify", DEFAULT_IDENTIFY))
+    yield from estimated_problems(identify, content)
+    yield from _told_problems(content.get("told"), identify)
     yield from _loop_problems(content)
-    for table in ("fault", "nuisance"):
-        for index, change in enumerate(_items(content.get(table))):
-            if isinstance(change, Mapping):
-                for key, text in _change_problems(change, duration, content.get("friction")):
-                    yield f"{table}[{index}].{key}", text
+    for place, change in _changes(content):
+        for key, text in _change_problems(change, duration, content.get("friction")):
+            yield f"{place}.{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
         yield from _pause_problems(excitation.get("pause"), duration)
+
+
+def estimated_problems(
+    names: Iterable[Any], content: Mapping[str, Any], *, key: str = "identify"
+) -> Iterator[Problem]:
+    """Yield why parameters of these names cannot be estimated in a scenario.
+
+    Parameters
+    ----------
+    names : iterable
+        Of a scenario's `identify`, or of an estimator; what is no text is passed over.
+    content : mapping
+        The scenario, as for `conflicts`.
+    key : str
+        What to call the names in messages.
+    """
+    texts = [(f"{key}[{i}]", name) for i, name in enumerate(names) if isinstance(name, str)]
+    yield from _name_problems(texts)
+    yield from _zero_problems(texts, content.get("parameters"))
+    inverses = {name for _, name in texts if name.startswith("1/")}
+    for place, change in _changes(content):
+        parameter, factor = change.get("parameter"), _number(change.get("factor"))
+        inverse = f"1/{parameter}"
+        if factor == 0 and inverse in inverses and _may_be_zero(parameter):
+            yield (
+                f"{place}.factor",
+                f"must be above 0 where {inverse} is estimated, which would become infinite; "
+                f"estimate {parameter} itself to let it vanish",
+            )
 
 
 def _key(loc: Iterable[int | str]) -> str:
@@ -114,26 +142,36 @@ def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
             yield f"parameters.{key}", problem
 
 
-def _identify_problems(identify: Any) -> Iterator[Problem]:
+def _name_problems(names: list[tuple[str, str]]) -> Iterator[Problem]:
     seen: dict[str, str] = {}
-    for index, name in enumerate(_items(identify)):
-        if not isinstance(name, str):
-            continue
+    for key, name in names:
         parameter = name.removeprefix("1/")
         if parameter not in PARAMETER_NAMES:
             known = [*PARAMETER_NAMES, *(f"1/{parameter}" for parameter in PARAMETER_NAMES)]
             yield (
-                f"identify[{index}]",
+                key,
                 f"unknown parameter {name!r}; known are {', '.join(PARAMETER_NAMES)} and the "
                 f"inverse of each, such as '1/J_a'.{did_you_mean(name, known)}",
             )
         elif parameter in seen:
-            yield f"identify[{index}]", f"{name!r} after {seen[parameter]!r}: name each once"
+            yield key, f"{name!r} after {seen[parameter]!r}: name each once"
         seen.setdefault(parameter, name)
 
 
-def _told_problems(told: Any, identify: Any) -> Iterator[Problem]:
-    estimated = {str(name).removeprefix("1/") for name in _items(identify)}
+def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Problem]:
+    given = parameters if isinstance(parameters, Mapping) else {}
+    for key, name in names:
+        parameter = name.removeprefix("1/")
+        if _may_be_zero(parameter) and _number(given.get(parameter)) == 0:
+            yield (
+                key,
+                f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
+                "in % of the nominal value: give it one above 0, or do not estimate it",
+            )
+
+
+def _told_problems(told: Any, identify: list[Any]) -> Iterator[Problem]:
+    estimated = {str(name).removeprefix("1/") for name in identify}
     for name in told if isinstance(told, Mapping) else ():
         if name not in PARAMETER_NAMES:
             yield f"told.{name}", unknown("parameter", name, PARAMETER_NAMES)
@@ -161,7 +199,7 @@ def _change_problems(
     parameter = fault.get("parameter")
     if parameter == COULOMB and not friction:
         yield "parameter", "there is no Coulomb friction to change: set friction.coulomb"
-    if factor == 0 and parameter in PARAMETER_NAMES and parameter not in MAY_BE_ZERO:
+    if factor == 0 and parameter in PARAMETER_NAMES and not _may_be_zero(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 
 
@@ -173,6 +211,18 @@ def _pause_problems(pauses: Any, duration: float | None) -> Iterator[Problem]:
                 f"excitation.pause[{index}]",
                 f"the pause from {begin:g} s begins after the end of the run at {duration:g} s",
             )
+
+
+def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield faults and nuisances, each with its place, such as ``fault[0]``."""
+    for table in ("fault", "nuisance"):
+        for index, change in enumerate(_items(content.get(table))):
+            if isinstance(change, Mapping):
+                yield f"{table}[{index}]", change
+
+
+def _may_be_zero(parameter: Any) -> bool:
+    return isinstance(parameter, str) and parameter in MAY_BE_ZERO
 
 
 def _items(value: Any) -> list[Any]:

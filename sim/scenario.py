@@ -167,9 +167,10 @@ class Scenario(Config):
     def events(self) -> tuple[Event, ...]:
         """Return the changes of the true parameters, in order of time.
 
-        A ramp is one event at its onset; an intermittent fault is one at each switch.
+        A ramp is one event at its onset; an intermittent fault is one at each switch. Where
+        changes of one parameter overlap, each event has the size of its own fault alone.
         """
-        return find_events(self.fault, self.times, self._value)
+        return find_events(self.fault, self.nuisance or (), self.times, self._unchanged)
 
     @cached_property
     def hash(self) -> str:
@@ -217,9 +218,14 @@ class Scenario(Config):
 
     def _value(self, name: str, times: Array) -> Array:
         """Return a parameter, or the level of Coulomb friction, at times (M,)."""
-        first = self.friction.coulomb if self.friction else 0.0
-        nominal = first if name == COULOMB else getattr(self.nominal, name)
-        return changed(nominal, name, (*self.fault, *(self.nuisance or ())), times)
+        changes = (*self.fault, *(self.nuisance or ()))
+        return changed(self._unchanged(name), name, changes, times)
+
+    def _unchanged(self, name: str) -> float:
+        """Return a parameter, or the level of Coulomb friction, before any change."""
+        if name == COULOMB:
+            return self.friction.coulomb if self.friction else 0.0
+        return float(getattr(self.nominal, name))
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

@@ -3,7 +3,7 @@ r"""Check that an estimator keeps the rules that its scores rely on.
 Shapes, finite numbers, step equals run, no look-ahead, gaps, and so on: each rule with its reason,
 and with a hint where it is broken. The code that the estimator names is run.
 
-exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built
+exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its constructor crashed
 
 example:
   flexaxis check my_estimator.py:Mine

@@ -141,9 +141,11 @@ def _output(args: argparse.Namespace) -> Path:
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.compare.report import write
     from flexaxis.experiments.compare.stored import compare_runs
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.seeds import parse_seeds
 
     base, candidate = map(Path, args.names)
+    spare(args.names, _output(args))
     seeds = parse_seeds(args.seeds) if args.seeds else None
     estimators = (args.base, args.candidate)
     found = compare_runs(base, candidate, margins, estimators=estimators, seeds=seeds)

@@ -45,14 +45,16 @@ def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
     from flexaxis.experiments.catalogue import find_scenario
     from flexaxis.experiments.estimate import estimate
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.specs import parse
+    from flexaxis.experiments.specs import code_file, parse
     from flexaxis.sim.record import count_samples
 
+    path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
+    spare((args.record, args.scenario, code_file(args.estimator)), path)
     spec = parse(args.estimator)
     scenario = find_scenario(args.scenario) if args.scenario else None
-    path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")
     with progress(f"estimating with {spec.text}", count_samples(args.record)) as advance:
         found = estimate(
             args.record,

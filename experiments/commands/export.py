@@ -25,9 +25,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.study import export
+    from flexaxis.experiments.study.folder import REPORT, STUDY
     from flexaxis.experiments.study.results import Results
+    from flexaxis.experiments.study.rows import row_files
 
     forms = {
         "parquet": export.export_parquet,
@@ -36,6 +39,8 @@ def main(args: argparse.Namespace) -> int:
     }
     name = next(name for name in forms if getattr(args, name))
     target = getattr(args, name)
+    inputs = (args.folder / STUDY, args.folder / REPORT, *row_files(args.folder))
+    spare(inputs, target)
     count = forms[name](Results.load(args.folder), target)
     if args.json:
         print(dumps({"rows": count, "file": str(target)}))

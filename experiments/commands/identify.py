@@ -61,8 +61,12 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identify import identify
     from flexaxis.experiments.logs.importing import read_any
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
 
+    path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
+    report = path.with_suffix(".html")
+    spare((args.log, args.map, args.model), path, report)
     fixed, starts = assignments("fix", args.fix), assignments("start", args.start)
     if None in starts.values():
         raise LogError("--start takes NAME=VALUE")
@@ -81,9 +85,7 @@ def main(args: argparse.Namespace) -> int:
     found = identify(
         record, axis, free=args.free, fix=tuple(fixed), delay=args.delay, whiten=not args.white
     )
-    path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     found.axis.save(path)
-    report = path.with_suffix(".html")
     _write_page(found, record.period, report, args)
     if args.json:
         print(dumps(_content(found) | {"axis": str(path), "report": str(report)}))

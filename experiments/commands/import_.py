@@ -22,7 +22,9 @@ HELP = "make a record of your own log, with a plausibility report"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", type=Path, metavar="LOG")
-    parser.add_argument("-o", "--output", type=Path, metavar="REC.nc", help="default: LOG.nc")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="REC.nc", help="default: LOG.nc, or LOG-imported.nc"
+    )
     parser.add_argument(
         "--model", metavar="MODEL", help="say which of its parameters the excitation can see"
     )
@@ -37,8 +39,12 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.figures import log_figure, visibility_figure
     from flexaxis.experiments.logs.importing import expected_deviations, import_log
     from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
 
+    path = args.output or _beside(args.log)
+    report = path.with_suffix(".html")
+    spare((args.log, args.map, args.model), path, report)
     axis = find_axis(args.model) if args.model else None
     found = import_log(
         args.log,
@@ -48,7 +54,6 @@ def main(args: argparse.Namespace) -> int:
         burn_in=args.burn_in,
     )
     seen = expected_deviations(found.record, axis) if axis else {}
-    path = args.output or args.log.with_suffix(".nc")
     found.record.save(path)
     rows = [
         (c.name, "" if c.value is None else f"{c.value:.4g} {c.unit}", c.verdict, c.text)
@@ -70,7 +75,6 @@ def main(args: argparse.Namespace) -> int:
         tables=[("Plausibility", ("", "measured", "", ""), rows)],
         figures=figures,
     )
-    report = path.with_suffix(".html")
     write_page(page, report)
     if args.json:
         checks = [vars(check) for check in found.checks]
@@ -80,6 +84,14 @@ def main(args: argparse.Namespace) -> int:
     print(path)
     print(report)
     return 0
+
+
+def _beside(log: Path) -> Path:
+    """Return where the record of a log goes by default: next to it, and never over it."""
+    from flexaxis.experiments.outputs import same
+
+    path = log.with_suffix(".nc")
+    return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path
 
 
 def _print(rows: list[tuple[str, str, str, str]], seen: dict[str, float]) -> None:

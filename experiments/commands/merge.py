@@ -21,11 +21,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Merge and report."""
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.study.merge import merge
     from flexaxis.experiments.study.report import write_report
     from flexaxis.experiments.study.results import Results
 
+    spare(args.folders, args.output)
     merged = merge(args.folders, args.output)
     path = write_report(Results.load(args.output))
     if args.json:

@@ -23,12 +23,23 @@ def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
     from rich.console import Console
 
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.report import render
-    from flexaxis.experiments.results import REPORT, dumps, load, write_text
+    from flexaxis.experiments.results import (
+        CURVES,
+        PART,
+        REPORT,
+        SCORES,
+        SUMMARY,
+        dumps,
+        load,
+        write_text,
+    )
     from flexaxis.experiments.table import score_table
 
-    found = load(args.folder)
     path = args.output or args.folder / REPORT
+    spare((args.folder / name for name in (SCORES, PART, SUMMARY, CURVES)), path)
+    found = load(args.folder)
     write_text(path, render(found))
     if args.json:
         print(dumps(found.summary | {"report": str(path)}))

@@ -25,12 +25,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
     from flexaxis.experiments.catalogue import find_scenario
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import dumps
     from flexaxis.sim.simulate import simulate
 
     scenario = find_scenario(args.scenario)
     path = args.output or Path(f"{scenario.name}-{args.seed}.nc")
+    spare([args.scenario], path)
     with progress(f"simulating {scenario.name}", 1.0) as advance:
         done = 0.0
 

@@ -13,6 +13,9 @@ The plan is printed first. Rows are appended to the folder as they come, and --r
 is missing there, after a kill or after estimators, seeds or values were added to the file. A case
 that cannot be run is a row that says why; the exit status is then 1. The folder gets report.html.
 
+A file that names code (path.py:Class, module:Class, pipe:COMMAND) is refused, and the code shown;
+--run-code runs it. A dry run never does.
+
 example:
   flexaxis study docs/examples/friction_steps.toml --dry-run
   flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
@@ -28,6 +31,8 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from flexaxis.experiments.consent import add_run_code
 
 if TYPE_CHECKING:
     from flexaxis.experiments.study.plan import Plan
@@ -64,33 +69,47 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="keep simulated records (`flexaxis cache info`), for studies of the same records",
     )
+    add_run_code(parser, "estimators of FILE.toml")
     parser.add_argument("--json", action="store_true", help="print what was done as JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Plan, run and report."""
+    from flexaxis.experiments.benchmark import command_line
+    from flexaxis.experiments.consent import require
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.study import rows
     from flexaxis.experiments.study.definition import load_study
-    from flexaxis.experiments.study.folder import check
+    from flexaxis.experiments.study.folder import REPORT, STUDY, check
     from flexaxis.experiments.study.plan import make_plan
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
-    plan = make_plan(load_study(args.file), shard=_shard(args.shard))
+    study, shard = load_study(args.file), _shard(args.shard)
+    typed = [word for word in args.words if word != "--dry-run"]
+    consent = {"source": str(args.file), "command": command_line(typed)}
+    if not args.dry_run:
+        require(args.run_code, study.estimators, **consent)
+    plan = make_plan(study, shard=shard, run_code=not args.dry_run)
     folder = args.output or Path("results") / plan.study.name
+    spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
     if folder.is_dir():
         check(plan.study, folder)
     done = rows.done(folder)
     with ExitStack() as stack:
         executor, workers = _executor(args, stack)
-        print(_announced(plan, done, workers), file=sys.stdout if args.dry_run else sys.stderr)
-        return 0 if args.dry_run else _run(args, plan, folder, executor, workers)
+        told = _announced(plan, done, workers, dry=args.dry_run)
+        print(told, file=sys.stdout if args.dry_run else sys.stderr)
+        if not args.dry_run:
+            return _run(args, plan, folder, executor, workers)
+    require(args.run_code, study.estimators, **consent)
+    return 0
 
 
-def _announced(plan: Plan, done: Any, workers: int) -> str:
+def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
     """Return the plan in words; a few cases are run to know how long it takes."""
-    from flexaxis.experiments.study.forecast import forecast
+    from flexaxis.experiments.study.forecast import forecast, without_code
 
     whole, todo = plan.work(), plan.work(done)
     text = (
@@ -100,7 +119,10 @@ def _announced(plan: Plan, done: Any, workers: int) -> str:
     if whole.cases > todo.cases:
         text += f"; {whole.cases - todo.cases} cases done, {todo.cases} to run"
     unit = next(plan.units(done), None)
-    return text if unit is None else f"{text}; {forecast(unit, todo).in_words(workers)}"
+    tried = without_code(unit) if unit and dry else unit
+    if unit and not tried:
+        text += "; how long it takes is not known before its code is run"
+    return text if tried is None else f"{text}; {forecast(tried, todo).in_words(workers)}"
 
 
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, executor: Any, workers: int) -> int:
@@ -131,6 +153,7 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, executor: Any, work
                 keep=args.keep,
                 store=default_cache() if args.cache else None,
                 advance=landed,
+                run_code=args.run_code,
             )
     except KeyboardInterrupt:
         print(f"flexaxis: interrupted; {_go_on(args, counted, total)}", file=sys.stderr)

@@ -50,9 +50,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.track import save, track
+    from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.specs import parse
+    from flexaxis.experiments.specs import code_file, parse
 
+    path = args.output or args.log.with_name(args.log.stem + "-track.nc")
+    report = path.with_suffix(".html")
+    spare((args.log, args.map, args.model, code_file(args.estimator)), path, report)
     if not args.start > 0:
         raise LogError(f"--start {args.start}: give a factor above 0")
     axis = find_axis(args.model)
@@ -71,9 +75,7 @@ def main(args: argparse.Namespace) -> int:
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator)
     found = track(record, axis, spec, identify=names, start=args.start)
-    path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     save(found, path, estimator=spec.text)
-    report = path.with_suffix(".html")
     _write_page(found, record.period, report, args)
     if args.json:
         print(dumps(_content(found) | {"estimates": str(path), "report": str(report)}))

@@ -19,6 +19,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
 
@@ -45,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--save",
         type=Path,
         nargs="?",
-        const=Path(),
+        const=True,
         metavar="FILE",
         help="write it to this TOML file (default: the one that the registry reads)",
     )
@@ -60,16 +61,27 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.tuning import Bench, save
+    from flexaxis.experiments.tuning import Bench, forget, save
+    from flexaxis.sim.errors import FlexaxisError
 
     tasks = _tasks(args)
     path = _file(args.save)
-    found = []
+    found: list[dict[str, Any]] = []
+    missed: list[str] = []
     for number, task in enumerate(tasks, start=1):
         if len(tasks) > 1:
             print(f"{number} of {len(tasks)}: {task.estimator}", file=sys.stderr)
         bench = Bench(parse_seeds(task.seeds), args.jobs, default_cache(), task.match)
-        tuned = _tune(task, bench)
+        try:
+            tuned = _tune(task, bench)
+        except FlexaxisError as error:
+            if len(tasks) == 1:
+                raise
+            print(error, file=sys.stderr)  # the others can still be tuned
+            missed.append(task.estimator)
+            if path:
+                forget(path, task.estimator, scenario=task.scenario)
+            continue
         found.append(asdict(tuned) | {"estimator": task.estimator})
         if path:
             save(path, task.estimator, tuned, command=_command(task), scenario=task.scenario)
@@ -82,23 +94,35 @@ def main(args: argparse.Namespace) -> int:
             )
     if args.json:
         print(dumps(found if args.all else found[0]))
-    return 0
+    if missed:
+        print(f"not matched, and not in the file: {', '.join(missed)}", file=sys.stderr)
+    return int(bool(missed))
 
 
-def _file(given: Path | None) -> Path | None:
+def _file(given: Path | bool | None) -> Path | None:
     """Return where to write, and try it before an hour of tuning."""
     from flexaxis.estimators import tuned
-    from flexaxis.experiments.results import writing
 
     if given is None:
         return None
-    path = Path(tuned.__file__).with_name("tuned.toml") if given == Path() else given
-    existed = path.exists()
-    with writing(path), path.open("a"):
-        pass
-    if not existed:
-        path.unlink()
+    own = Path(tuned.__file__).with_name("tuned.toml")
+    path = given if isinstance(given, Path) else own
+    _can_be_saved(path)
     return path
+
+
+def _can_be_saved(path: Path) -> None:
+    """Refuse a place that cannot be written before the tuning, which takes long."""
+    from flexaxis.experiments.results import OutputError
+
+    folder = path.parent
+    if path.is_dir() or not folder.is_dir():
+        reason = "it is a folder" if path.is_dir() else f"there is no folder {folder}"
+    elif not os.access(path if path.exists() else folder, os.W_OK):
+        reason = "that is not permitted"
+    else:
+        return
+    raise OutputError(f"--save {path}: cannot be written: {reason}. Nothing was tuned")
 
 
 def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:

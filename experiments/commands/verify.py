@@ -1,7 +1,8 @@
 """Run some cases of a study again, chosen at random, and compare their rows.
 
 Rows that were made on this machine with these versions must be identical (but for `cost`); others
-agree within 1e-6 of the value or 1e-9. The exit status is 1 if any does not.
+agree within 1e-6 of the value or 1e-9. The exit status is 1 if any does not. Rows that name code as
+their estimator are refused, and the code shown; --run-code runs it.
 
 example:
   flexaxis verify results/friction --sample 20
@@ -12,6 +13,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.consent import add_run_code
+
 HELP = "run random cases of a study again and compare"
 
 
@@ -20,6 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folder", type=Path, metavar="DIR")
     parser.add_argument("--sample", type=int, default=10, metavar="N", help="cases (default: 10)")
     parser.add_argument("--seed", type=int, default=0, help="of the choice (default: 0)")
+    add_run_code(parser, "rows in DIR")
     parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
 
 
@@ -27,13 +31,22 @@ def main(args: argparse.Namespace) -> int:
     """Run again, compare, and name what differs."""
     from dataclasses import asdict
 
+    from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.study.verify import verify
     from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
-    verdicts = list(verify(args.folder, sample=args.sample, seed=args.seed))
+    verdicts = list(
+        verify(
+            args.folder,
+            sample=args.sample,
+            seed=args.seed,
+            run_code=args.run_code,
+            command=command_line(args.words),
+        )
+    )
     wrong = [verdict for verdict in verdicts if verdict.differences]
     if args.json:
         print(dumps([asdict(verdict) for verdict in verdicts]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
@@ -76,15 +77,29 @@ def markdown(found: Comparison) -> str:
         "",
         meaning(found),
         "",
-        f"base `{found.base}`, candidate `{found.candidate}`",
+        f"base {_code(found.base)}, candidate {_code(found.candidate)}",
         "",
         f"| {' | '.join(COLUMNS)} |",
         f"|{'---|' * len(COLUMNS)}",
-        *(f"| {' | '.join(cells(v))} |" for v in ordered(found.verdicts)),
+        *(f"| {' | '.join(map(_cell, cells(v)))} |" for v in ordered(found.verdicts)),
         "",
         explanation(found),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    """Return a text as a cell of a table, as code if anything in it could be taken for markup."""
+    plain = re.fullmatch(r"[\w ./+%(),=–…-]*", text) and "www." not in text
+    return text if plain else _code(text).replace("|", r"\|")
+
+
+def _code(text: str) -> str:
+    """Return a text as Markdown code, in which nothing is markup, whatever it holds."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    fence = "`" * (1 + max(map(len, re.findall("`+", line)), default=0))
+    edge = " " if "`" in line else ""
+    return f"{fence}{edge}{line}{edge}{fence}"
 
 
 def row_command(found: Comparison, v: Verdict, sources: Mapping[str, str]) -> str:

@@ -11,8 +11,10 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.demo.axis import EXCITATION
 from flexaxis.experiments.demo.charts import COLOURS, Charts
+from flexaxis.experiments.demo.offers import Offers
 from flexaxis.experiments.demo.racer import NAMES, Tuning
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
+from flexaxis.experiments.specs import parse
 from flexaxis.experiments.view import exaggerated, scene
 
 REPAIR = "Repair everything"
@@ -39,12 +41,21 @@ class Page:
     session : DemoSession
     exaggerate, speed : float
         As for `serve`.
+    offers : Offers
+        Of the guard before the server: what is put on the page is offered there.
     """
 
     def __init__(
-        self, server: Any, session: DemoSession, *, exaggerate: float, speed: float
+        self,
+        server: Any,
+        session: DemoSession,
+        *,
+        exaggerate: float,
+        speed: float,
+        offers: Offers,
     ) -> None:
         self.server, self.session, self.pace = server, session, Pace(speed)
+        self._offers = offers
         self._exaggerate = exaggerate
         self._lock = threading.Lock()
         self._build_scene()
@@ -55,14 +66,15 @@ class Page:
         gui.set_panel_label("flexaxis: break it, and watch who sees it first")
         for button in BUTTONS:
             inject = self._guarded(session.inject)
-            gui.add_button(button.label).on_click(
+            offers.button(gui, button.label).on_click(
                 lambda _, b=button, f=inject: f(b.parameter, b.factor)
             )
         repair = self._guarded(session.repair)
-        gui.add_button(REPAIR, color="gray").on_click(lambda _: repair())
+        offers.button(gui, REPAIR, color="gray").on_click(lambda _: repair())
         self._numbers = gui.add_markdown("")
         self._build_knobs()
         self._charts = Charts(gui, session.axis.theta(NAMES))
+        offers.refused = lambda line: setattr(session, "said", line)
 
     @property
     def watched(self) -> bool:
@@ -105,20 +117,21 @@ class Page:
         )
 
     def _build_knobs(self) -> None:
-        gui, axis = self.server.gui, self.session.axis
+        gui, axis, offers = self.server.gui, self.session.axis, self._offers
         with gui.add_folder("Axis: speed, noise, excitation", expand_by_default=False):
             wanted = self.pace.speed
-            pace = gui.add_slider("speed ×", min(0.25, wanted), max(10.0, wanted), 0.05, wanted)
+            slowest, fastest = min(0.25, wanted), max(10.0, wanted)
+            pace = offers.slider(gui, "speed ×", slowest, fastest, 0.05, wanted)
             pace.on_update(lambda _: setattr(self.pace, "speed", float(pace.value)))
-            noise = gui.add_slider("noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
+            noise = offers.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
             noise.on_update(lambda _: setattr(axis, "noise", float(noise.value)))
-            moving = gui.add_dropdown("excitation", EXCITATION, initial_value=axis.excitation)
+            moving = offers.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
             moving.on_update(lambda _: self._guarded(setattr)(axis, "excitation", moving.value))
         for number in range(len(self.session.racers)):
             with gui.add_folder(
                 f"Estimator {'AB'[number]}: which, λ, Δ, μ", expand_by_default=False
             ):
-                Knobs(gui, self.session, number, self._guarded)
+                Knobs(gui, self.session, number, self._guarded, offers)
 
     def _guarded(self, act: Callable[..., None]) -> Callable[..., None]:
         """Let a click act on the session alone, and tell what was wrong instead of failing."""
@@ -168,21 +181,28 @@ class Knobs:
         Which of the racers.
     guarded : callable
         Wraps what acts on the session.
+    offers : Offers
     """
 
     def __init__(
-        self, gui: Any, session: DemoSession, number: int, guarded: Callable[..., Any]
+        self,
+        gui: Any,
+        session: DemoSession,
+        number: int,
+        guarded: Callable[..., Any],
+        offers: Offers,
     ) -> None:
         self._session, self._number, self._guarded = session, number, guarded
         racer = session.racers[number]
         offered = [name for name in REGISTRY if name not in NOT_HERE]
-        names = list(dict.fromkeys([racer.text, *offered]))
-        self._choice = gui.add_dropdown("estimator", names, initial_value=racer.text)
-        self._forgetting = gui.add_slider("λ", 0.97, 0.9995, 0.0005, 0.995)
+        # Built from what we offer ourselves: a choice is looked up here, and its text not read.
+        self._specs = {racer.text: racer.spec} | {name: parse(name) for name in offered}
+        self._choice = offers.choice(gui, "estimator", list(self._specs), initial=racer.text)
+        self._forgetting = offers.slider(gui, "λ", 0.97, 0.9995, 0.0005, 0.995)
         self._drift = {
-            name: gui.add_slider(f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
+            name: offers.slider(gui, f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
         }
-        self._mu = gui.add_slider("μ", 0.0, 1.0, 0.01, 0.0)
+        self._mu = offers.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
         self._show()
         # A slider that is put where its knob stands has no client, and turns nothing.
         self._choice.on_update(lambda event: self._choose() if event.client else None)
@@ -190,7 +210,7 @@ class Knobs:
             knob.on_update(lambda event: self._turn() if event.client else None)
 
     def _choose(self) -> None:
-        self._guarded(self._session.choose)(self._number, self._choice.value)
+        self._guarded(self._session.choose)(self._number, self._specs[self._choice.value])
         self._show()
 
     def _turn(self) -> None:

@@ -14,7 +14,7 @@ from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.demo.axis import Samples
-from flexaxis.experiments.specs import parse
+from flexaxis.experiments.specs import Spec, parse
 from flexaxis.experiments.theta import physical
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters
@@ -53,8 +53,9 @@ class Racer:
 
     Parameters
     ----------
-    text : str
-        As for `--estimator`: a name of the registry, or ``path/file.py:Class``, with options.
+    estimator : str or Spec
+        As for `--estimator`: a name of the registry, or ``path/file.py:Class``, with options; or
+        what was made of that.
     nominal : AxisParameters
         What it is told, and where it starts.
 
@@ -62,6 +63,8 @@ class Racer:
     ----------
     text : str
         As given.
+    spec : Spec
+        What it stands for.
     tuning : Tuning
         Where its knobs stand.
     knobs : tuple of str
@@ -75,10 +78,11 @@ class Racer:
         If there is no such estimator, or it is not one of the three parameters and the speed.
     """
 
-    def __init__(self, text: str, nominal: AxisParameters) -> None:
-        self.text, self._spec, self._nominal = text, parse(text), nominal
-        self.name = text.partition("[")[0].strip()
-        options = dict(getattr(REGISTRY.get(self.name), "options", {})) | dict(self._spec.options)
+    def __init__(self, estimator: str | Spec, nominal: AxisParameters) -> None:
+        self.spec = estimator if isinstance(estimator, Spec) else parse(estimator)
+        self.text, self._nominal = self.spec.text, nominal
+        self.name = self.text.partition("[")[0].strip()
+        options = dict(getattr(REGISTRY.get(self.name), "options", {})) | dict(self.spec.options)
         self._knobs = {
             key: options[key] for key in ("forgetting", "regularization") if key in options
         }
@@ -90,7 +94,7 @@ class Racer:
         self._estimator = self._build()
         if tuple(self._estimator.names) != NAMES or self._estimator.output != "speed":
             raise FlexaxisError(
-                f"{text} estimates {', '.join(self._estimator.names)} from the "
+                f"{self.text} estimates {', '.join(self._estimator.names)} from the "
                 f"{self._estimator.output}; the demo races {', '.join(NAMES)} from the speed"
             )
 
@@ -189,5 +193,5 @@ class Racer:
                 drift=drift,
                 regularization=tuning.regularization,
             )
-        options = dict(self._spec.options) | {key: getattr(tuning, key) for key in self.knobs}
-        return self._spec.make(values, PERIOD, **options)
+        options = dict(self.spec.options) | {key: getattr(tuning, key) for key in self.knobs}
+        return self.spec.make(values, PERIOD, **options)

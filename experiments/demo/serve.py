@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import signal
+import socket
 import threading
 import time
 import webbrowser
@@ -11,7 +12,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import Any
 
+from flexaxis.experiments.demo.door import Door, own_names
 from flexaxis.experiments.demo.front import Page
+from flexaxis.experiments.demo.guard import Guard, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import RATE
@@ -25,12 +28,13 @@ LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 def serve(
     session: DemoSession,
     *,
-    port: int = 8080,
+    port: int | None = None,
     share: bool = False,
     browser: bool = True,
     speed: float = 1.0,
     exaggerate: float = 100.0,
     said: Callable[[str], None] = print,
+    warned: Callable[[str], None] = lambda _: None,
 ) -> None:
     """Show a session in the browser until SIGINT or SIGTERM.
 
@@ -40,8 +44,8 @@ def serve(
     ----------
     session : DemoSession
         Shared by all viewers.
-    port : int
-        Where the page is; if it is taken, the next free one.
+    port : int, optional
+        Where the page is, or nowhere; if none is given 8080, or the next that is free.
     share : bool
         Whether other computers may see it; else only this one.
     browser : bool
@@ -50,32 +54,40 @@ def serve(
         Simulated seconds a second.
     exaggerate : float
         Factor on the twist of the joints in the picture.
-    said : callable
-        Gets the lines to print.
+    said, warned : callable
+        Get the lines to print: the address first; and what was not as asked for.
 
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is not installed.
+        If viser or mjviser is not installed, the port cannot be had, or the door does not shut.
     """
     with _stop_signals() as stop:
-        server = make_server(port, EVERYWHERE if share else LOCAL)
-        address = f"http://{'localhost' if share else LOCAL}:{server.get_port()}"
+        guard = make_guard(port, EVERYWHERE if share else LOCAL, warned)
+        server = guarded_server(guard)
+        address = guard.door.address("localhost" if share else LOCAL)
         said(f"the live axis is at {address}  (Ctrl-C ends it)")
-        if share:
-            said(
-                f"shared: whoever reaches this computer on port {server.get_port()} can watch and "
-                "press the buttons; there is no password and no encryption. The page reads no "
-                "files and runs no code of its viewers."
-            )
-        page = Page(server, session, exaggerate=exaggerate, speed=speed)
+        for line in _sharing(guard.door) if share else ():
+            said(line)
+        page = Page(server, session, exaggerate=exaggerate, speed=speed, offers=guard.offers)
         if browser:
             webbrowser.open(address)
         try:
             _loop(page, stop)
         finally:
+            guard.hang_up()
             with redirect_stdout(io.StringIO()):
                 server.stop()
+
+
+def _sharing(door: Door) -> list[str]:
+    return [
+        f"shared: whoever reaches this computer on port {door.port} and has the whole address can "
+        "watch and press the buttons; there is no password but the token in it, and no "
+        "encryption. The page reads no files and runs no code of its viewers.",
+        f"others open {door.address(socket.gethostname().lower())} (or this computer's number "
+        "in place of its name)",
+    ]
 
 
 def _loop(page: Page, stop: threading.Event) -> None:
@@ -102,20 +114,50 @@ def _loop(page: Page, stop: threading.Event) -> None:
             since, cpu, frames, samples = now, time.process_time(), 0, 0
 
 
+def make_guard(
+    port: int | None, host: str = LOCAL, warned: Callable[[str], None] = lambda _: None
+) -> Guard:
+    """Return a guard that listens on a port, and knows what this computer is called there."""
+    listening = listen(host, port, warned)
+    number = listening.getsockname()[1]
+    return Guard(Door(number) if host == LOCAL else Door(number, own_names()), listening)
+
+
 def make_server(port: int, host: str) -> Any:
-    """Return a server without a banner of its own, or say what is missing."""
+    """Return a server on a port; nothing that its viewers say is taken, for nothing is offered."""
+    return guarded_server(make_guard(port, host))
+
+
+def guarded_server(guard: Guard) -> Any:
+    """Return a server without a banner of its own, behind a guard; or say what is missing.
+
+    Raises
+    ------
+    FlexaxisError
+        If viser or mjviser is not installed, or goes round the guard.
+    """
     try:
         import mjviser  # noqa: F401
         import viser
     except ImportError as error:
+        guard.listening.close()
         raise FlexaxisError(
             f"the live demo needs viser and mjviser ({error}): pip install 'flexaxis[demo]'. "
             "`flexaxis demo --record lesson.gif` needs neither"
         ) from error
-    with redirect_stdout(io.StringIO()):  # it has a banner of its own
-        server = viser.ViserServer(host=host, port=port, label="flexaxis", verbose=False)
+    host = guard.listening.getsockname()[0]
+    # It prints a banner of its own.
+    with redirect_stdout(io.StringIO()), guard.in_front():
+        server = viser.ViserServer(host=host, port=guard.door.port, label="flexaxis", verbose=False)
     # A page could ask viser for a tunnel through its makers' server; ours stays where it is.
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign,misc]
+    try:
+        guard.prove()
+    except FlexaxisError:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+        guard.listening.close()
+        raise
     return server
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.demo.axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.dots import Dot, Scorer
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, Racer, Tuning
+from flexaxis.experiments.specs import Spec
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import RATE
 
@@ -152,14 +153,14 @@ class DemoSession:
         self.racers[racer].tune(tuning, self._recent)
         self._scorer.forget_quiet()
 
-    def choose(self, racer: int, text: str) -> None:
+    def choose(self, racer: int, estimator: str | Spec) -> None:
         """Put another estimator into the race, from nominal on."""
-        fresh = Racer(text, self.axis.nominal)
+        fresh = Racer(estimator, self.axis.nominal)
         fresh.join(self._recent)
         self.racers[racer] = fresh
         self._scorer.event()
         self._scorer.forget_quiet()
-        self.said = f"{text} joins"
+        self.said = f"{fresh.text} joins"
 
     def curves(self) -> Curves:
         """Return what the curves show."""

@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import specs
 from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.consent import names_code
 from flexaxis.experiments.results import dumps
 from flexaxis.experiments.seeds import parse_seeds
 from flexaxis.experiments.study.design import Point, Span, listed, product, sobol
@@ -236,8 +237,8 @@ def _span_problem(value: Any) -> str | None:
 
 def _estimator_problems(file: StudyFile) -> Iterator[Problem]:
     for text in dict.fromkeys(file.estimators):
-        try:
-            specs.parse(text)
+        try:  # what names code is tried with the plan, if it may run
+            specs.written_options(text) if names_code(text) else specs.parse(text)
         except EstimatorError as error:
             yield "estimators", str(error)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from flexaxis.experiments.consent import names_code
 from flexaxis.experiments.study.plan import Unit, Work
 from flexaxis.experiments.study.work import run_unit
 
@@ -39,6 +40,12 @@ def forecast(unit: Unit, work: Work) -> Forecast:
     cases = work.cases / max(1, work.records) / len(unit.entries)  # per record, against the sample
     seconds = work.seconds * (sample.simulating + sample.estimating * cases) / moved
     return Forecast(seconds, len(sample.lines) / sample.cases * work.cases)
+
+
+def without_code(unit: Unit) -> Unit | None:
+    """Return a unit without the estimators that name code, None if there are no others."""
+    entries = tuple(entry for entry in unit.entries if not names_code(entry.text))
+    return replace(unit, entries=entries) if entries else None
 
 
 def duration(seconds: float) -> str:

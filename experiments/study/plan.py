@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import specs
+from flexaxis.experiments.consent import names_code
 from flexaxis.experiments.harness import SEEDS_PER_TASK, case_id
 from flexaxis.experiments.study.definition import (
     SHOWN,
@@ -156,8 +157,16 @@ def _missing(
             yield Unit(variant, tuple(lacking), tuple(some))
 
 
-def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1)) -> Plan:
+def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1), run_code: bool = False) -> Plan:
     """Return the plan of a study; every variant and every estimator is tried on the way.
+
+    Parameters
+    ----------
+    study : Study
+    shard : (int, int)
+        As in `Plan`.
+    run_code : bool
+        Whether to try estimators that name code, too; else the plan is made without running it.
 
     Raises
     ------
@@ -166,7 +175,7 @@ def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1)) -> Plan:
     """
     variants: dict[str, Variant] = {}
     problems: dict[str, str] = {}  # by what is wrong: the first point tells it
-    entries = _entries(study, problems)
+    entries = _entries(study, problems, run_code)
     for base in study.scenarios:
         for key, texts in entries.items():
             axes = json.loads(key)
@@ -183,7 +192,7 @@ def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1)) -> Plan:
             variants[scenario.hash] = replace(
                 known, duration=scenario.duration, entries=tuple(all_of_it.values())
             )
-        _try_estimators(base, entries, problems)
+        _try_estimators(base, entries, problems, run_code)
     if problems:
         more = len(problems) - SHOWN
         told = [f"{study.name}: sweep: {text}" for text in list(problems.values())[:SHOWN]]
@@ -191,7 +200,7 @@ def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1)) -> Plan:
     return Plan(study, tuple(variants.values()), shard)
 
 
-def _entries(study: Study, problems: dict[str, str]) -> dict[str, dict[str, Entry]]:
+def _entries(study: Study, problems: dict[str, str], run_code: bool) -> dict[str, dict[str, Entry]]:
     """Return for each point of the scenario axes the estimators, by their text."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     found: dict[str, dict[str, Entry]] = {}
@@ -203,7 +212,7 @@ def _entries(study: Study, problems: dict[str, str]) -> dict[str, dict[str, Entr
         for method in study.estimators:
             axes = {key: point[key] for key in options if applies(key, method)}
             try:
-                entry = Entry(method, _text(method, axes), axes)
+                entry = Entry(method, _text(method, axes, run_code), axes)
             except EstimatorError as error:
                 problems.setdefault(str(error), f"{words(axes)}: {error}")
             else:
@@ -211,22 +220,28 @@ def _entries(study: Study, problems: dict[str, str]) -> dict[str, dict[str, Entr
     return found
 
 
-def _text(method: str, axes: Point) -> str:
+def _text(method: str, axes: Point, run_code: bool) -> str:
     """Return the text of an estimator with options set: "rpem-forgetting[forgetting=0.99]"."""
     if not axes:
         return method
     given = {key.rpartition(".")[2]: value for key, value in axes.items()}
-    options = dict(specs.parse(method).options) | given
+    options = specs.written_options(method) | given
     inside = ",".join(f"{key}={json.dumps(value)}" for key, value in options.items())
     text = f"{method.partition('[')[0].strip()}[{inside}]"
-    specs.parse(text)  # an unknown option is told with the nearest right one
+    if run_code or not names_code(text):
+        specs.parse(text)  # an unknown option is told with the nearest right one
     return text
 
 
 def _try_estimators(
-    base: Scenario, entries: Mapping[str, Mapping[str, Entry]], problems: dict[str, str]
+    base: Scenario,
+    entries: Mapping[str, Mapping[str, Entry]],
+    problems: dict[str, str],
+    run_code: bool,
 ) -> None:
     for text, entry in {t: e for texts in entries.values() for t, e in texts.items()}.items():
+        if names_code(text) and not run_code:
+            continue
         try:
             specs.build(specs.parse(text), base)
         except EstimatorError as error:

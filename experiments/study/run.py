@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.consent import require
 from flexaxis.experiments.study import rows
 from flexaxis.experiments.study.definition import Study
 from flexaxis.experiments.study.folder import opened
@@ -49,6 +50,7 @@ def run_study(
     store: RecordCache | None = None,
     advance: Callable[[Outcome], None] | None = None,
     work: Worker | None = None,
+    run_code: bool = False,
 ) -> Finished:
     """Run what is missing of a study and append its rows to a folder.
 
@@ -75,16 +77,23 @@ def run_study(
         Called with each outcome, after its rows are written.
     work : callable, optional
         Stands in for `run_unit`, from unit to outcome.
+    run_code : bool
+        Whether estimators may name code (`path.py:Class`, `module:Class`, `pipe:COMMAND`), which
+        is then run, here or wherever the executor works.
 
     Raises
     ------
+    CodeRefused
+        If they do, and may not.
     StudyError
         If the study is wrong, the folder is in use or holds something else, or a worker dies
         again and again.
     OutputError
         If rows cannot be written. Those that were stay, and `resume` goes on.
     """
-    plan = study if isinstance(study, Plan) else make_plan(study)
+    whole = study.study if isinstance(study, Plan) else study
+    require(run_code, whole.estimators, source=whole.name)
+    plan = study if isinstance(study, Plan) else make_plan(study, run_code=run_code)
     work = work or partial(run_unit, store=store, whole=keep == "all")
     cases = failed = 0
     with opened(plan.study, folder, shard=plan.shard, resume=resume) as path:

@@ -11,6 +11,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.consent import require
 from flexaxis.experiments.study.definition import applies
 from flexaxis.experiments.study.folder import read_study
 from flexaxis.experiments.study.plan import Entry, Unit, Variant
@@ -42,7 +43,14 @@ class Verdict:
     differences: tuple[str, ...]
 
 
-def verify(folder: Path, *, sample: int = 10, seed: int = 0) -> Iterator[Verdict]:
+def verify(
+    folder: Path,
+    *,
+    sample: int = 10,
+    seed: int = 0,
+    run_code: bool = False,
+    command: str | None = None,
+) -> Iterator[Verdict]:
     """Yield the verdicts on a random sample of the cases in a folder.
 
     Rows made on this machine with these versions must be identical but for `cost`; others agree
@@ -55,18 +63,27 @@ def verify(folder: Path, *, sample: int = 10, seed: int = 0) -> Iterator[Verdict
         Number of cases, or all if there are fewer.
     seed : int
         Of the choice.
+    run_code : bool
+        Whether code may be run that the rows name as their estimators.
+    command : str, optional
+        The line that was typed, as for `consent.require`.
 
     Raises
     ------
     StudyError
         If it is not the folder of a study.
+    CodeRefused
+        If a row names code that may not be run; then nothing is.
     """
     content = read_study(folder)
     bases = {
         entry["definition"]["name"]: scenario_from(entry["definition"], source=str(folder))
         for entry in content["scenarios"]
     }
-    for rows in _sample(folder, sample, Random(seed)):
+    chosen = _sample(folder, sample, Random(seed))
+    named = (row["estimator"] for rows in chosen for row in rows)
+    require(run_code, named, source=str(folder), command=command)
+    for rows in chosen:
         yield _again(rows, bases[rows[0]["base"]])
 
 

@@ -22,6 +22,7 @@ FLAGS = (
     "--disable-sync",
     "--window-size=1300,1250",
     "--remote-debugging-port=0",
+    "--host-resolver-rules=MAP rebound.test 127.0.0.1",
 )
 
 

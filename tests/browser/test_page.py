@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 pytestmark = pytest.mark.browser
-pytest.importorskip("viser", reason="the extra `demo` is not installed")
-pytest.importorskip("mjviser", reason="the extra `demo` is not installed")
 
 PICTURES = Path(__file__).parents[2] / "results" / "browser"
 

@@ -12,6 +12,7 @@ from flexaxis.experiments.conformance import check
 from flexaxis.experiments.rules import RULES
 from flexaxis.experiments.specs import parse
 
+OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
 CONTROLS = "flexaxis.experiments.controls"
 
 
@@ -42,6 +43,11 @@ def test_the_cheater_is_caught(store):
     assert {"no look-ahead", "step equals run"} <= broken(f"{CONTROLS}:Cheater", store)
 
 
+def test_hindsight_is_caught(store):
+    """Statistics of a whole record look ahead as well."""
+    assert broken(f"{CONTROLS}:Hindsight", store) == {"no look-ahead", "step equals run"}
+
+
 def test_the_sloppy_one_is_caught(store):
     assert broken(f"{CONTROLS}:Sloppy", store) == {
         "keeps no reference",
@@ -52,7 +58,7 @@ def test_the_sloppy_one_is_caught(store):
 
 
 def test_controls_are_in_no_suite():
-    assert not {name for name in REGISTRY if "heat" in name or "loppy" in name}
+    assert not {name for name in REGISTRY if "heat" in name or "loppy" in name or "sight" in name}
 
 
 class Base:
@@ -87,6 +93,55 @@ class Random(Base):
 class Centred(Base):
     def run(self, u, y):
         return (0.05 + 1e-3 * np.convolve(y, np.ones(5) / 5, "same"))[:, None]
+
+
+class OfAll(Base):
+    """Uses a number that is taken over the whole record, which some orders leave as it is."""
+
+    def run(self, u, y):
+        return np.full((len(u), 1), 0.05 + 1e-3 * self.number(u, y))
+
+
+class Spread(OfAll):
+    def number(self, u, y):
+        return np.std(y)
+
+
+class Largest(OfAll):
+    def number(self, u, y):
+        return np.max(np.abs(y))
+
+
+class Smallest(OfAll):
+    def number(self, u, y):
+        return np.min(y)
+
+
+class Mean(OfAll):
+    def number(self, u, y):
+        return np.round(np.mean(y), 6)  # else an order shows in the last digits
+
+
+class Median(OfAll):
+    def number(self, u, y):
+        return np.median(np.abs(y))
+
+
+class Torque(OfAll):
+    def number(self, u, y):
+        return np.percentile(u, 95)
+
+
+class Crest(OfAll):
+    """Knows no scale and no offset."""
+
+    def number(self, u, y):
+        return np.ptp(y) / np.std(y)
+
+
+class Correlation(OfAll):
+    def number(self, u, y):
+        return np.round(np.corrcoef(u, y)[0, 1], 6)
 
 
 class Writes(Base):
@@ -143,6 +198,7 @@ class Late(Base):
         ("NotFinite", "finite"),
         ("Random", "deterministic"),
         ("Centred", "no look-ahead"),
+        *((name, "no look-ahead") for name in OF_ALL),
         ("Writes", "keeps no reference"),
         ("KeepsView", "keeps no reference"),
         ("NoGap", "survives a gap"),

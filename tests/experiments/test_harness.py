@@ -127,7 +127,7 @@ def test_an_estimator_that_raises_is_named_with_its_record(short, tmp_path):
     other = short.override({"name": "other", "burn_in": 2.0})
     wanted = plan(short, scenarios=[short, other], estimators=["frozen"], seeds=[7])
     benchmark(wanted, tmp_path)
-    with pytest.raises(EstimatorError, match=r"Broken failed on short, seed 7: ZeroDivisionError"):
+    with pytest.raises(EstimatorError, match=r"Broken crashed on short, seed 7: ZeroDivisionError"):
         benchmark(plan(short, estimators=[own("Broken")], seeds=[7]), tmp_path)
     # the complete result from before is still there
     assert len(results.load(tmp_path).summary["rows"]) == 6

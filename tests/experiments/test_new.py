@@ -1,5 +1,6 @@
 """From the template to a verdict, as a new user would, and beside a user's own packages."""
 
+import json
 import subprocess
 import sys
 
@@ -38,11 +39,27 @@ def test_the_template_is_the_shipped_method(mine, short):
         np.testing.assert_allclose(found, rpem.run(record.torque, y), rtol=1e-8)
 
 
+def verdict(capsys, *words):
+    capsys.readouterr()
+    status = main(["compare", "short.toml", *words, "--seeds", "5", "--jobs", "1", "--json"])
+    return status, json.loads(capsys.readouterr().out)
+
+
 def test_the_template_keeps_the_rules_and_gets_a_verdict(mine, capsys, short_toml):
+    """It is told k_T and J_a, so it is quicker than the method that has to find them as well."""
     assert main(["check", f"{mine}:Mine"]) == 0
-    words = ["--base", "rpem-forgetting", "--candidate", f"{mine}:Mine", "--seeds", "3"]
-    assert main(["compare", str(short_toml), *words, "--jobs", "1", "-o", "out"]) in (0, 1)
-    assert "f_m" in capsys.readouterr().out
+    words = ["--base", "rpem-forgetting", "--candidate", f"{mine}:Mine"]
+    status, told = verdict(capsys, *words)
+    assert (status, told["candidate"]) == (0, f"{mine}:Mine") and told["verdict"] != "worse"
+    rows = {(row["metric"], row["parameter"]): row for row in told["rows"]}
+    assert {name for _, name in rows} <= {"", "f_m"}
+    assert rows["lag", "f_m"]["candidate"] < rows["lag", "f_m"]["base"]
+    # ten times the gain is three times the noise
+    words = ["--base", f"{mine}:Mine", "--candidate", f"{mine}:Mine[forgetting=0.95]"]
+    status, told = verdict(capsys, *words)
+    assert (status, told["verdict"]) == (1, "worse")
+    (std,) = (row for row in told["rows"] if row["metric"] == "std")
+    assert std["verdict"] == "worse" and std["candidate"] > 2 * std["base"]
 
 
 def test_nothing_is_overwritten(mine, capsys):

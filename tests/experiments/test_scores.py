@@ -163,6 +163,14 @@ def test_a_lost_run_is_scored_at_the_farther_edge_from_there_on():
     assert row.lost_before
 
 
+def test_a_run_lost_after_it_had_settled_has_never_settled():
+    scenario = find_scenario("fm_step-v1")
+    theta = truth_of(scenario)
+    assert rows_of(scenario, theta)["f_m"].t10 == 0.0
+    theta[3500:] = np.nan
+    assert rows_of(scenario, theta)["f_m"].t10 is None
+
+
 def test_no_honest_estimate_is_scored_beyond_that_edge():
     scenario = find_scenario("fm_step-v1")
     theta = truth_of(scenario)
@@ -197,7 +205,8 @@ def test_the_deviation_after_a_fault_is_of_the_last_two_seconds():
     scenario = find_scenario("fm_step-v1")
     theta = truth_of(scenario)
     theta[2000:2600, 2] += 0.03
-    theta[2600:3000, 2] += np.where(np.arange(400) % 2, 0.002, -0.001)
+    theta[2600:2800, 2] += 0.002
+    theta[2800:3000, 2] -= 0.001
     row = rows_of(scenario, theta)["f_m"]
     assert row.bias_after == pytest.approx(1.0)
     assert row.std_after == pytest.approx(np.sqrt((4.0**2 + 2.0**2) / 2))

@@ -252,6 +252,7 @@ def test_a_case_that_fails_is_a_row_and_the_study_goes_on(short_toml, capsys, tm
         "[sweep]\ncontroller.Kv = [0.22, 50.0]\n"  # the second loop is unstable
     )
     words = ["study", str(tmp_path / "s.toml"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    words += ["--run-code"]
     assert main(words) == 1
     out = capsys.readouterr().out
     assert "3 cases could not be run" in out

@@ -92,9 +92,9 @@ def test_out_of_reach_is_said_on_one_side():
 
 
 def test_a_run_lost_before_the_fault_is_noise():
-    lost = setting(1.0, std=1.0, lost=3)
-    for row in lost.rows[:3]:
-        row["std"] = 900.0
+    lost = setting(1.0, std=1.0, lost=12)
+    for row in lost.rows:  # all at the same edge: about their common mean they do not scatter
+        row["std"] = row["bias"] = 900.0
     assert match(setting(1.0), [lost], "std").how == "noisier"
 
 

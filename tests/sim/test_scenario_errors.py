@@ -10,6 +10,14 @@ FAULT = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 10.0\nfactor = 1.5\n'
 TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
 CHANGEABLE = TWELVE.replace("r", "coulomb")
 
+KINDS = ["step", "ramp", "thermal", "intermittent"]
+TO_ZERO = [
+    FAULT.replace("1.5", "0.0"),
+    FAULT.replace("1.5", "0").replace("step", "ramp") + "over = 2\n",
+    FAULT.replace("1.5", "0").replace("step", "thermal") + "time_constant = 2\n",
+    FAULT.replace("1.5", "0").replace("step", "intermittent") + "on = 2\noff = 1\n",
+]
+
 # text put into a good scenario (None as first key: instead of it) -> the one line expected
 CASES = [
     # unknown words, with the nearest right one
@@ -106,6 +114,14 @@ CASES = [
     ("excitation = { kind = 'moves', moove = 1 }",
      "excitation.moove: unknown key 'moove'; known are kind, reach, move, dwell.",
      " Did you mean 'move'?"),
+    # what would vanish and is in the way of a percentage, or of an inverse
+    ("identify = ['f_m', '1/d_g']\nparameters.d_g = 0.0",
+     "identify[1]: '1/d_g' cannot be estimated where parameters.d_g is 0, for errors are in %", ""),
+    ("identify = ['d_a']\nparameters.d_a = 0", "identify[0]: 'd_a' cannot be estimated where ", ""),
+    *((f"identify = ['1/f_m']\n{fault}", "fault[0].factor: must be above 0 where 1/f_m is "
+       "estimated, which would become infinite", "") for fault in TO_ZERO),
+    (f"identify = ['1/f_m']\n{TO_ZERO[0]}".replace("[[fault", "[[nuisance"),
+     "nuisance[0].factor: must be above 0 where 1/f_m is estimated", ""),
     ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
 ]  # fmt: skip
 
@@ -156,3 +172,20 @@ def test_all_mistakes_are_told_at_once():
 def test_made_from_python_a_scenario_is_checked_as_well():
     with pytest.raises(ValidationError, match=r"parameters\.J_m: must be positive"):
         Scenario(name="x", duration=20.0, parameters={"J_m": -1.0})
+
+
+@pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)
+@pytest.mark.parametrize("name", ["d_g", "d_a", "f_m", "f_g", "f_a", "coulomb"])
+def test_what_may_be_zero_may_become_zero(fault, name):
+    text = 'name = "x"\nduration = 20\nfriction.coulomb = 0.1\nidentify = ["k_T", "f_m"]\n'
+    (event, *_) = parse_scenario(text + fault.replace("f_m", name)).events()
+    assert event.parameter == name and event.after == pytest.approx(0, abs=1e-15 * event.before)
+
+
+@pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)
+@pytest.mark.parametrize("name", ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a"])
+def test_what_must_stay_positive_may_not(fault, name):
+    with pytest.raises(
+        ScenarioError, match=rf"fault\[0\].factor: must be above 0, for {name} must"
+    ):
+        parse_scenario('name = "x"\nduration = 20\n' + fault.replace("f_m", name))

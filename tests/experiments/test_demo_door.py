@@ -1,0 +1,328 @@
+"""The door of the demo, driven over real sockets: who comes in, and what they may say."""
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import warnings
+from http.client import HTTPConnection
+from types import SimpleNamespace
+
+import pytest
+import viser
+from msgspec import msgpack
+from viser.infra import _infra
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo import guard as guards
+from flexaxis.experiments.demo.front import Page
+from flexaxis.experiments.demo.guard import Guard, listen
+from flexaxis.experiments.demo.serve import guarded_server, make_guard
+from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.sim.errors import FlexaxisError
+
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+}
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def demo():
+    """The demo as it is served, but with a clock that stands."""
+    guard, session = make_guard(free_port()), DemoSession()
+    server = guarded_server(guard)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # viser's, of an older name
+        page = Page(server, session, exaggerate=100.0, speed=1.0, offers=guard.offers)
+    uuids = {label: uuid for uuid, (label, _) in guard.offers._offered.items()}
+    yield SimpleNamespace(guard=guard, server=server, session=session, page=page, uuids=uuids)
+    guard.hang_up()
+    server.stop()
+
+
+def status(demo, path, headers):
+    connection = HTTPConnection("127.0.0.1", demo.guard.door.port, timeout=20)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse().status
+    connection.close()
+    return answer
+
+
+# What a request says of itself; {own} is host and port of the demo, {port} its port.
+STRANGERS = {
+    "no token": ("/", {}),
+    "no token, but a query": ("/?{token}", {}),
+    "wrong token": ("/" + 43 * "A" + "/", {}),
+    "half a token": ("/{half}/", {}),
+    "name of another (DNS rebinding)": ("/{token}/", {"Host": "evil.example:{port}"}),
+    "its own port at another name": ("/{token}/", {"Host": "127.0.0.1.evil.example:{port}"}),
+    "another port": ("/{token}/", {"Host": "127.0.0.1:1"}),
+    "page of another origin": ("/{token}/", {"Origin": "http://evil.example"}),
+    "page of this computer, of another port": ("/{token}/", {"Origin": "http://127.0.0.1:1"}),
+    "page without an origin": ("/{token}/", {"Origin": "null"}),
+    "the same by another protocol": ("/{token}/", {"Origin": "https://{own}"}),
+}
+
+
+@pytest.mark.parametrize("upgrade", [{}, UPGRADE], ids=["page", "websocket"])
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_strangers_stay_outside(demo, stranger, upgrade):
+    door = demo.guard.door
+    words = {"token": door.token, "half": door.token[:20], "port": door.port}
+    words["own"] = f"127.0.0.1:{door.port}"
+    path, headers = STRANGERS[stranger]
+    headers = {key: value.format(**words) for key, value in headers.items()}
+    assert status(demo, path.format(**words), upgrade | headers) == 403
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LOCALHOST"])
+def test_the_owner_comes_in(demo, name):
+    door = demo.guard.door
+    headers = {"Host": f"{name}:{door.port}", "Origin": f"http://{name}:{door.port}"}
+    for path in (f"/{door.token}/", f"/{door.token}/?websocket=x", f"/{door.token}"):
+        assert status(demo, path, headers) == 200
+        assert status(demo, path, headers | UPGRADE) == 101
+    assert status(demo, f"/{door.token}/nothing.js", headers) == 404
+
+
+def test_two_hosts_are_none(demo):
+    door = demo.guard.door
+    with socket.create_connection(("127.0.0.1", door.port)) as raw:
+        own = f"127.0.0.1:{door.port}"
+        raw.sendall(f"GET /{door.token}/ HTTP/1.1\r\nHost: {own}\r\nHost: evil\r\n\r\n".encode())
+        assert raw.recv(100).startswith(b"HTTP/1.1 403")
+
+
+def test_a_viser_that_starts_its_server_in_another_way_is_not_served(monkeypatch):
+    """A newer one may hold its own reference to what we stand in front of."""
+    own = SimpleNamespace(**vars(_infra.websockets))
+    own.asyncio = SimpleNamespace(
+        server=SimpleNamespace(serve=_infra.websockets.asyncio.server.serve)
+    )
+    monkeypatch.setattr(_infra, "websockets", own)
+    with pytest.raises(FlexaxisError, match="goes round the guard"):
+        guarded_server(make_guard(free_port()))
+
+
+def test_a_viser_that_does_not_ask_is_not_served(monkeypatch):
+    monkeypatch.setattr(Guard, "_checked", lambda self, inner: inner)
+    with pytest.raises(FlexaxisError, match="goes round the guard"):
+        guarded_server(make_guard(free_port()))
+
+
+def say(demo, *messages):
+    """Say something over a websocket, and wait until it was heard: what comes last is offered."""
+    address = demo.guard.door.address("127.0.0.1").replace("http", "ws", 1)
+    last = demo.server.gui._gui_input_handle_from_uuid[demo.uuids["noise [rad/s]"]]
+    last.value = 0.0
+    with connect(address, subprotocols=[WORD], proxy=None, max_size=None) as viewer:
+        for message in (CAMERA, *messages, update(demo, "noise [rad/s]", 0.3)):
+            viewer.send(msgpack.encode(message))
+        end = time.monotonic() + 20
+        while last.value != 0.3:
+            assert time.monotonic() < end, "not heard"
+            time.sleep(0.01)
+
+
+WORD = f"viser-v{viser.__version__}"
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [3.0, 3.0, 3.0],
+    "image_height": 100,
+    "image_width": 100,
+    "fov": 1.3,
+    "near": 0.01,
+    "far": 1000,
+    "look_at": [0, 0, 0],
+    "up_direction": [0, 0, 1],
+}
+
+
+def update(demo, label, value, key="value"):
+    return {"type": "GuiUpdateMessage", "uuid": demo.uuids[label], "updates": {key: value}}
+
+
+def stands(demo):
+    """What a viewer could have changed."""
+    handles = demo.server.gui._gui_input_handle_from_uuid
+    values = {
+        uuid: (handle.value, handle._impl.removed, len(handle._impl.update_cb))
+        for uuid, handle in handles.items()
+        if uuid != demo.uuids["noise [rad/s]"]
+    }
+    racers = [(racer.text, racer.tuning) for racer in demo.session.racers]
+    return values, racers, demo.page.pace.speed, dict(demo.session.factors)
+
+
+def test_text_of_a_viewer_is_never_run(demo, tmp_path):
+    """The exploit: a list's value that names a program, a file, a module."""
+    code = tmp_path / "evil.py"
+    code.write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\nclass Mine: pass\n")
+    before = stands(demo)
+    program = f"pipe:touch {tmp_path / 'ran'}"
+    texts = [program, f"{code}:Mine", "os:system", "ekf[walk=0.1]", "nobody", "", 5, None, ["ekf"]]
+    say(demo, *(update(demo, "estimator", text) for text in texts))
+    assert stands(demo) == before
+    assert os.listdir(tmp_path) == ["evil.py"]
+    assert demo.session.said == "refused: estimator: only what is in the list can be chosen"
+
+
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, -math.inf, 1e7, -1.0, "1", True, None, [1.0]]
+)
+@pytest.mark.parametrize("label", ["speed ×", "λ", "log₁₀ Δ f_m", "μ"])
+def test_numbers_that_were_not_offered_are_refused(demo, label, value):
+    value = -100.0 if label.startswith("log") and value == -1.0 else value
+    before = stands(demo)
+    say(demo, update(demo, label, value))
+    assert stands(demo) == before
+    assert demo.session.said.startswith(f"refused: {label}: give a number from")
+
+
+def test_what_is_offered_is_taken(demo):
+    say(demo, update(demo, "speed ×", 2.5), update(demo, "excitation", "off"))
+    for _ in range(100):  # viser runs what follows in a pool of threads
+        if (demo.page.pace.speed, demo.session.axis.excitation) == (2.5, "off"):
+            break
+        time.sleep(0.05)
+    assert (demo.page.pace.speed, demo.session.axis.excitation) == (2.5, "off")
+
+
+def test_other_properties_and_messages_are_not_heard(demo):
+    before = stands(demo)
+    buffer = demo.server._websock_server._broadcast_buffer.message_from_id
+    held = len(buffer)
+    say(
+        demo,
+        update(demo, "speed ×", True, key="removed"),
+        update(demo, "speed ×", [], key="update_cb"),
+        {
+            "type": "GuiUpdateMessage",
+            "uuid": demo.uuids["μ"],
+            "updates": {"value": demo.session.racers[1].tuning.regularization, "removed": True},
+        },
+        {"type": "GuiUpdateMessage", "uuid": demo.uuids["λ"], "updates": {}},
+        {"type": "GuiUpdateMessage", "uuid": ["λ"], "updates": {"value": 1}},
+        {"type": "ShareUrlRequest"},
+        {"type": "RunJavascriptMessage", "source": "alert(1)"},
+        CAMERA | {"position": [math.nan, 0.0, 0.0]},
+        CAMERA | {"position": [0.0] * 5000},
+        *({"type": "GuiFormDirtyMessage", "uuid": f"{n}", "dirty": True} for n in range(50)),
+        [],
+        "GuiUpdateMessage",
+        {"type": {}},
+    )
+    assert stands(demo) == before
+    assert len(buffer) == held, "each would be kept for viewers to come"
+    assert demo.session.said == "refused: nothing that was offered"
+
+
+def test_uploads_are_not_kept(demo):
+    target = demo.uuids["Repair everything"]
+    start = {
+        "type": "FileTransferStartUpload",
+        "source_component_uuid": target,
+        "transfer_uuid": "t",
+        "filename": "f",
+        "mime_type": "",
+        "part_count": 1000,
+        "size_bytes": 10**9,
+    }
+    part = {
+        "type": "FileTransferPart",
+        "source_component_uuid": target,
+        "transfer_uuid": "t",
+        "part_index": 0,
+        "content": bytes(50_000),
+    }
+    held = []
+    forget = demo.server.gui._drop_uploads_from_client
+    demo.server.gui._drop_uploads_from_client = lambda client: held.append(
+        dict(demo.server.gui._current_file_upload_states)
+    )
+    try:
+        say(demo, start, part, part | {"part_index": 1})
+        for _ in range(100):
+            if held:
+                break
+            time.sleep(0.05)
+    finally:
+        demo.server.gui._drop_uploads_from_client = forget
+    assert held == [{}]
+
+
+def test_a_large_message_ends_the_connection(demo):
+    address = demo.guard.door.address("127.0.0.1").replace("http", "ws", 1)
+    with connect(address, subprotocols=[WORD], proxy=None, max_size=None) as viewer:
+        with pytest.raises(ConnectionClosed):
+            viewer.send(bytes(100_000))
+            while True:
+                viewer.recv(timeout=20)
+        assert viewer.close_code == 1009
+
+
+@pytest.mark.parametrize("port", ["99999", "0", "-1"])
+def test_a_port_that_is_none(port, capsys):
+    assert main(["demo", "--no-browser", "--port", port]) == 2
+    assert f"--port {port}: give a number from 1 to 65535" in capsys.readouterr().err
+
+
+def test_a_taken_port_is_said(monkeypatch, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        assert main(["demo", "--no-browser", "--port", str(port)]) == 2
+        assert f"--port {port} cannot be had" in capsys.readouterr().err
+        monkeypatch.setattr(guards, "PORT", port)
+        said = []
+        with listen("127.0.0.1", None, said.append) as found:
+            other = found.getsockname()[1]
+        assert other > port
+        assert said == [f"port {port} is taken; the next that is free is {other}"]
+
+
+def test_ctrl_c_does_not_wait_for_viewers_who_do_not_read():
+    """Nor for one who has not said yet what he wants."""
+    command = [sys.executable, "-u", "-m", "flexaxis.experiments.cli", "demo", "--no-browser"]
+    process = subprocess.Popen(
+        [*command, "--port", str(free_port())], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    try:
+        address = process.stdout.readline().decode().split("at ")[1].split()[0]
+        host = address.split("/")[2]
+        mute = socket.create_connection(("127.0.0.1", int(host.split(":")[1])))
+        deaf = socket.socket()
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        deaf.connect(("127.0.0.1", int(host.split(":")[1])))
+        path = address.partition(host)[2]
+        lines = [f"GET {path} HTTP/1.1", f"Host: {host}"]
+        lines += [f"{key}: {value}" for key, value in UPGRADE.items()]
+        lines += [f"Sec-WebSocket-Protocol: {WORD}", "", ""]
+        deaf.sendall("\r\n".join(lines).encode())
+        camera = msgpack.encode(CAMERA)
+        deaf.sendall(b"\x82" + bytes([0x80 | 126]) + len(camera).to_bytes(2) + bytes(4) + camera)
+        time.sleep(4)  # at 30 pictures a second more than its buffers hold
+        begin = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+        # 0.4 s on a quiet machine, ten times that on a busy one; viser alone waits 6 s, by a clock.
+        assert time.monotonic() - begin < 5.5
+        mute.close()
+        deaf.close()
+    finally:
+        process.kill()
+        process.communicate()

@@ -1,0 +1,117 @@
+"""No command writes over what it reads, by whatever name it is called."""
+
+import os
+import shutil
+
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.outputs import spare
+from flexaxis.experiments.results import OutputError
+from flexaxis.sim.simulate import simulate
+
+OWN = """\
+class Own:
+    names, output = ("f_m",), "speed"
+    def __init__(self, nominal, period): self.theta = [nominal["f_m"]]
+    def step(self, u, y): return self.theta
+"""
+STUDY = 'scenario = "short.toml"\nestimators = ["frozen"]\nseeds = 2\n'
+LOG = ["--torque", "torque", "--angle", "angle", "--time", "time"]
+FOLDERS = ("run", "share", "merged")
+
+
+@pytest.fixture(scope="module")
+def made(short, tmp_path_factory):
+    """One of everything that a command reads."""
+    folder = tmp_path_factory.mktemp("made")
+    simulate(short, [0])[0].save(folder / "rec.nc")
+    (folder / "short.toml").write_text(short.to_toml(), encoding="utf-8")
+    (folder / "own.py").write_text(OWN, encoding="utf-8")
+    (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+    for name in ("map.toml", "axis.toml", "lesson.gif"):
+        (folder / name).write_text("", encoding="utf-8")
+    one = ["--jobs", "1", "-o"]
+    run = ["run", str(folder / "short.toml"), "--estimator", "frozen", "--seeds", "2"]
+    assert main([*run, *one, str(folder / "run")]) == 0
+    assert main(["study", str(folder / "study.toml"), *one, str(folder / "share")]) == 0
+    return folder
+
+
+@pytest.fixture
+def here(made, tmp_path, monkeypatch):
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "linked.nc").symlink_to("rec.nc")
+    os.link(tmp_path / "rec.nc", tmp_path / "twin.nc")
+    return tmp_path
+
+
+def content(folder):
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+TRACK = ["track", "rec.nc", "--identify", "k_T", "--model"]
+REFUSED = {
+    "simulate": ["simulate", "short.toml", "-o", "short.toml"],
+    "estimate": ["estimate", "rec.nc", "-o", "rec.nc"],
+    "estimate, another name": ["estimate", "rec.nc", "-o", "run/../rec.nc"],
+    "estimate, a folder to be made": ["estimate", "rec.nc", "-o", "nowhere/../rec.nc"],
+    "estimate, a link": ["estimate", "rec.nc", "-o", "linked.nc"],
+    "estimate, of a link": ["estimate", "linked.nc", "-o", "rec.nc"],
+    "estimate, a hard link": ["estimate", "rec.nc", "-o", "twin.nc"],
+    "estimate, scenario": ["estimate", "rec.nc", "--scenario", "short.toml", "-o", "short.toml"],
+    "estimate, code": ["estimate", "rec.nc", "--estimator", "own.py:Own[a=1]", "-o", "own.py"],
+    "import": ["import", "rec.nc", *LOG, "-o", "rec.nc"],
+    "import, map": ["import", "rec.nc", "--map", "map.toml", "-o", "map.toml"],
+    "import, model": ["import", "rec.nc", *LOG, "--model", "axis.toml", "-o", "axis.toml"],
+    "identify": ["identify", "rec.nc", "-o", "rec.nc"],
+    "identify, model": ["identify", "rec.nc", "--model", "axis.toml", "-o", "axis.toml"],
+    "identify, map": ["identify", "rec.nc", "--map", "map.toml", "-o", "map.toml"],
+    "track": [*TRACK, "axis.toml", "-o", "rec.nc"],
+    "track, model": [*TRACK, "axis.toml", "-o", "axis.toml"],
+    "track, code": [*TRACK, "axis.toml", "--estimator", "own.py:Own", "-o", "own.py"],
+    "report": ["report", "run", "-o", "run/summary.json"],
+    "report, rows": ["report", "run", "-o", "run/scores.jsonl"],
+    "report, curves": ["report", "run", "-o", "run/curves.nc"],
+    "export": ["export", "share", "--csv", "share/rows.jsonl"],
+    "export, study": ["export", "share", "--netcdf", "share/study.json"],
+    "merge": ["merge", "share", "-o", "share"],
+    "study": ["study", "study.toml", "-o", "study.toml"],
+    "view": ["view", "rec.nc", "-o", "rec.nc"],
+    "demo": ["demo", "--script", "lesson.gif", "--record", "lesson.gif"],
+    "compare": ["compare", "run", "share/../run", "-o", "run"],
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_an_input_is_refused_as_output(here, capsys, case):
+    before = content(here)
+    assert main(REFUSED[case]) == 2
+    out, err = capsys.readouterr()
+    assert content(here) == before
+    assert (out, len(err.splitlines())) == ("", 1) and err.startswith("flexaxis: ")
+    assert "is read by this command" in err
+
+
+def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
+    before = (here / "rec.nc").read_bytes()
+    assert main(["import", "rec.nc", *LOG]) == 0
+    assert (here / "rec.nc").read_bytes() == before
+    assert (here / "rec-imported.nc").exists() and (here / "rec-imported.html").exists()
+    shutil.copy("rec.nc", "log.h5")
+    assert main(["import", "log.h5", *LOG]) == 0
+    assert (here / "log.nc").exists() and (here / "log.h5").read_bytes() == before
+
+
+def test_the_default_of_another_command_is_no_input_either(here, capsys):
+    shutil.copy("axis.toml", "rec-axis.toml")
+    assert main(["identify", "rec.nc", "--model", "rec-axis.toml"]) == 2
+    assert "rec-axis.toml is read by this command" in capsys.readouterr().err
+
+
+def test_what_is_not_there_cannot_be_lost(here):
+    spare(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
+    with pytest.raises(OutputError, match=r"rec\.nc is read"):
+        spare(["missing", "rec.nc"], "new.nc", "rec.nc")
