@@ -16,7 +16,7 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
-from flexaxis.experiments.compare.selftest import markdown as self_test_table
+from flexaxis.experiments.compare.selftable import markdown as self_test_table
 from flexaxis.experiments.scoring.ranking import CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 

@@ -73,7 +73,9 @@ def symbol(name: str) -> str:
     return f"$1/{text}$" if exponent < 0 else f"${text}$"
 
 
-def trajectories(curves: Sequence[Curve], scenario: Scenario) -> Figure:
+def trajectories(
+    curves: Sequence[Curve], scenario: Scenario, *, labels: Mapping[str, str] | None = None
+) -> Figure:
     """Draw the estimates of all estimators over time on one scenario, a panel a parameter.
 
     Parameters
@@ -82,8 +84,11 @@ def trajectories(curves: Sequence[Curve], scenario: Scenario) -> Figure:
         Those of the scenario.
     scenario : Scenario
         For faults, pauses and burn-in.
+    labels : mapping of str to str, optional
+        What the legend says instead of the name of an estimator.
     """
     names = list(dict.fromkeys(name for curve in curves for name in curve.names))
+    said = labels or {}
     fig = Figure(figsize=(8.0, 1.2 + 1.55 * len(names)), layout="constrained")
     axes = fig.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for ax, name in zip(axes, names, strict=True):
@@ -93,7 +98,8 @@ def trajectories(curves: Sequence[Curve], scenario: Scenario) -> Figure:
             ax.fill_between(
                 curve.time, curve.low[:, i], curve.high[:, i], color=shade, alpha=0.18, lw=0
             )
-            ax.plot(curve.time, curve.median[:, i], color=shade, lw=1.3, label=curve.estimator)
+            label = said.get(curve.estimator, curve.estimator)
+            ax.plot(curve.time, curve.median[:, i], color=shade, lw=1.3, label=label)
         first, i = mine[0]
         ax.plot(first.time, first.truth[:, i], "k--", lw=1.0, label="truth")
         mark(ax, scenario)
@@ -102,8 +108,19 @@ def trajectories(curves: Sequence[Curve], scenario: Scenario) -> Figure:
         ax.set_ylabel(f"{symbol(name)} / nominal")
     axes[-1].set_xlabel("time [s]")
     axes[-1].set_xlim(0, scenario.duration)
-    handles, labels = axes[0].get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper center", ncols=4, frameon=False)
+    # From all panels: an estimator need not be in the first one.
+    shown = {
+        text: line
+        for ax in axes
+        for line, text in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    fig.legend(
+        shown.values(),
+        shown.keys(),
+        loc="outside upper center",
+        ncols=4 if not labels else 1,
+        frameon=False,
+    )
     return fig
 
 

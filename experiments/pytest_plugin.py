@@ -61,7 +61,7 @@ def gate(
     strict: bool = False,
     jobs: int = 1,
 ) -> Comparison:
-    """Compare, and fail with the table where the candidate is worse (or undecided, if strict).
+    """Compare, and fail with the table where the candidate is worse or loses runs.
 
     Parameters
     ----------
@@ -70,26 +70,26 @@ def gate(
     names : sequence of str
         Suites, scenarios, paths.
     seeds : int, optional
-        Number of seeds; the suite's by default.
+        Number of seeds; the suites' by default, of scenarios 32.
     margins : mapping of str to float, optional
         As shares, such as ``{"lag": 0.05}``; 2 % by default.
     strict : bool
+        Fail also if undecided.
     jobs : int
         Processes.
     """
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
-    from flexaxis.experiments.compare.gate import Question, compare
+    from flexaxis.experiments.compare.gate import Question, compare, default_seeds
     from flexaxis.experiments.compare.pairs import MARGINS
     from flexaxis.experiments.compare.report import markdown
     from flexaxis.experiments.seeds import parse_seeds
 
-    scenarios, _, number, *_ = select(names)
     question = Question(
         base=base,
         candidate=candidate,
-        scenarios=scenarios,
-        seeds=parse_seeds(str(seeds or number)),
+        scenarios=select(names).scenarios,
+        seeds=parse_seeds(str(seeds or default_seeds(names))),
         margins=dict(MARGINS) | dict(margins or {}),
     )
     found = compare(question, jobs=jobs, store=default_cache())

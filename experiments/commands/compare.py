@@ -1,15 +1,17 @@
-r"""Compare a candidate estimator with a base: better, worse, same within the margin, or undecided.
+r"""Compare a candidate estimator with a base: better, worse, slight, same, or undecided.
 
-Both run on the same records. Scores are compared seed by seed, with a correction for the number of
-scores; docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default gate). Two
-folders of finished runs are compared as they are, if their scenarios and versions agree.
+Both run on the same records. Scores are compared seed by seed, lost runs over all scenarios;
+docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default gate). Two folders
+of finished runs are compared as they are, if their scenarios and versions agree, on the seeds that
+both have (those of --seeds, if given).
 
-exit status: 0 no regression, 1 regression, 2 wrong use, 3 undecided (with --strict)
+exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or where two runs
+or more were newly lost; 70 a crash
 
 example:
   flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
   flexaxis compare --base rpem-forgetting --candidate 'pipe:octave-cli -q my.m' fm_step-v1 \
-                   --seeds 8 --max-seeds 64 --margin lag=5% std=5%
+                   --max-seeds 128 --margin lag=5%,std=5%
   flexaxis compare results/old results/new
   flexaxis compare --self-test
 """
@@ -22,6 +24,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from flexaxis.experiments.compare.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
@@ -33,28 +37,30 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--base", metavar="E", help="what to compare with")
     parser.add_argument("--candidate", metavar="E", help="what to judge")
     parser.add_argument(
-        "--seeds", metavar="N or A:B", help="as for `run` (default: the suite's number)"
+        "--seeds",
+        metavar="N or A:B",
+        help="as for `run` (default: the suite's number, 32); of a self-test the pool (256)",
     )
     parser.add_argument(
-        "--max-seeds", type=int, default=0, metavar="N", help="add seeds up to N while undecided"
+        "--max-seeds", type=int, metavar="N", help="add seeds up to N while undecided"
     )
     parser.add_argument(
         "--margin",
-        nargs="+",
-        action="extend",
+        action="append",
         default=[],
-        metavar="SCORE=%",
-        help="smaller changes do not matter (default lag=2%% std=2%%; others: t10, cross_talk)",
+        metavar="SCORE=%[,…]",
+        help="smaller changes do not matter (default lag=2%%,std=2%%; others: t10, std_after, "
+        "cross_talk, excess)",
     )
     parser.add_argument("--strict", action="store_true", help="exit 3 if undecided")
     parser.add_argument(
         "--self-test", action="store_true", help="rate of false alarms and power of the gate"
     )
     parser.add_argument(
-        "--comparisons", type=int, default=2000, metavar="N", help="of the self-test"
+        "--comparisons", type=int, metavar="N", help="of the self-test, for each rate (4000)"
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
-    parser.add_argument("-o", "--output", type=Path, default=Path("results/compare"), metavar="DIR")
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -65,11 +71,15 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.sim.errors import FlexaxisError
 
     margins = parse_margins(args.margin)
-    if args.jobs < 1:
-        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+    for option, value in (("--jobs", args.jobs), ("--comparisons", args.comparisons)):
+        if value is not None and value < 1:
+            raise FlexaxisError(f"{option} {value}: give a whole number, 1 or more")
     if args.self_test:
+        _refuse(args, "the self-test", "max_seeds", "strict", "output")
         return _self_test(args, margins)
+    _refuse(args, "a comparison (it is of --self-test)", "comparisons")
     if len(args.names) == 2 and all(map(is_run, args.names)):
+        _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs")
         return _stored(args, margins)
     if not (args.base and args.candidate):
         raise FlexaxisError(
@@ -78,104 +88,129 @@ def main(args: argparse.Namespace) -> int:
     return _fresh(args, margins)
 
 
+def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
+    """Refuse options that would be ignored."""
+    from flexaxis.sim.errors import FlexaxisError
+
+    given = [f"--{name.replace('_', '-')}" for name in names if getattr(args, name)]
+    if given:
+        raise FlexaxisError(f"{' and '.join(given)}: no option of {what}; leave it out")
+
+
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import find_scenario, select, suite_names
-    from flexaxis.experiments.compare.gate import Question, compare
+    from flexaxis.experiments.compare.gate import SUITE, Question, compare, default_seeds
     from flexaxis.experiments.compare.report import write
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.seeds import parse_seeds
 
-    names = args.names or ["gate"]
-    scenarios, _, number, *_ = select(names)
+    names = args.names or [SUITE]
+    scenarios = select(names).scenarios
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,
         candidate=args.candidate,
         scenarios=scenarios,
-        seeds=parse_seeds(args.seeds or str(number)),
+        seeds=parse_seeds(args.seeds or str(default_seeds(names))),
         margins=margins,
-        max_seeds=args.max_seeds,
+        max_seeds=args.max_seeds or 0,
     )
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
     with progress(f"at most {most} cases", most) as advance:
         found = compare(
             question,
-            jobs=args.jobs,
+            jobs=_jobs(args),
             store=default_cache(),
             advance=lambda done: advance(len(done.cases)),
         )
     command = command_line(args.words)
-    path = write(args.output, found, scenarios, sources=sources, command=command)
+    path = write(_output(args), found, scenarios, sources=sources, command=command)
     return _told(args, found, path, sources)
+
+
+def _jobs(args: argparse.Namespace) -> int:
+    return args.jobs or os.cpu_count() or 1
+
+
+def _output(args: argparse.Namespace) -> Path:
+    return args.output or Path("results/compare")
 
 
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.compare.report import write
     from flexaxis.experiments.compare.stored import compare_runs
     from flexaxis.experiments.outputs import spare
+    from flexaxis.experiments.seeds import parse_seeds
 
     base, candidate = map(Path, args.names)
-    spare(args.names, args.output)
-    found = compare_runs(base, candidate, margins, estimators=(args.base, args.candidate))
-    return _told(args, found, write(args.output, found), {})
+    spare(args.names, _output(args))
+    seeds = parse_seeds(args.seeds) if args.seeds else None
+    estimators = (args.base, args.candidate)
+    found = compare_runs(base, candidate, margins, estimators=estimators, seeds=seeds)
+    return _told(args, found, write(_output(args), found), {})
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
     from rich.console import Console
 
-    from flexaxis.experiments.compare.report import headline, row_command, terminal_table, worst
+    from flexaxis.experiments.compare.report import row_command, terminal_table, worst
+    from flexaxis.experiments.compare.words import headline, meaning
     from flexaxis.experiments.results import dumps
 
     status = found.status(strict=args.strict)
     if args.json:
         print(dumps(found.as_dict() | {"status": status, "report": str(path)}))
         return status
-    Console().print(terminal_table(found))
-    print(f"\n{headline(found)}")
-    if status == 1:
+    _wide(Console()).print(terminal_table(found))
+    print(f"\n{headline(found)}\n{meaning(found)}")
+    if status in (1, 3):
         print(f"look at the worst seed: {row_command(found, worst(found), sources)}")
     print(path)
     return status
 
 
+def _wide(console: Console) -> Console:
+    """Let a log of a build have whole names: it has no width of its own."""
+    if not console.is_terminal:
+        console.width = max(console.width, 200)
+    return console
+
+
 def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
+    from rich.console import Console
+
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
-    from flexaxis.experiments.compare.selftest import BASE, PLANTED, self_test
+    from flexaxis.experiments.compare import selftable, selftest
+    from flexaxis.experiments.compare.gate import SUITE
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.sim.errors import FlexaxisError
 
-    if args.comparisons < 1:
-        raise FlexaxisError(f"--comparisons {args.comparisons}: give 1 or more")
-    scenarios, _, number, *_ = select(args.names or ["gate"])
-    planted = (args.candidate or PLANTED,)
-    with progress("self-test", 3 * 64 * len(scenarios)) as advance:
-        found = self_test(
+    scenarios = select(args.names or [SUITE]).scenarios
+    bases = (args.base,) if args.base else selftest.BASES
+    planted = args.candidate or (None if args.base else selftest.PLANTED)
+    seeds = parse_seeds(args.seeds) if args.seeds else list(selftest.POOL)
+    most = selftest.work(len(scenarios), len(bases), planted is not None, len(seeds))
+    with progress("self-test", most) as advance:
+        found = selftest.self_test(
             scenarios,
-            parse_seeds(args.seeds or str(number)),
             margins,
-            base=args.base or BASE,
+            bases=bases,
             planted=planted,
-            comparisons=args.comparisons,
-            jobs=args.jobs,
+            seeds=seeds,
+            comparisons=args.comparisons or 4000,
+            jobs=_jobs(args),
             store=default_cache(),
-            advance=lambda done: advance(len(done.cases)),
+            advance=advance,
         )
+    broken = [rate for rate in found if not rate.kept]
+    told = [rate.as_dict() for rate in found]
     if args.json:
-        print(dumps([rates.as_dict() for rates in found]))
-        return int(not all(rates.kept for rates in found))
-    for rates in found:
-        what = "a change is found" if rates.planted else "false alarms"
-        low, high = (100 * end for end in rates.interval)
-        print(
-            f"{rates.candidate}: {what}: called worse in {rates.worse} of {rates.comparisons} "
-            f"comparisons, {100 * rates.rate:.2f} % (95 %: {low:.2f} … {high:.2f} %), better "
-            f"somewhere in {rates.better}; {'as promised' if rates.kept else 'PROMISE BROKEN'}"
-        )
-        for name, share in sorted(rates.rows.items(), key=lambda item: -item[1]):
-            print(f"  worse in {100 * share:5.1f} %: {name}")
-    return int(not all(rates.kept for rates in found))
+        print(dumps(told))
+        return int(bool(broken))
+    _wide(Console()).print(selftable.terminal(told))
+    print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
+    return int(bool(broken))

@@ -8,18 +8,22 @@ from typing import Any
 
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
+from flexaxis.experiments.catalogue import find_suite, suite_names
+from flexaxis.experiments.compare.decide import ALPHA, UNDECIDED, WORSE
+from flexaxis.experiments.compare.lost import MANY
 from flexaxis.experiments.compare.pairs import Table, pair, table
 from flexaxis.experiments.compare.verdicts import (
-    ALPHA,
-    UNDECIDED,
-    WORSE,
     Verdict,
     by_metric,
     judge,
+    newly_lost,
     overall,
 )
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
+
+SUITE = "gate"
+"""What is compared on where nothing is named."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +58,29 @@ class Question:
         The looks are fixed beforehand, so that each can have its share of `alpha`.
         """
         first, number = list(self.seeds), len(self.seeds)
-        most = max(self.max_seeds, number)
-        counts = [number]
-        while counts[-1] < most:
-            counts.append(min(2 * counts[-1], most))
-        everything = first + [first[-1] + 1 + i for i in range(most - number)]
+        counts = look_counts(number, self.max_seeds)
+        everything = first + [first[-1] + 1 + i for i in range(counts[-1] - number)]
         return [everything[:count] for count in counts]
+
+
+def default_seeds(names: Sequence[str]) -> int:
+    """Return how many seeds a comparison has: those of the suites named, else of the gate's."""
+    suites = [find_suite(name) for name in names if name in suite_names()]
+    return max(suite.seeds for suite in suites or [find_suite(SUITE)])
+
+
+def look_counts(first: int, most: int) -> list[int]:
+    """Return how many seeds each look has: the first ones, then twice as many, up to the most.
+
+    Examples
+    --------
+    >>> look_counts(8, 40), look_counts(32, 0)
+    ([8, 16, 32, 40], [32])
+    """
+    counts = [first]
+    while counts[-1] < most:
+        counts.append(min(2 * counts[-1], most))
+    return counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +95,7 @@ class Comparison:
     look, looks : int
         At which look it was decided, of how many planned.
     alpha : float
-        Level of the family at each look.
+        Chance of a false alarm at each look, at most.
     verdicts : list of Verdict
     cases : list of harness.Case
         Everything that was run; empty for stored results.
@@ -91,17 +112,25 @@ class Comparison:
 
     @property
     def verdict(self) -> str:
-        """The one word: worse, undecided, better or same."""
-        return overall([v.verdict for v in self.verdicts])
+        """The one word: worse, undecided, better, slight or same."""
+        return overall(self.verdicts)
+
+    @property
+    def newly_lost(self) -> int:
+        """How many runs more the candidate lost than the base."""
+        return newly_lost(self.verdicts)
 
     def status(self, *, strict: bool = False) -> int:
-        """Return the exit status: 1 for a regression, 3 if undecided and `strict`, else 0."""
-        return {WORSE: 1, UNDECIDED: 3 if strict else 0}.get(self.verdict, 0)
+        """Return the exit status: 1 worse; 3 undecided, if `strict` or runs were newly lost; 0."""
+        if self.verdict == UNDECIDED:
+            return 3 if strict or self.newly_lost >= MANY else 0
+        return int(self.verdict == WORSE)
 
     def as_dict(self) -> dict[str, Any]:
         """Return what goes into compare.json."""
         return {
             "verdict": self.verdict,
+            "newly_lost": self.newly_lost,
             "by_metric": by_metric(self.verdicts),
             "base": self.base,
             "candidate": self.candidate,
@@ -138,10 +167,16 @@ def compare(
     Raises
     ------
     FlexaxisError
-        If there are fewer than two seeds, or nothing in common; else as from `harness.run`.
+        If there are fewer than two seeds, more than `max_seeds`, or nothing in common; else as
+        from `harness.run`.
     """
     if len(question.seeds) < 2:
-        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 8")
+        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
+    if question.max_seeds and question.max_seeds < len(question.seeds):
+        raise FlexaxisError(
+            f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
+            "begin with: give more, or fewer --seeds"
+        )
     looks, cases, done = question.looks(), [], 0
     for number, seeds in enumerate(looks, start=1):
         both = (question.base, question.candidate)

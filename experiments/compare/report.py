@@ -12,16 +12,12 @@ from pathlib import Path
 from rich.table import Table
 
 from flexaxis.experiments import figures, results
+from flexaxis.experiments.compare.decide import BETTER, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.compare.gate import Comparison
-from flexaxis.experiments.compare.pairs import LOST
-from flexaxis.experiments.compare.verdicts import (
-    BETTER,
-    SAME,
-    UNDECIDED,
-    WORSE,
-    Verdict,
-    by_metric,
-)
+from flexaxis.experiments.compare.lost import SILENT
+from flexaxis.experiments.compare.pairs import LOST, METRICS
+from flexaxis.experiments.compare.verdicts import Verdict
+from flexaxis.experiments.compare.words import explanation, headline, meaning, percent
 from flexaxis.experiments.report import number
 from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
 from flexaxis.experiments.theta import true_theta
@@ -29,21 +25,12 @@ from flexaxis.sim.scenario import Scenario
 
 JSON, MARKDOWN = "compare.json", "verdict.md"
 COLUMNS = ("scenario", "score", "base", "candidate", "change", "interval [%]", "verdict")
-_ORDER = (WORSE, UNDECIDED, BETTER, SAME)
-_STYLE = {WORSE: "red", BETTER: "green", UNDECIDED: "yellow", SAME: None}
-
-
-def headline(found: Comparison) -> str:
-    """Return the verdict in a line."""
-    words = [
-        f"{metric.replace('_', ' ')} {word}"
-        for metric, word in by_metric(ordered(found.verdicts)).items()
-    ]
-    return f"{found.verdict}: {', '.join(words)}"
+_ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME, SILENT)
+_STYLE = {WORSE: "red", BETTER: "green", UNDECIDED: "yellow"}
 
 
 def ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Return the verdicts with what matters first; scenarios without a lost run need no row."""
+    """Return the verdicts with what matters first; where no run was lost no row is needed."""
     shown = [v for v in verdicts if v.metric not in LOST or v.base or v.candidate]
     return sorted(shown, key=lambda v: _ORDER.index(v.verdict))
 
@@ -52,46 +39,33 @@ def cells(v: Verdict) -> tuple[str, ...]:
     """Return a verdict as the texts of a row, in the order of `COLUMNS`."""
     if v.metric in LOST:
         runs = (f"{v.base:.0f} of {v.runs}", f"{v.candidate:.0f} of {v.runs}")
-        return v.scenario, v.metric.replace("_", " "), *runs, "", f"p = {v.p:.2g}", _word(v)
-    spread = f"{_percent(v.interval[0])} … {_percent(v.interval[1])}" if v.interval else "–"
+        more = f"{v.newly} new, {v.regained} back, p = {v.p:.2g}"
+        return v.scenario, v.metric.replace("_", " "), *runs, "", more, _word(v)
+    spread = f"{percent(v.interval[0])} … {percent(v.interval[1])}" if v.interval else "–"
     if v.pairs < v.runs:
         spread += f" ({v.pairs} of {v.runs} pairs)"
-    change = "–" if v.change is None else f"{_percent(v.change)} %"
-    values = (number(v.base), number(v.candidate))
+    change = "–" if v.change is None else f"{percent(v.change)} %"
+    values = (_with_unit(v.base, v.metric), _with_unit(v.candidate, v.metric))
     return v.scenario, f"{v.metric} {v.parameter}", *values, change, spread, _word(v)
 
 
-def _percent(share: float) -> str:
-    percent = 100 * share
-    if abs(percent) < 10:
-        return f"{percent:+.2g}"
-    return f"{percent:+.0f}" if abs(percent) < 1e4 else f"{percent:+.0e}"
+def _with_unit(value: float | None, metric: str) -> str:
+    return number(value) if value is None else f"{number(value)} {METRICS[metric]}".rstrip()
 
 
 def _word(v: Verdict) -> str:
-    if v.verdict != UNDECIDED:
+    if v.reason == "far":
+        return f"{v.verdict}: a run lies far on the other side"
+    if v.verdict != UNDECIDED or not v.seeds_needed:
         return v.verdict
-    return UNDECIDED + (f", about {v.seeds_needed} seeds" if v.seeds_needed else "")
-
-
-def explanation(found: Comparison) -> str:
-    """Return how the numbers are to be read."""
-    share = 100 * (1 - found.alpha)
-    text = (
-        f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base. "
-        f"Intervals: Student's t on paired log-ratios, at {share:.4g} % for the whole family "
-        "(Holm). Worse or better: the interval leaves out zero and the change is above the margin."
-    )
-    if found.looks > 1:
-        text += f" Look {found.look} of {found.looks}, each with its share of the error."
-    return text
+    return f"{UNDECIDED}, about {v.seeds_needed} seeds"
 
 
 def terminal_table(found: Comparison) -> Table:
     """Return the table for a terminal."""
     table = Table(*COLUMNS, box=None, padding=(0, 1, 0, 0), caption_justify="left")
     for v in ordered(found.verdicts):
-        table.add_row(*cells(v), style=_STYLE[v.verdict])
+        table.add_row(*cells(v), style=_STYLE.get(v.verdict))
     table.caption = explanation(found)
     return table
 
@@ -100,6 +74,8 @@ def markdown(found: Comparison) -> str:
     """Return the table as Markdown, for a comment on a change."""
     lines = [
         f"**flexaxis: {headline(found)}**",
+        "",
+        meaning(found),
         "",
         f"base {_code(found.base)}, candidate {_code(found.candidate)}",
         "",
@@ -129,7 +105,7 @@ def _code(text: str) -> str:
 def row_command(found: Comparison, v: Verdict, sources: Mapping[str, str]) -> str:
     """Return the line that runs base and candidate again where the candidate is worst."""
     estimators = dict.fromkeys((found.base, found.candidate))
-    words = ["flexaxis", "run", sources.get(v.scenario, v.scenario)]
+    words = ["flexaxis", "run", sources.get(v.worst_scenario, v.worst_scenario)]
     words += [word for text in estimators for word in ("--estimator", text)]
     seed = found.seeds[0] if v.worst_seed is None else v.worst_seed
     return shlex.join([*words, "--seeds", f"{seed}:{seed + 1}"])
@@ -139,10 +115,10 @@ def worst(found: Comparison) -> Verdict:
     """Return the verdict to look at first: a lost run, else the change worst for its margin."""
 
     def harm(v: Verdict) -> tuple[bool, bool, float]:
-        more = (v.candidate or 0) - (v.base or 0) if v.metric in LOST else 0.0
+        more = (v.newly or 0) - (v.regained or 0)
         return v.verdict == WORSE, more > 0, more or (v.change or 0.0) / (v.margin or 1.0)
 
-    return max(ordered(found.verdicts), key=harm)
+    return max(ordered(found.verdicts) or found.verdicts, key=harm)
 
 
 def write(
@@ -197,6 +173,7 @@ def _page(
     return template.render(
         found=found,
         headline=headline(found),
+        meaning=meaning(found),
         explanation=explanation(found),
         columns=COLUMNS,
         rows=[
@@ -211,17 +188,18 @@ def _page(
 
 def _drawn(found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario]) -> str | None:
     """Return the figure of both runs on the worst seed as SVG."""
-    scenario = scenarios.get(focus.scenario)
+    scenario = scenarios.get(focus.worst_scenario)
     if scenario is None:
         return None
     cases = {
         case.estimator: case
         for case in found.cases
-        if (case.scenario, case.seed) == (focus.scenario, focus.worst_seed)
+        if (case.scenario, case.seed) == (focus.worst_scenario, focus.worst_seed)
     }
     sides = {"base": found.base, "candidate": found.candidate}
     curves = [_curve(cases[text], side, scenario) for side, text in sides.items()]
-    return figures.svg(figures.trajectories(curves, scenario))
+    labels = {side: f"{side}: {text}" for side, text in sides.items()}
+    return figures.svg(figures.trajectories(curves, scenario, labels=labels))
 
 
 def _curve(case: Case, side: str, scenario: Scenario) -> Curve:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from flexaxis.experiments.compare.decide import ALPHA
 from flexaxis.experiments.compare.gate import Comparison
 from flexaxis.experiments.compare.pairs import Table, pair, table
-from flexaxis.experiments.compare.verdicts import ALPHA, judge
+from flexaxis.experiments.compare.verdicts import judge
 from flexaxis.experiments.results import SCORES, SUMMARY, OutputError
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
@@ -25,6 +26,7 @@ def compare_runs(
     margins: Mapping[str, float],
     *,
     estimators: tuple[str | None, str | None] = (None, None),
+    seeds: Sequence[int] | None = None,
     alpha: float = ALPHA,
 ) -> Comparison:
     """Compare an estimator of one run with one of another, on the seeds common to both.
@@ -36,24 +38,36 @@ def compare_runs(
     margins : mapping of metric to float
     estimators : (str or None, str or None)
         Which estimator of each folder; may be left out where there is only one.
+    seeds : sequence of int, optional
+        Only those of these that both folders have.
     alpha : float
 
     Raises
     ------
     FlexaxisError
-        If versions or the content of a scenario differ, or the estimator is not clear.
+        If versions or the content of a scenario differ, the estimator is not clear, or fewer than
+        two seeds are common.
     """
     old, new = _load(base), _load(candidate)
     _check_versions(base, candidate, old[0], new[0])
     first = _chosen(base, estimators[0], old[1])
     second = _chosen(candidate, estimators[1], new[1])
-    before = table(row for row in old[1] if row["estimator"] == first)
-    after = table(row for row in new[1] if row["estimator"] == second)
+    before, after = (
+        table(r for r in rows if r["estimator"] == name and (seeds is None or r["seed"] in seeds))
+        for rows, name in ((old[1], first), (new[1], second))
+    )
     _check_hashes(base, candidate, before, after)
+    common = sorted({seed for _, seed, _ in before} & {seed for _, seed, _ in after})
+    if len(common) < 2:
+        raise FlexaxisError(
+            f"{base} and {candidate} have {len(common)} seeds in common"
+            + ("" if seeds is None else f" of the {len(seeds)} that --seeds names")
+            + ": at least 2 are needed, better 32"
+        )
     return Comparison(
         base=first,
         candidate=second,
-        seeds=sorted({k[1] for k in before} & {k[1] for k in after}),
+        seeds=common,
         look=1,
         looks=1,
         alpha=alpha,

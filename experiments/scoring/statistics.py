@@ -1,23 +1,26 @@
-"""The statistics of the gate: paired log-ratios, counts of lost runs, many tests at once.
+"""The statistics of verdicts: paired log-ratios, counts of lost runs, many tests at once.
 
-All tests are two-sided. Nothing here knows of scenarios or scores.
+What takes arrays works on any number of comparisons at once. Nothing here knows of scenarios or
+scores.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.special import stdtr, stdtrit
-from scipy.stats import fisher_exact
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import bdtrc, stdtr, stdtrit
 
 Array = NDArray[np.float64]
 
 FLOOR = 1e-6
 """Scores below this [s or %] count as this: an estimator that never moves has a std of zero."""
+
+ROUNDING = 1e-12  # log-ratios that differ by no more are equal
 
 MOST_SEEDS = 4000  # a number of seeds above this is no answer
 
@@ -33,11 +36,7 @@ class Paired:
     @property
     def p(self) -> float:
         """Two-sided p-value of Student's t test that the mean is zero; 1 for fewer than two."""
-        if self.n < 2:
-            return 1.0
-        if self.sd == 0:
-            return float(self.mean == 0)
-        return 2 * float(stdtr(self.n - 1, -abs(self.mean) * math.sqrt(self.n) / self.sd))
+        return float(t_p(self.n, self.mean, self.sd))
 
     def interval(self, level: float) -> tuple[float, float]:
         """Return the interval that misses the true mean with probability `level`."""
@@ -45,93 +44,155 @@ class Paired:
         return self.mean - half, self.mean + half
 
 
-def paired(base: Array, candidate: Array) -> Paired:
+def log_ratio(base: ArrayLike, candidate: ArrayLike) -> Array:
+    """Return log(candidate/base) of scores ≥ 0; NaN where either is NaN."""
+    return np.asarray(np.log(np.maximum(candidate, FLOOR)) - np.log(np.maximum(base, FLOOR)))
+
+
+def paired(base: ArrayLike, candidate: ArrayLike) -> Paired:
     """Summarise log(candidate/base) over pairs (n,); scores are ≥ 0."""
-    ratios = np.log(np.maximum(candidate, FLOOR) / np.maximum(base, FLOOR))
-    n = len(ratios)
-    mean = float(ratios.mean()) if n else 0.0
-    # Equal ratios have a standard deviation of rounding errors; it is none.
-    sd = float(ratios.std(ddof=1)) if n > 1 and np.ptp(ratios) > 1e-12 else 0.0
-    return Paired(n, mean, sd)
+    n, mean, sd = summary(log_ratio(base, candidate))
+    return Paired(int(n), float(mean), float(sd))
 
 
-def half_width(sd: float, n: int, level: float) -> float:
-    """Return half the width of Student's interval for a mean of n; infinite for fewer than two."""
-    if n < 2:
-        return math.inf
-    return -float(stdtrit(n - 1, level / 2)) * sd / math.sqrt(n)
+def summary(values: Array) -> tuple[NDArray[np.int64], Array, Array]:
+    """Return number, mean and standard deviation over the last axis, NaN left out.
 
-
-def lost_p(base: int, candidate: int, runs: int) -> float:
-    """Return the two-sided p-value of Fisher's exact test on lost runs, each of `runs`.
-
-    McNemar's paired test can do no better than 2^(1−n), .008 for 8 of 8 runs lost, and so can
-    never pass a corrected level. Fisher's reaches 1.6e-4. It takes the two columns as
-    independent; runs on the same record fail together rather than in turn, which can only make
-    its p-values too large.
+    Returns
+    -------
+    n, mean, sd : ndarray (...)
+        Mean 0 where there is no value, deviation 0 for fewer than two.
     """
-    return float(fisher_exact([[base, runs - base], [candidate, runs - candidate]])[1])
+    there = np.isfinite(values)
+    n = there.sum(axis=-1)
+    mean = np.where(there, values, 0.0).sum(axis=-1) / np.maximum(n, 1)
+    off = np.where(there, values - mean[..., None], 0.0)
+    # Equal values have a standard deviation of rounding errors; it is none.
+    spread = np.abs(off).max(axis=-1, initial=0.0) > ROUNDING
+    sd = np.sqrt((off**2).sum(axis=-1) / np.maximum(n - 1, 1))
+    return n, mean, np.where(spread & (n > 1), sd, 0.0)
 
 
-def holm_levels(p: Sequence[float], alpha: float) -> Array:
+def t_p(n: ArrayLike, mean: ArrayLike, sd: ArrayLike) -> Any:
+    """Return the two-sided p of Student's t test that a mean of n is zero; 1 for fewer than two."""
+    n, mean, sd = np.broadcast_arrays(*map(np.asarray, (n, mean, sd)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        p = 2 * stdtr(np.maximum(n - 1, 1), -np.abs(mean) * np.sqrt(n) / sd)
+    return np.where(n < 2, 1.0, np.where(sd == 0, (mean == 0).astype(float), p))[()]
+
+
+def half_width(sd: ArrayLike, n: ArrayLike, level: ArrayLike) -> Any:
+    """Return half the width of Student's interval for a mean of n; infinite for fewer than two."""
+    n, sd, level = np.broadcast_arrays(*map(np.asarray, (n, sd, level)))
+    half = -stdtrit(np.maximum(n - 1, 1), level / 2) * sd / np.sqrt(np.maximum(n, 1))
+    return np.where(n < 2, math.inf, half)[()]
+
+
+def sign_p(more: ArrayLike, less: ArrayLike) -> Any:
+    """Return the one-sided p of McNemar's exact test: the chance of at least `more` heads.
+
+    Of runs that both sides win or lose nothing is learnt; of the others each is lost by either
+    side with the same chance if neither is better. So `more` of more+less is binomial(½).
+
+    Parameters
+    ----------
+    more, less : int or ndarray (...)
+        Pairs that only the one side lost, and only the other.
+
+    Examples
+    --------
+    >>> float(sign_p(10, 0)) == 2**-10
+    True
+    >>> float(sign_p(0, 3))
+    1.0
+    """
+    more, less = np.asarray(more, np.int64), np.asarray(less, np.int64)
+    # P(X > more - 1); bdtrc is not defined for "more than -1", which is certain.
+    tail = bdtrc(np.maximum(more - 1.0, 0.0), np.maximum(more + less, 1), 0.5)
+    return np.where(more > 0, tail, 1.0)[()]
+
+
+def holm_levels(p: ArrayLike, alpha: float) -> Array:
     """Return the level that Holm's step-down procedure gives to each test.
 
     A test with p ≤ its level is rejected, and an interval at this level leaves out zero exactly
     then. The chance of any wrong rejection is at most `alpha`, however the tests depend on each
-    other.
+    other. The intervals are intervals of their own, at the level given; that all of them hold at
+    once has a chance a little below 1 − alpha, for the level of a rejected test is that of the
+    step at which it was rejected.
 
     Parameters
     ----------
-    p : sequence of float, (m,)
-        p-values.
+    p : array_like (..., m)
+        p-values; each row is a family. NaN is no member of it.
     alpha : float
         Level of the family.
 
     Returns
     -------
-    ndarray (m,)
+    ndarray (..., m)
         alpha/m for the smallest p, alpha/(m−1) for the next, …; the tests after the first that is
-        not rejected all have its level.
+        not rejected all have its level. What is no member has alpha.
 
     Examples
     --------
     >>> holm_levels([0.2, 0.001, 0.03], 0.06).round(3).tolist()
     [0.06, 0.02, 0.03]
     """
-    m = len(p)
-    levels = np.empty(m)
-    for rank, i in enumerate(np.argsort(p, kind="stable")):
-        level = alpha / (m - rank)
-        levels[i] = level
-        if p[i] > level:
-            rest = np.argsort(p, kind="stable")[rank:]
-            levels[rest] = level
-            break
+    p = np.asarray(p, float)
+    order = np.argsort(p, axis=-1, kind="stable")  # NaN comes last
+    ordered = np.take_along_axis(p, order, axis=-1)
+    members = np.isfinite(p).sum(axis=-1, keepdims=True)
+    rank = np.arange(p.shape[-1])
+    steps = alpha / np.maximum(members - rank, 1)
+    last = p.shape[-1]
+    first = np.where(ordered > steps, rank, last).min(axis=-1, initial=last, keepdims=True)
+    steps = np.take_along_axis(steps, np.minimum(rank, first), axis=-1)
+    levels = np.empty_like(p)
+    np.put_along_axis(levels, order, np.where(rank < members, steps, alpha), axis=-1)
     return levels
+
+
+def unseen_shift(n: ArrayLike, alpha: ArrayLike, far: float) -> Any:
+    """Return how far runs that none of n showed can shift a mean, at level `alpha`.
+
+    What happens in a share q of the runs is missed by all n with chance (1 − q)ⁿ, so q up to
+    1 − alpha^(1/n) must be reckoned with. Lying at a distance `far` on the other side, that share
+    balances a mean of far·q/(1 − q) of the runs seen.
+
+    Examples
+    --------
+    >>> unseen_shift([8, 32, 128], 0.01, 0.5).round(3).tolist()
+    [0.389, 0.077, 0.018]
+    """
+    with np.errstate(divide="ignore", over="ignore"):
+        return far * np.expm1(-np.log(alpha) / np.asarray(n, float))
 
 
 def seeds_for_ratio(found: Paired, level: float, margin: float) -> int | None:
     """Return how many seeds would decide, if mean and deviation stay what they are now.
 
-    A mean outside ±margin needs an interval that leaves out zero; one inside needs an interval
-    that lies within ±margin. None if more than 4000 or if it cannot be said.
+    The interval must lie beyond the margin, or within ± the margin, wherever the mean lies. None
+    if more than 4000 or if it cannot be said.
     """
-    gap = abs(found.mean) if abs(found.mean) > margin else margin - abs(found.mean)
+    gap = abs(abs(found.mean) - margin)
     if found.n < 2:
         return None
-    return _first(lambda n: half_width(found.sd, n, level) < gap, found.n)
+    return first_above(lambda n: half_width(found.sd, n, level) < gap, found.n)
 
 
-def seeds_for_lost(base: int, candidate: int, runs: int, level: float) -> int | None:
-    """Return how many seeds would decide, if the shares of lost runs stay what they are now."""
+def seeds_for_unseen(mean: float, alpha: float, far: float) -> int:
+    """Return the number of runs from which on a mean is more than what was not seen can shift.
 
-    def decided(n: int) -> bool:
-        return lost_p(round(base * n / runs), round(candidate * n / runs), n) <= level
+    Examples
+    --------
+    >>> seeds_for_unseen(0.05, 0.01, 0.5)
+    49
+    """
+    return math.floor(-math.log(alpha) / math.log1p(abs(mean) / far)) + 1
 
-    return _first(decided, runs)
 
-
-def _first(decided, start: int) -> int | None:  # type: ignore[no-untyped-def]
+def first_above(decided: Callable[[int], bool], start: int) -> int | None:
     """Return the smallest n above `start` that decides, by doubling and then halving."""
     low, high = start, start + 1
     while not decided(high):
@@ -150,13 +211,3 @@ def rate_interval(count: int, total: int) -> tuple[float, float]:
 
     found = binomtest(count, total).proportion_ci(0.95, method="exact")
     return float(found.low), float(found.high)
-
-
-def sign_p(more: int, less: int) -> float:
-    """Return the one-sided p-value of more against less, each of which is as likely by chance.
-
-    The exact test on discordant pairs (McNemar; the sign test).
-    """
-    from scipy.stats import binom
-
-    return float(binom.sf(more - 1, more + less, 0.5))

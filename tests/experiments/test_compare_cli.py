@@ -6,7 +6,7 @@ import pytest
 
 from flexaxis.experiments.cli import main
 
-SLOW = "rpem-forgetting[forgetting=0.999]"
+SLOW = "rpem-forgetting[forgetting=0.999]"  # 2 s after the fault its lag is twice as long
 
 
 def flexaxis(capsys, *words):
@@ -16,7 +16,7 @@ def flexaxis(capsys, *words):
 
 
 def compare(capsys, short_toml, tmp_path, candidate, *more):
-    words = ("--base", "rpem-forgetting", "--candidate", candidate, "--seeds", "4", "--jobs", "1")
+    words = ("--base", "rpem-forgetting", "--candidate", candidate, "--seeds", "8", "--jobs", "1")
     return flexaxis(capsys, "compare", short_toml, *words, "-o", tmp_path / "out", *more)
 
 
@@ -35,6 +35,14 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     assert {row["metric"] for row in told["rows"]} == {"diverged", "never_settled", "lag", "std"}
 
 
+def test_what_is_in_the_json(capsys, short_toml, tmp_path):
+    found = compare(capsys, short_toml, tmp_path, SLOW, "--json")
+    told = json.loads(found[1])
+    lag = next(row for row in told["rows"] if row["metric"] == "lag")
+    assert (told["status"], told["newly_lost"], lag["verdict"]) == (1, 0, "worse")
+    assert lag["interval"][0] > 0.02 and lag["candidate"] / lag["base"] > 1.5
+
+
 def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
     wild = tmp_path / "wild.py"
     wild.write_text(
@@ -45,16 +53,18 @@ def test_a_diverging_candidate_is_a_regression(capsys, short_toml, tmp_path):
         "        self.theta *= 2\n"
         "        return [self.theta]\n"
     )
-    found = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "8", "--json")
+    found = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "10", "--json")
     told = json.loads(found[1])
     lost = next(row for row in told["rows"] if row["metric"] == "diverged")
     assert (found[0], told["verdict"]) == (1, "worse")
-    assert (lost["verdict"], lost["base"], lost["candidate"]) == ("worse", 0, 8)
+    assert (lost["verdict"], lost["base"], lost["candidate"]) == ("worse", 0, 10)
+    status, out, _ = compare(capsys, short_toml, tmp_path, f"{wild}:Wild", "--seeds", "2")
+    assert status == 3 and "undecided: 2 of 2 runs newly diverge" in out
 
 
 def test_undecided_is_no_regression_unless_strict(capsys, short_toml, tmp_path):
     close = "rpem-forgetting[forgetting=0.9949]"
-    margin = ("--margin", "lag=0.1%", "std=0.1%", "--seeds", "2")  # two have no power
+    margin = ("--margin", "lag=0.1%,std=0.1%", "--seeds", "2")  # two have no power
     assert compare(capsys, short_toml, tmp_path, close, *margin)[0] == 0
     status, out, _ = compare(capsys, short_toml, tmp_path, close, *margin, "--strict")
     assert status == 3 and "undecided" in out
@@ -67,7 +77,11 @@ def test_undecided_is_no_regression_unless_strict(capsys, short_toml, tmp_path):
         (["compare", "--base", "frozen"], "say what to compare"),
         (["compare", "--base", "frozn", "--candidate", "frozen"], "Did you mean 'frozen'"),
         (["compare", "--margin", "lagg=2%"], "Did you mean 'lag'"),
+        (["compare", "--margin", "lag=5%", "fm_step-v1"], "say what to compare"),
         (["compare", "--self-test", "--comparisons", "0"], "--comparisons 0"),
+        (["compare", "--self-test", "--strict"], "--strict: no option of the self-test"),
+        (["compare", "--self-test", "--seeds", "8"], "a pool of 8 seeds is too small"),
+        (["compare", "--comparisons", "9"], "--comparisons: no option of a comparison"),
         (["compare", "--jobs", "0"], "--jobs 0"),
         (["new", "my-estimator.py"], "a file that Python can import"),
         (["check", "frozn"], "Did you mean 'frozen'"),
@@ -80,16 +94,28 @@ def test_wrong_use(capsys, words, message):
 
 def test_stored_runs(capsys, short_toml, tmp_path):
     for name, estimator in (("old", "rpem-forgetting"), ("new", SLOW)):
-        words = ("--estimator", estimator, "--seeds", "4", "--jobs", "1", "-o", tmp_path / name)
+        words = ("--estimator", estimator, "--seeds", "8", "--jobs", "1", "-o", tmp_path / name)
         assert flexaxis(capsys, "run", short_toml, *words)[0] == 0
     words = (tmp_path / "old", tmp_path / "new", "-o", tmp_path / "out")
     status, out, _ = flexaxis(capsys, "compare", *words)
     assert status == 1 and "lag worse" in out
+    status, out, _ = flexaxis(capsys, "compare", *words, "--seeds", "1002:1005", "--json")
+    assert json.loads(out)["seeds"] == [1002, 1003, 1004]
+    for option in (("--max-seeds", "64"), ("--jobs", "2")):
+        status, out, err = flexaxis(capsys, "compare", *words, *option)
+        assert (status, out) == (2, "") and f"{option[0]}: no option of finished runs" in err
 
 
-def test_self_test(capsys, short_toml):
-    words = ("compare", "--self-test", short_toml, "--comparisons", "50", "--jobs", "1", "--json")
-    status, out, _ = flexaxis(capsys, *words, "--candidate", SLOW)
-    null, planted = json.loads(out)
-    assert null["comparisons"] == 50 and planted["rate"] == 1.0
-    assert status == int(not (null["kept"] and planted["kept"]))
+def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch):
+    from flexaxis.experiments.compare import gate
+
+    asked = []
+
+    def compare(question, **options):
+        asked.append(len(question.seeds))
+        raise gate.FlexaxisError("enough")
+
+    monkeypatch.setattr(gate, "compare", compare)
+    for names in ([], ["fm_step-v1"], ["faults"]):
+        flexaxis(capsys, "compare", *names, "--base", "frozen", "--candidate", "frozen")
+    assert asked == [32, 32, 16]

@@ -1,6 +1,7 @@
-"""The statistics of the gate against textbook formulas, SciPy and simulated nulls."""
+"""The statistics of verdicts against textbook formulas, SciPy, counting and simulated nulls."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -10,11 +11,14 @@ from flexaxis.experiments.scoring.statistics import (
     Paired,
     half_width,
     holm_levels,
-    lost_p,
     paired,
     rate_interval,
-    seeds_for_lost,
     seeds_for_ratio,
+    seeds_for_unseen,
+    sign_p,
+    summary,
+    t_p,
+    unseen_shift,
 )
 
 
@@ -60,42 +64,85 @@ def test_holm_rejects_what_the_textbook_rejects():
         assert {i for i in range(len(p)) if p[i] <= levels[i]} == textbook_holm(p, 0.05)
 
 
+def test_families_in_bulk_are_families_one_by_one_and_nan_is_no_member():
+    random = np.random.default_rng(4)
+    p = random.random((50, 7)) ** 3
+    p[random.random(p.shape) < 0.3] = np.nan
+    for row, levels in zip(p, holm_levels(p, 0.05), strict=True):
+        there = np.isfinite(row)
+        np.testing.assert_array_equal(levels[there], holm_levels(row[there], 0.05))
+        assert (levels[~there] == 0.05).all()
+    assert holm_levels([], 0.05).shape == (0,)
+
+
 def test_the_family_keeps_its_level():
     """20 000 families of true nulls: .05 is wrongly rejected in 5 ± 0.15 % (one sd) of them."""
     random = np.random.default_rng(2)
     p = random.random((20_000, 6))
-    wrong = sum((row <= holm_levels(row, 0.05)).any() for row in p)
+    wrong = (p <= holm_levels(p, 0.05)).any(axis=1).sum()
     assert wrong / len(p) == pytest.approx(0.05, abs=0.0065)  # 4 sd, and Holm's 1 − (1 − α/m)^m
 
 
-def test_fisher_by_counting():
-    """All 8 of 8 against 0: of the C(16, 8) ways to share out 8 losses two are as extreme."""
-    assert lost_p(0, 8, 8) == pytest.approx(2 / 12870)
-    ways = list(itertools.combinations(range(8), 3))
-    extreme = sum(set(w) <= set(range(4)) or set(w) <= set(range(4, 8)) for w in ways)
-    assert lost_p(0, 3, 4) == pytest.approx(extreme / len(ways))
-    assert lost_p(2, 2, 8) == pytest.approx(1.0)
+@pytest.mark.parametrize("spread", [{"normal": 0.2}, {"lognormal": 0.5}])
+@pytest.mark.parametrize("n", [8, 16])
+def test_an_interval_of_95_percent_covers_the_mean_log_ratio(spread, n):
+    """20 000 intervals of the scores' geometric mean ratio, which is one: 95 ± .15 % (one sd)."""
+    random = np.random.default_rng(6)
+    shape = (2, 20_000, n)
+    if "normal" in spread:
+        scores = np.abs(random.normal(1.0, spread["normal"], shape))
+    else:
+        scores = random.lognormal(0.0, spread["lognormal"], shape)
+    count, mean, sd = summary(np.log(scores[1] / scores[0]))
+    assert 0.925 <= np.mean(np.abs(mean) <= half_width(sd, count, 0.05)) <= 0.975
 
 
-def test_fisher_is_conservative_for_pairs_that_fail_together():
-    random = np.random.default_rng(3)
-    hard = random.random((4000, 8)) < 0.3  # a hard record is lost by either side half the time
-    lost = hard[..., None] & (random.random((4000, 8, 2)) < 0.5)
-    wrong = np.mean([lost_p(*counts, 8) <= 0.05 for counts in lost.sum(axis=1)])
-    assert wrong < 0.05
+def test_a_summary_leaves_out_what_is_not_there():
+    values = np.array([[1.0, np.nan, 3.0], [np.nan, 2.0, np.nan], [np.nan] * 3])
+    n, mean, sd = summary(values)
+    assert n.tolist() == [2, 1, 0] and mean.tolist() == [2.0, 2.0, 0.0]
+    assert sd == pytest.approx([math.sqrt(2), 0.0, 0.0])
+    assert t_p(n, mean, sd).tolist()[1:] == [1.0, 1.0]
+    assert half_width(sd, n, 0.05).tolist()[1:] == [math.inf, math.inf]
+
+
+def test_mcnemar_is_scipys_binomial_test():
+    for more, less in itertools.product(range(12), repeat=2):
+        if more + less:
+            theirs = stats.binomtest(more, more + less, 0.5, alternative="greater").pvalue
+            assert sign_p(more, less) == pytest.approx(theirs, rel=1e-12)
+    assert sign_p(0, 0) == 1.0
+
+
+def test_mcnemar_by_counting():
+    """Of the 2⁵ ways to share out five lost runs, six give the candidate four or more."""
+    ways = list(itertools.product((0, 1), repeat=5))
+    assert sign_p(4, 1) == sum(sum(way) >= 4 for way in ways) / len(ways) == 6 / 32
+
+
+@pytest.mark.parametrize("n", [4, 32, 128])
+def test_what_was_not_seen_shifts_the_mean_to_zero_at_most(n):
+    """The share that n runs miss with chance alpha, lying at `far`, balances the shift."""
+    share = 1 - 0.01 ** (1 / n)
+    assert (1 - share) ** n == pytest.approx(0.01)
+    assert (1 - share) * unseen_shift(n, 0.01, 0.5) == pytest.approx(share * 0.5)
+
+
+@pytest.mark.parametrize("mean", [0.05, 0.3, 1.2])
+def test_the_number_of_runs_is_the_first_that_leaves_no_doubt(mean):
+    n = seeds_for_unseen(mean, 0.01, 0.5)
+    assert unseen_shift(n, 0.01, 0.5) < mean <= unseen_shift(n - 1, 0.01, 0.5)
 
 
 @pytest.mark.parametrize(("mean", "sd"), [(0.05, 0.06), (0.004, 0.03), (-0.05, 0.06)])
 def test_the_number_of_seeds_is_the_first_that_decides(mean, sd):
     n = seeds_for_ratio(Paired(8, mean, sd), 0.001, 0.02)
-    gap = abs(mean) if abs(mean) > 0.02 else 0.02 - abs(mean)
+    gap = abs(abs(mean) - 0.02)  # beyond the margin, or within it, with the whole interval
     assert half_width(sd, n, 0.001) < gap <= half_width(sd, n - 1, 0.001)
 
 
 def test_seeds_that_no_one_has():
     assert seeds_for_ratio(Paired(8, 0.02, 0.5), 0.001, 0.02) is None
-    n = seeds_for_lost(0, 2, 8, 0.0005)
-    assert lost_p(0, round(n / 4), n) <= 0.0005 < lost_p(0, 2, 8)
 
 
 def test_the_interval_of_a_rate():

@@ -16,7 +16,7 @@ def test_same(flexaxis_gate):
 
 def test_slower(flexaxis_gate):
     flexaxis_gate("rpem-forgetting[forgetting=0.999]", base="rpem-forgetting", names=[SHORT],
-                  seeds=4, margins={"lag": 0.05})
+                  seeds=8, margins={"lag": 0.05})
 
 def test_rules(flexaxis_check):
     flexaxis_check("frozen")

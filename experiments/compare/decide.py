@@ -1,0 +1,205 @@
+"""From log-ratios to words, for many comparisons at once.
+
+The gate judges one comparison, its self-test thousands; both come through here. Axes are
+comparison, score, seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import comb
+
+from flexaxis.experiments.scoring import statistics
+
+Array = NDArray[np.float64]
+
+WORSE, BETTER, SLIGHT, SAME, UNDECIDED = "worse", "better", "slight", "same", "undecided"
+
+ALPHA = 0.01
+"""Chance of any false "worse" or "better" in a comparison, at most."""
+
+SHARES = {"scores": 0.6, "diverged": 0.2, "never_settled": 0.2}
+"""How the families share alpha: all scores together, and each way to lose a run."""
+
+LOST_WORSE = 0.75
+"""Part of a lost-run test's share that goes to "worse"; the rest goes to "better".
+
+At alpha .01 that is .0015, so that ten runs lost and none regained (p = 2⁻¹⁰ = .00098) are enough.
+"""
+
+UNSEEN = 0.5
+"""How far on the other side (log-ratio; 1.65 times) runs may lie that did not show."""
+
+FAILED = 0.2
+"""A pair this far on the other side (log-ratio; 22 % slower or noisier) is a failure …"""
+
+SCATTER = 4 * 1.4826
+"""… if it is also so many median deviations (four standard deviations) off the median: where
+scores always scatter so much, a far pair is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The scores (S,) that are judged together.
+
+    Attributes
+    ----------
+    scenarios, metrics : ndarray (S,) of str
+    margins : ndarray (S,)
+        Changes of the logarithm that do not matter.
+    """
+
+    scenarios: NDArray[np.str_]
+    metrics: NDArray[np.str_]
+    margins: Array
+
+    @staticmethod
+    def of(scenarios: Sequence[str], metrics: Sequence[str], margins: Sequence[float]) -> Family:
+        """Return the family of scores with their margins as shares (.02 is 2 %)."""
+        return Family(np.array(scenarios), np.array(metrics), np.log1p(margins))
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What was found of each score; all arrays are (C, S).
+
+    Attributes
+    ----------
+    n, mean, sd, p : ndarray
+        Of the log-ratios.
+    level, low, high : ndarray
+        Interval of the mean, and the chance with which it may miss.
+    support, choices : ndarray
+        Runs that speak for the direction of the score: those of all scores of its metric that go
+        the same way, each run once; 0 where it goes no way. And the number of ways to choose that
+        many scenarios, for those that agree are chosen after the event.
+    few, far : ndarray of bool
+        Clear, but said by too few runs; clear, but a pair lies far on the other side.
+    words : ndarray of str
+    """
+
+    n: NDArray[np.int64]
+    mean: Array
+    sd: Array
+    p: Array
+    level: Array
+    low: Array
+    high: Array
+    support: NDArray[np.int64]
+    choices: Array
+    few: NDArray[np.bool_]
+    far: NDArray[np.bool_]
+    words: NDArray[np.str_]
+
+
+def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
+    """Judge the scores of each comparison.
+
+    Parameters
+    ----------
+    ratios : ndarray (C, S, n)
+        log(candidate/base) of C comparisons, S scores and n seeds; NaN where there is no pair.
+    family : Family
+    alpha : float
+        Of the whole comparison. The scores have their share of it; what no run has shown is
+        reckoned with at alpha itself (`statistics.unseen_shift`).
+    """
+    n, mean, sd = statistics.summary(ratios)
+    # Scores that are equal on every seed cannot differ: they are tested by nobody, and cost nobody.
+    p = np.where((sd == 0) & (mean == 0), np.nan, statistics.t_p(n, mean, sd))
+    level = statistics.holm_levels(p, SHARES["scores"] * alpha)
+    half = statistics.half_width(sd, n, level)
+    low, high = mean - half, mean + half
+    way = np.where(low > 0, 1, np.where(high < 0, -1, 0))
+    support, choices = _support(way, n, family)
+    beyond = (low > family.margins) | (high < -family.margins)
+    few = beyond & (np.abs(mean) <= statistics.unseen_shift(support, alpha / choices, UNSEEN))
+    far = _far(ratios, n, beyond & (way < 0), family)
+    said = beyond & ~few & ~far
+    inside = (low > -family.margins) & (high < family.margins)
+    said_words = [WORSE, BETTER, SLIGHT, SAME]
+    words = np.select([said & (way > 0), said, inside & (way != 0), inside], said_words, UNDECIDED)
+    p = np.where(np.isnan(p), 1.0, p)
+    return Decision(n, mean, sd, p, level, low, high, support, choices, few, far, words)
+
+
+def _support(
+    way: NDArray[np.int64], n: NDArray[np.int64], family: Family
+) -> tuple[NDArray[np.int64], Array]:
+    """Return the runs behind each score, and the ways to choose as many scenarios as agree."""
+    support, choices = np.zeros_like(n), np.ones(n.shape)
+    for metric in np.unique(family.metrics):
+        of_metric = family.metrics == metric
+        places = [
+            of_metric & (family.scenarios == name)
+            for name in np.unique(family.scenarios[of_metric])
+        ]
+        for side in (-1, 1):
+            agreeing = np.where(way == side, n, 0)
+            runs = np.stack([agreeing[:, place].max(axis=1) for place in places])
+            here = (way == side) & of_metric
+            support = np.where(here, runs.sum(axis=0)[:, None], support)
+            ways = comb(len(places), (runs > 0).sum(axis=0))
+            choices = np.where(here, ways[:, None], choices)
+    return support, choices
+
+
+def _far(
+    ratios: Array, n: NDArray[np.int64], better: NDArray[np.bool_], family: Family
+) -> NDArray[np.bool_]:
+    """Return which "better" is spoilt by a run far on the other side, in any score of its metric.
+
+    Only better: who hides a failure among gains is to be stopped, and who hides a gain among
+    failures is worse all the same.
+    """
+    far = np.zeros_like(better)
+    asked = better.any(axis=1)
+    if asked.any():
+        failed = np.asarray(far_pairs(ratios[asked], n[asked]).any(axis=2))
+        for metric in np.unique(family.metrics):
+            of_metric = family.metrics == metric
+            spoilt = np.asarray(failed[:, of_metric].any(axis=1))
+            far[asked] |= of_metric & spoilt[:, None]
+    return far & better
+
+
+def far_pairs(ratios: Array, n: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which pairs (C, S, n) are far slower or noisier than base, and than the others."""
+    middle = _median(ratios, n)[..., None]
+    off = ratios - middle
+    scatter = _median(np.abs(off), n)[..., None]
+    with np.errstate(invalid="ignore"):
+        return (ratios > FAILED) & (off > SCATTER * scatter)
+
+
+def _median(values: Array, n: NDArray[np.int64]) -> Array:
+    """Return the median over the last axis, NaN left out (n values are none): quick in bulk."""
+    ordered = np.sort(values, axis=-1)  # NaN comes last
+    low, high = (np.maximum(k, 0)[..., None] for k in ((n - 1) // 2, n // 2))
+    high = np.minimum(high, values.shape[-1] - 1)
+    middle = np.take_along_axis(ordered, low, axis=-1) + np.take_along_axis(ordered, high, axis=-1)
+    return middle[..., 0] / 2
+
+
+def overall(words: NDArray[np.str_], lost: NDArray[np.str_]) -> NDArray[np.str_]:
+    """Return the one word of each comparison.
+
+    Any worse, else any undecided, else any better, else any slight, else same; without a score
+    there is nothing to be the same.
+
+    Parameters
+    ----------
+    words : ndarray (C, S) of str
+        Of the scores.
+    lost : ndarray (C, L) of str
+        Of the counts of lost runs; what is none of the words has no say.
+    """
+    both = np.concatenate([words, lost], axis=1)
+    order = (WORSE, UNDECIDED, BETTER, SLIGHT)
+    said = [(both == word).any(axis=1) for word in order]
+    fallback = SAME if words.shape[1] else UNDECIDED
+    return np.select(said, order, fallback)

@@ -1,0 +1,161 @@
+"""The self-test of the gate: it draws what it says, and sees a gate that breaks its promise."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.compare import decide as rules
+from flexaxis.experiments.compare import selftest
+from flexaxis.experiments.compare.decide import Family, decide
+from flexaxis.experiments.compare.draws import Drawn, Pool, draw, judged
+from flexaxis.experiments.compare.pairs import LOST
+from flexaxis.experiments.compare.selftable import columns, markdown
+from flexaxis.experiments.compare.selftest import LOOKS, Rate
+from flexaxis.experiments.compare.trials import NONE, Promise, trials
+
+GATE = Path(__file__).parents[2] / "docs" / "gate.md"
+
+
+def pool(ratios=None, *, scenarios=2, seeds=64, seed=0):
+    """A pool in which the log-ratio of run k on scenario s is 100 s + k, or what is given."""
+    if ratios is None:
+        ratios = 100.0 * np.arange(1, scenarios + 1)[:, None] + np.arange(1, seeds + 1)
+    names = [str(i) for i in range(scenarios)]
+    none = np.zeros((2, scenarios, seeds), bool)
+    family = Family.of(names, ["lag"] * scenarios, [0.02] * scenarios)
+    return Pool(family, np.arange(scenarios), ratios, {way: none.copy() for way in LOST})
+
+
+def noise(scale=0.05, **options):
+    return pool(np.random.default_rng(1).normal(0, scale, (2, 64)), **options)
+
+
+def test_seeds_are_drawn_once_and_the_same_for_all_scenarios():
+    drawn = draw(pool(), 16, 200, np.random.default_rng(0))
+    assert drawn.ratios.shape == (200, 2, 16)
+    np.testing.assert_array_equal(drawn.ratios[:, 1] - drawn.ratios[:, 0], 100.0)
+    assert all(len(set(one)) == 16 for one in drawn.ratios[:, 0].tolist())
+    assert len(set(drawn.ratios[:, 0].ravel())) == 64  # every seed of the pool, sometime
+
+
+def test_sides_change_run_by_run():
+    drawn = draw(pool(), 32, 200, np.random.default_rng(0), swap=True)
+    turned = drawn.ratios < 0
+    assert turned.mean() == pytest.approx(0.5, abs=0.02)  # 4.5 sd of 12 800 coins
+    assert (turned[:, 0] != turned[:, 1]).any()
+    runs = pool()
+    runs.lost["diverged"][1] = True  # all of the candidate's
+    drawn = draw(runs, 32, 200, np.random.default_rng(0), swap=True)
+    assert drawn.lost["diverged"][0].mean() == pytest.approx(0.5, abs=0.02)
+    assert (drawn.lost["diverged"].sum(axis=0) == 1).all()
+
+
+def test_planted_losses_take_the_pair_with_them():
+    runs = pool()
+    runs.lost["never_settled"][:] = True
+    drawn = draw(runs, 32, 400, np.random.default_rng(0), lose=(0.1, 0.3))
+    rates = drawn.lost["diverged"].mean(axis=(1, 2, 3))
+    assert rates == pytest.approx([0.1, 0.3], abs=0.015)  # 5 sd of 25 600
+    gone = drawn.lost["diverged"].any(axis=0)
+    np.testing.assert_array_equal(np.isnan(drawn.ratios), gone)
+    assert not (drawn.lost["never_settled"] & gone).any()  # not counted twice
+
+
+def test_looks_end_where_it_is_decided():
+    """Worse in the first 16 runs, and as much better in the next: the second look is not asked."""
+    ratios = np.repeat([0.6, -0.6, 0.0, 0.0], 16) * np.ones((1, 2, 1))
+    flags = {way: np.zeros((2, 1, 2, 64), bool) for way in LOST}
+    drawn = Drawn(pool().family, ratios, flags)
+    assert judged(drawn, [16, 32, 64]).word[0] == "worse" == judged(drawn, [16]).word[0]
+    assert judged(drawn, [64]).word[0] == "undecided" and judged(drawn, [64]).status[0] == 0
+
+
+def test_each_look_has_its_share():
+    """By hand: half of the error at 16 seeds, half at 32 for what is still undecided."""
+    drawn = draw(noise(1.0), 32, 4000, np.random.default_rng(0), swap=True)
+
+    def by_hand(alpha):
+        none = np.empty((4000, 0), str)
+        first, second = (
+            rules.overall(decide(drawn.ratios[:, :, :n], drawn.family, alpha=alpha).words, none)
+            for n in (16, 32)
+        )
+        return np.where(first == "undecided", second, first)
+
+    word = judged(drawn, [16, 32], alpha=0.1).word
+    np.testing.assert_array_equal(word, by_hand(0.1 / 2))
+    assert (word != by_hand(0.1)).any()
+
+
+def rates(looks=(8,), **pools):
+    tried = list(trials(pools, None))
+    return [selftest._rate(t, looks, 2000) for t in tried if t.promise != NONE]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "seeds", "broken"),
+    [
+        ("SHARES", dict.fromkeys(rules.SHARES, 10.0), 32, "against itself"),
+        ("UNSEEN", 1e-9, 8, "9 of 10 runs 5 % quicker, one far slower"),
+        ("UNSEEN", 1e-9, 8, "9 of 10 runs 5 % slower, one far quicker"),
+    ],
+)
+def test_a_gate_that_breaks_its_promise_is_seen(monkeypatch, name, value, seeds, broken):
+    """Ten times the error, no share for what is not seen: the table says so."""
+    assert all(rate.kept for rate in rates((seeds,), made=noise(1.0)))
+    monkeypatch.setattr(rules, name, value)
+    found = [rate for rate in rates((seeds,), made=noise(1.0)) if not rate.kept]
+    assert any(broken in rate.what for rate in found)
+    assert "BROKEN" in markdown([rate.as_dict() for rate in found])
+
+
+def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
+    """ "Worse" by an interval without zero and a mean beyond the margin, as it was."""
+
+    def old(ratios, family, *, alpha):
+        found = decide(ratios, family, alpha=alpha)
+        worse = (found.low > 0) & (found.mean > family.margins)
+        found.words[worse] = "worse"
+        return found
+
+    monkeypatch.setattr("flexaxis.experiments.compare.draws.decide.decide", old)
+    quiet = rates(made=noise(0.01))
+    assert any("1.5 % larger" in rate.what and not rate.kept for rate in quiet)
+
+
+def test_a_rate_and_its_promise():
+    assert Rate("", (8,), 40, 4000, Promise(most=0.01, upper=0.015)).kept
+    assert not Rate("", (8,), 41, 4000, Promise(most=0.01, upper=0.015)).kept
+    assert not Rate("", (8,), 1, 100, Promise(most=0.01, upper=0.015)).kept  # up to 5.4 %
+    assert Rate("", (8,), 99, 100, Promise(least=0.99)).kept
+    assert not Rate("", (8,), 98, 100, Promise(least=0.99)).kept
+
+
+def test_the_self_test_as_a_program(capsys, short_toml):
+    slow = "rpem-forgetting[forgetting=0.999]"
+    words = ("compare", "--self-test", str(short_toml), "--base", "rpem-forgetting")
+    words += ("--candidate", slow, "--seeds", "1000:1032", "--comparisons", "100", "--jobs", "1")
+    assert main([*words, "--json"]) == 1  # of 100 comparisons the upper limit cannot be low enough
+    told = json.loads(capsys.readouterr().out)
+    null = [row for row in told if "against itself" in row["what"] and "alarm" in row["what"]]
+    planted = [row for row in told if row["what"].startswith("planted") and row["looks"] == [16]]
+    assert [row["looks"] for row in null] == [[8], [16]] * 3  # half of the pool at most
+    assert all(row["count"] <= 1 and row["comparisons"] == 100 for row in null)
+    assert planted[0]["rate"] == 1.0
+
+
+def test_the_table_in_the_docs_has_the_rows_of_the_self_test():
+    """Same rows and columns; the numbers come from `flexaxis compare --self-test`."""
+    same = dict.fromkeys(selftest.BASES)
+    tried = list(trials(same, pool()))
+    made = [Rate(t.what, look, 0, 1, t.promise).as_dict() for t in tried for look in LOOKS]
+    text = GATE.read_text(encoding="utf-8")
+    table = text.split("<!-- table: self-test -->\n")[1].split("<!-- end -->")[0]
+    rows = [line for line in table.splitlines() if line.startswith("|")]
+    lines = [line.strip("| ").split(" | ") for line in rows]
+    assert lines[0] == columns(made)
+    assert [line[0] for line in lines[2:]] == [t.what for t in tried]
+    assert "BROKEN" not in table
