@@ -46,7 +46,7 @@ def _lines(console, what: str, total: float) -> Iterator[Callable[[float], None]
 
     def advance(amount: float) -> None:
         nonlocal done, said
-        done += amount
+        done = min(done + amount, total)  # more may come than was foreseen
         tenth = int(10 * done / total)
         if tenth > said:
             said = tenth

@@ -32,7 +32,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         table.add_column(heading, no_wrap=True)
     headings = [f"{s.short} [{s.unit}]" if s.unit == "s" else f"{s.short} {s.unit}" for s in SHOWN]
     for heading in (*headings, "x-talk", "µs"):
-        table.add_column(heading.strip(), justify="right", no_wrap=True)
+        table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}
     shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
     for before, row in zip([None, *shown[:-1]], shown, strict=True):
@@ -103,7 +103,7 @@ def equal_noise_table(
         box=None, padding=(0, 1, 0, 0), min_width=78, caption=EQUAL, caption_justify="left"
     )
     table.add_column("estimator", no_wrap=True)
-    for heading in ("lag [s]", "95 %", "×bound", "after %", "false"):
+    for heading in (r"lag \[s]", "95 %", "×bound", "after %", "false"):
         table.add_column(heading, justify="right", no_wrap=True)
     for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in matched):
         table.add_row(f"[bold]{scenario}[/], {parameter}")

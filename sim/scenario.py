@@ -135,7 +135,7 @@ class Scenario(Config):
         """Sample times (N,) [s]."""
         return sample_times(self.samples)
 
-    @property
+    @cached_property
     def nominal(self) -> AxisParameters:
         """Parameters before any fault."""
         return preset(self.preset).replace(**self.parameters)
@@ -170,6 +170,10 @@ class Scenario(Config):
         A ramp is one event at its onset; an intermittent fault is one at each switch. Where
         changes of one parameter overlap, each event has the size of its own fault alone.
         """
+        return self._events
+
+    @cached_property
+    def _events(self) -> tuple[Event, ...]:
         return find_events(self.fault, self.nuisance or (), self.times, self._unchanged)
 
     @cached_property
