@@ -17,6 +17,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import harness
 from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.knobs import with_knob
+from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.matching import (
     NOISIER,
@@ -30,7 +31,6 @@ from flexaxis.experiments.scoring.matching import (
 from flexaxis.experiments.scoring.pooling import pool_group, pool_rows
 from flexaxis.experiments.scoring.pools import mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
-from flexaxis.experiments.scoring.theory import information
 from flexaxis.sim.scenario import Scenario
 
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed

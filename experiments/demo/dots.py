@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.case import QUIET, WINDOW, lag, rms
+from flexaxis.experiments.scoring.case import lag, rms
+from flexaxis.experiments.scoring.windows import QUIET, WINDOW
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]

@@ -14,32 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.windows import Window, quiet, windows
 from flexaxis.experiments.theta import physical, started_theta, true_theta
-from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-WINDOW = 5.0  # s scored after a fault, unless another event comes first
-QUIET = 5.0  # s of excitation before the first onset in which std and bias are taken
-QUIET_WITHOUT_FAULT = 10.0  # s at the end, where there is no fault
 AFTER = 2.0  # s at the end of a window in which the std after the fault is taken
 AT_BOUND = 1.0  # s at a bound that make a run diverged
 BOX = (0.1, 10.0)  # over nominal: where an estimate has to stay, by which everybody is judged
 EDGE = 1e-6  # of nominal: nearer to the edge of the box is on it
-
-
-@dataclass(frozen=True)
-class Window:
-    """The samples `start` … `stop`−1 that are scored after the change of one parameter.
-
-    `size` is D, the size of the fault in the unit of the estimated parameter.
-    """
-
-    parameter: str
-    start: int
-    stop: int
-    size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,57 +131,6 @@ class Track:
             if w.stop - w.start > length
         ]
         return np.concatenate(parts) if parts else np.empty(0)
-
-
-def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
-    """Return the scored window of each event, in the order of time.
-
-    The clock starts with the fault, or where nothing is excited then (a pause) when the
-    excitation returns; it stops after 5 s, at the next event, or with the record. What changes in
-    one pause is met together when it ends: each parameter has one window then, of the size of its
-    change in all. An event of a parameter that is not estimated has a window too, of size NaN:
-    the others must stay put in it.
-    """
-    starts = [(_clock(scenario, event), event) for event in scenario.events()]
-    found = []
-    for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
-        mine = [e for s, e in starts if (s, e.parameter) == (start, name)]
-        size = _size(mine[0].before, mine[-1].after, name, names)
-        # Several parameters that change in the same sample are one event in time.
-        later = [other for other, _ in starts if other > start]
-        stop = min(start + round(WINDOW / scenario.period), *later, scenario.samples)
-        if size != 0 and stop > start:
-            found.append(Window(name, start, stop, size))
-    return found
-
-
-def _clock(scenario: Scenario, event: Event) -> int:
-    moving = np.flatnonzero(scenario.excited()[event.index :])
-    return event.index + (int(moving[0]) if moving.size else 0)
-
-
-def _size(before: float, after: float, changed: str, names: Sequence[str]) -> float:
-    for name in names:
-        parameter, exponent = physical(name)
-        if parameter == changed:
-            return abs(after**exponent - before**exponent)
-    return np.nan
-
-
-def quiet(scenario: Scenario) -> NDArray[np.intp]:
-    """Return the samples on which std and bias are taken.
-
-    They are the last 5 s before the first onset in which the excitation is on, after burn-in;
-    without a fault the last 10 s, or the last half of a shorter run.
-    """
-    events = scenario.events()
-    if not events:
-        half = scenario.samples // 2
-        length = min(round(QUIET_WITHOUT_FAULT / scenario.period), half)
-        return np.arange(scenario.samples - length, scenario.samples)
-    burnt = round(scenario.burn_in / scenario.period)
-    usable = np.flatnonzero(scenario.excited()[: events[0].index])
-    return usable[usable >= burnt][-round(QUIET / scenario.period) :]
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:

@@ -43,7 +43,7 @@ class Setting:
     biases : ndarray (n, p)
         Biases of the scenario's `identify` [% of nominal].
     information : ndarray (p, p) or None
-        As from `flexaxis.experiments.scoring.theory.information`; the excess error needs both.
+        As from `flexaxis.experiments.scoring.excess.information`; the excess error needs both.
     """
 
     text: str

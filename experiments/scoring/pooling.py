@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
+from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.table import SCORES, rows
-from flexaxis.experiments.scoring.theory import RMSE_AT, information
+from flexaxis.experiments.scoring.theory import RMSE_AT
 from flexaxis.experiments.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from flexaxis.experiments.scoring import case, pools, theory
+from flexaxis.experiments.scoring import case, excess, pools, theory
 from flexaxis.experiments.scoring.case import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
@@ -141,7 +141,7 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "excess",
-            theory.excess_of,
+            excess.excess_of,
             "What the errors of all estimated parameters add to the prediction error before the "
             "fault, θ̃ᵀQθ̃/σ²: one number for all of them, whatever their units.",
             better="less",

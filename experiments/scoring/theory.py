@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from functools import lru_cache
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.predictor import predict
-from flexaxis.experiments.nominal import nominal_torque
 from flexaxis.experiments.scoring.bounds import (
     jump_bound,
     lag_bound,
-    linear_model,
     noise_variance,
 )
-from flexaxis.experiments.scoring.case import Track, Window, finite, lag_of, windows
+from flexaxis.experiments.scoring.case import Track, finite, lag_of
+from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.experiments.theta import physical, started_theta, true_theta
 from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
@@ -26,7 +23,6 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
-STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
 
 
 @dataclass(frozen=True)
@@ -140,61 +136,6 @@ def score(lag: float | None, limit: Limits) -> float | None:
     if not lag or not null or not bound or bound >= null:
         return None
     return float(100 * np.log(null / lag) / np.log(null / bound)) if lag != null else 0.0
-
-
-def information(scenario: Scenario) -> Array | None:
-    """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
-
-    M is E ψψᵀ/σ² on the steady state of the scenario's reference at nominal parameters, scaled:
-    what a small error of θ̂ adds to the prediction error, over the noise. The sum depends neither
-    on the units of the parameters nor on how they are chosen. None where there is no noise.
-    """
-    return _information(_Asked(scenario.hash, scenario))
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """A scenario, told apart by its content."""
-
-    hash: str
-    scenario: Scenario = field(compare=False)
-
-
-@lru_cache(maxsize=256)
-def _information(asked: _Asked) -> Array | None:
-    scenario = asked.scenario
-    variance = noise_variance(scenario)
-    if not variance > 0:
-        return None
-    nominal = scenario.nominal.as_array()
-    model = linear_model(scenario, nominal).parametrize(scenario.identify)
-    _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
-    per_cent = abs(true_theta(scenario.identify, nominal)) / 100
-    psi = psi[-round(STEADY / scenario.period) :] * per_cent
-    return psi.T @ psi / len(psi) / variance
-
-
-def excess_of(track: Track, i: int) -> float | None:
-    """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
-    del i
-    if "excess" not in track.memo:
-        track.memo["excess"] = _excess(track) if track.quiet.size else None
-    return track.memo["excess"]
-
-
-def _excess(track: Track) -> float | None:
-    M = information(track.scenario)
-    if M is None:
-        return None
-    asked = track.scenario.identify
-    truth = true_theta(asked, track.true_parameters[track.quiet])
-    nominal = true_theta(asked, track.scenario.nominal.as_array())
-    # Whoever does not estimate a parameter leaves it as it was told.
-    error = 100 * (started_theta(track.scenario, asked) - truth) / abs(nominal)
-    for column, name in enumerate(asked):
-        if name in track.names:
-            error[:, column] = track.percent[track.quiet, track.names.index(name)]
-    return finite(np.einsum("ki,ij,kj->", error, M, error) / len(error))
 
 
 def nees(error: Array, covariance: Any) -> float | None:

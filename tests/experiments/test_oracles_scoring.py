@@ -7,10 +7,10 @@ from scipy.stats import halfnorm
 
 from flexaxis.experiments.catalogue import find_scenario
 from flexaxis.experiments.scoring import bounds
-from flexaxis.experiments.scoring.case import windows
 from flexaxis.experiments.scoring.pooling import pool_rows
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.scoring.theory import limits
+from flexaxis.experiments.scoring.windows import windows
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 

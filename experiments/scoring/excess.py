@@ -1,0 +1,75 @@
+"""Excess prediction error: what the errors of all parameters together add to the residual."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.predictor import predict
+from flexaxis.experiments.nominal import nominal_torque
+from flexaxis.experiments.scoring.bounds import linear_model, noise_variance
+from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.theta import started_theta, true_theta
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+STEADY = 20.0  # s at the end of the nominal run on which E ψψᵀ is taken
+
+
+def information(scenario: Scenario) -> Array | None:
+    """Return M (p, p) with excess = θ̃ᵀMθ̃ for θ̃ of the scenario's `identify` in % of nominal.
+
+    M is E ψψᵀ/σ² on the steady state of the scenario's reference at nominal parameters, scaled:
+    what a small error of θ̂ adds to the prediction error, over the noise. The sum depends neither
+    on the units of the parameters nor on how they are chosen. None where there is no noise.
+    """
+    return _information(_Asked(scenario.hash, scenario))
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A scenario, told apart by its content."""
+
+    hash: str
+    scenario: Scenario = field(compare=False)
+
+
+@lru_cache(maxsize=256)
+def _information(asked: _Asked) -> Array | None:
+    scenario = asked.scenario
+    variance = noise_variance(scenario)
+    if not variance > 0:
+        return None
+    nominal = scenario.nominal.as_array()
+    model = linear_model(scenario, nominal).parametrize(scenario.identify)
+    _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
+    per_cent = abs(true_theta(scenario.identify, nominal)) / 100
+    psi = psi[-round(STEADY / scenario.period) :] * per_cent
+    return psi.T @ psi / len(psi) / variance
+
+
+def excess_of(track: Track, i: int) -> float | None:
+    """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
+    del i
+    if "excess" not in track.memo:
+        track.memo["excess"] = _excess(track) if track.quiet.size else None
+    return track.memo["excess"]
+
+
+def _excess(track: Track) -> float | None:
+    M = information(track.scenario)
+    if M is None:
+        return None
+    asked = track.scenario.identify
+    truth = true_theta(asked, track.true_parameters[track.quiet])
+    nominal = true_theta(asked, track.scenario.nominal.as_array())
+    # Whoever does not estimate a parameter leaves it as it was told.
+    error = 100 * (started_theta(track.scenario, asked) - truth) / abs(nominal)
+    for column, name in enumerate(asked):
+        if name in track.names:
+            error[:, column] = track.percent[track.quiet, track.names.index(name)]
+    return finite(np.einsum("ki,ij,kj->", error, M, error) / len(error))
