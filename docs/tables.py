@@ -11,6 +11,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,8 @@ WRONG = ("coulomb_fm_step-v1", "lugre_fm_step-v1", "cogging_fm_step-v1", "backla
 FEW = ("rpem-forgetting", "ekf", "imm", "cusum-reset", "relocate")
 OTHERS = ("ja_big_step-v1", "two_faults-v1", "repair-v1", "kg_step-v1", "ka_step-v1",
           "jm_step-v1", "dg_double-v1")  # fmt: skip
+
+FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
 
@@ -72,7 +75,6 @@ def equal_noise() -> str:
         [_name(n), *(_lag(matched.get((s, n))) for s in SWEPT), _score(whole[n])] for n in names
     ]
     return table(heads, rows) + said(
-        RUN,
         "lag where the std of the parameter that changes is, before the fault, that of "
         "`rpem-forgetting` with λ = 0.995; 95 % interval; **bold**: the best, and all that paired "
         "seeds cannot tell from it; ≤, ≥: quieter, or noisier, than that at every setting",
@@ -91,7 +93,7 @@ def mismatch() -> str:
         rows.append(line)
     heads = ["scenario", *(f"`{name}`" for name in FEW)]
     return table(heads, rows) + said(
-        RUN, "bias ± std of f_m; std of k_T, before the fault, in % of nominal, as set"
+        "bias ± std of f_m; std of k_T, before the fault, in % of nominal, as set"
     )
 
 
@@ -118,16 +120,18 @@ def found() -> str:
         rows.append(line)
     heads = ["fault", "`relocate`: lag [s]", "cross-talk [%]", "missed; named; false alarms a run",
              "`rpem-forgetting`: lag [s]", "cross-talk [%]"]  # fmt: skip
-    return table(heads, rows) + said(RUN, "as set")
+    return table(heads, rows) + said("as set")
 
 
 def self_test() -> str:
     """Return how often the gate is wrong, and what it finds."""
-    if not SELF_TEST.exists() or "--fresh" in sys.argv:
+    if not SELF_TEST.exists() or FRESH:
         SELF_TEST.parent.mkdir(exist_ok=True)
-        SELF_TEST.write_text(call("compare", "--self-test", "--json"), encoding="utf-8")
+        rows = json.loads(call("compare", "--self-test", "--json"))
+        SELF_TEST.write_text(json.dumps({"commit": commit(), "rows": rows}), encoding="utf-8")
     content = json.loads(SELF_TEST.read_text(encoding="utf-8"))
-    return self_test_table(content) + said("flexaxis compare --self-test", "")
+    made = f"`flexaxis compare --self-test`, commit {content['commit']}."
+    return f"{self_test_table(content['rows'])}\n{made}\n"
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
@@ -140,11 +144,12 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
+@cache
 def standard() -> Any:
     """Return the summary of the run that most tables are made of."""
-    if not (STANDARD / "summary.json").exists() or "--fresh" in sys.argv[1:]:
+    if not (STANDARD / "summary.json").exists() or FRESH:
         call(*RUN.split()[1:], "-o", str(STANDARD))
-        sys.argv = [word for word in sys.argv if word != "--fresh"]
+        (STANDARD / "commit").write_text(commit(), encoding="utf-8")
     return json.loads((STANDARD / "summary.json").read_text(encoding="utf-8"))
 
 
@@ -158,15 +163,17 @@ def call(*words: str) -> str:
     return done.stdout.decode()
 
 
-def said(command: str, what: str) -> str:
-    """Return the line below a table: what it is, and how it was made."""
-    commit = subprocess.run(
-        ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"],
-        capture_output=True, text=True, check=False,
-    ).stdout.strip()  # fmt: skip
+def said(what: str) -> str:
+    """Return the line below a table of the run: what it is, and how it was made."""
     words = f"{what[:1].upper()}{what[1:]}. " if what else ""
-    seeds = f", seeds 1000 to {999 + SEEDS}" if command == RUN else ""
-    return f"\n{words}`{command}`, commit {commit}{seeds}.\n"
+    made = (STANDARD / "commit").read_text(encoding="utf-8")
+    return f"\n{words}`{RUN}`, commit {made}, seeds 1000 to {999 + SEEDS}.\n"
+
+
+def commit() -> str:
+    """Return the commit that is checked out, marked where files differ from it."""
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
