@@ -18,6 +18,7 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.compare.selftable import markdown as self_test_table
+from flexaxis.experiments.report import number
 from flexaxis.experiments.scoring.ranking import CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 
@@ -199,7 +200,7 @@ def _lag(row: Row | None) -> str:
         value = f"**{value}**"
     if row["lag_interval"] and row["how"] == "matched":
         value += " ({:.3g} … {:.3g})".format(*row["lag_interval"])
-    return value + (f", {row['over_bound']:.2g}" if row["over_bound"] else "")
+    return value + (f", {number(row['over_bound'], 2)}" if row["over_bound"] else "")
 
 
 def _score(row: Row) -> str:

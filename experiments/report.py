@@ -162,7 +162,10 @@ def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number for a table; what is not defined is a dash."""
-    return "–" if value is None else f"{value:.{digits}g}"
+    if value is None:
+        return "–"
+    # 120 and not 1.2e+02
+    return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
 
 
 def pair(interval: Sequence[float | None] | None) -> str:

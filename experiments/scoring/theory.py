@@ -135,7 +135,9 @@ def score(lag: float | None, limit: Limits) -> float | None:
     null, bound = limit.lag_null, limit.lag_bound
     if not lag or not null or not bound or bound >= null:
         return None
-    return float(100 * np.log(null / lag) / np.log(null / bound)) if lag != null else 0.0
+    if np.isclose(lag, null, rtol=1e-12, atol=0.0):  # but for rounding, it has done nothing
+        return 0.0
+    return float(100 * np.log(null / lag) / np.log(null / bound))
 
 
 def nees(error: Array, covariance: Any) -> float | None:
