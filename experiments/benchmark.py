@@ -50,7 +50,7 @@ class Plan:
     def cases(self) -> int:
         """Number of cases: one estimator, at one setting, on one record."""
         plain = len(self.scenarios) * len(self.estimators)
-        swept = len(self.swept_scenarios) * len(sweep.settings(self.swept_estimators))
+        swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
         return (plain + swept) * len(self.seeds)
 
 

@@ -47,7 +47,7 @@ def render(results: Results) -> str:
         answers=_answers(summary, scenarios),
         findings=ranking.in_words(summary["as_set"]),
         equal=_at_equal_noise(summary),
-        mismatch=_mismatch(summary["rows"], scenarios),
+        mismatch=_mismatch(summary, scenarios),
         controls=ranking.CONTROLS,
         colour=figures.colour,
         heads=column_heads(),
@@ -79,11 +79,11 @@ def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
     if not swept:
         return None
     rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
-    names = list(dict.fromkeys(key[2] for key in rows))
+    names = list(dict.fromkeys([p["estimator"] for p in swept["points"]] + [k[2] for k in rows]))
     overall = {row["estimator"]: row for row in swept["overall"]}
     return {
         "faults": list(dict.fromkeys(key[:2] for key in rows)),
-        "estimators": sorted(names, key=lambda n: list(overall).index(n) if overall else 0),
+        "estimators": sorted(names, key=lambda n: [*overall, n].index(n)),
         "rows": rows,
         "overall": overall,
         "words": swept["faults"],
@@ -92,16 +92,16 @@ def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _mismatch(
-    rows: Sequence[Mapping[str, Any]], scenarios: Mapping[str, Scenario]
+    summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]
 ) -> dict[str, Any] | None:
-    names = mismatch.mismatched(scenarios)
+    names, rows = mismatch.mismatched(scenarios), summary["rows"]
     if not names:
         return None
     return {
         "scenarios": names,
         "estimators": list(dict.fromkeys(row["estimator"] for row in rows)),
         "cells": mismatch.matrix(rows, names),
-        "words": mismatch.mismatch_in_words(rows, names),
+        "words": mismatch.mismatch_in_words(rows, summary["as_set"], names),
     }
 
 

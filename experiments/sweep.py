@@ -28,8 +28,8 @@ from flexaxis.experiments.scoring.matching import (
     match,
     plain,
 )
-from flexaxis.experiments.scoring.pooling import pool_group, pool_rows
-from flexaxis.experiments.scoring.pools import mean
+from flexaxis.experiments.scoring.pooling import excess_runs, pool_group
+from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.sim.scenario import Scenario
 
@@ -37,20 +37,24 @@ FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob
 WIDER = (16.0, 64.0, 256.0, 1024.0)  # and its inverse, where these do not reach the reference
 
 
-def settings(
-    estimators: Sequence[str], *, factors: Sequence[float] = FACTORS
-) -> dict[str, tuple[str, float]]:
-    """Return the settings of a first sweep, each with its estimator and the turn of its knob.
+Line = dict[str, float]  # settings of one estimator, with the turn of its knob
 
-    One without a knob has one setting; the reference is among them.
+
+def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
+    """Return the settings that a first sweep runs of each estimator.
+
+    One without a knob has one setting. Two estimators may share a setting, which is run once.
     """
-    found: dict[str, tuple[str, float]] = {}
+    found: dict[str, Line] = {}
     for name in estimators:
-        for factor in factors:
-            text = with_knob(name, factor)
-            if text is not None:
-                found.setdefault(text, (name, 1.0 if text == name else factor))
-    return found | {reference(): (REFERENCE, 1.0)}
+        turned = {with_knob(name, factor): factor for factor in factors}
+        found[name] = {t: 1.0 if t == name else f for t, f in turned.items() if t is not None}
+    return found
+
+
+def texts(lines: Mapping[str, Line]) -> list[str]:
+    """Return all settings of a first sweep, each once, and the reference."""
+    return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
 
 
 def reference() -> str:
@@ -100,73 +104,82 @@ def sweep(
     Where these settings are all quieter than the reference, or all noisier, the knob is turned
     further, up to 1024 times, as far as the estimator allows.
     """
-    held: dict[str, dict[str, Held]] = {scenario.name: {} for scenario in scenarios}
-
-    def run(where: Sequence[Scenario], texts: Mapping[str, tuple[str, float]]) -> None:
-        for done in harness.run(where, list(texts), seeds, jobs=jobs, store=store):
-            for case in done.cases:
-                name, factor = texts[case.estimator]
-                group = held[case.scenario].setdefault(case.estimator, Held(name, factor, []))
-                group.cases.append(replace(case, curve=_NOTHING, relative={}))
-            if advance:
-                advance(done)
-
-    run(scenarios, settings(estimators, factors=factors))
+    runs = _Runs(scenarios, seeds, settings(estimators, factors=factors), jobs, store, advance)
+    runs.run(scenarios, texts(settings(estimators, factors=factors)))
     for factor in WIDER:
         for scenario in scenarios:
-            more = _further(scenario, held[scenario.name], estimators, factor)
-            try:
-                run([scenario], more)
-            except EstimatorError:  # so far the knob does not turn
-                for text in more:
-                    held[scenario.name].pop(text, None)
-    return _matched(scenarios, held, estimators)
+            _widen(runs, scenario, factor)
+    return _matched(runs)
 
 
-@dataclass(frozen=True)
-class Held:
-    """The cases of one setting on one scenario, in the order of the seeds."""
+class _Runs:
+    """The cases of a sweep: by scenario and setting, and which settings are whose."""
 
-    estimator: str
-    factor: float
-    cases: list[harness.Case]
+    def __init__(  # noqa: PLR0917
+        self,
+        scenarios: Sequence[Scenario],
+        seeds: Sequence[int],
+        lines: Mapping[str, Line],
+        jobs: int,
+        store: RecordCache | None,
+        advance: Callable[[harness.Done], None] | None,
+    ) -> None:
+        self.scenarios, self._seeds, self._jobs, self._store = scenarios, seeds, jobs, store
+        self._advance = advance
+        self.lines = {s.name: {name: dict(line) for name, line in lines.items()} for s in scenarios}
+        self._cases: dict[str, dict[str, list[harness.Case]]] = {s.name: {} for s in scenarios}
+
+    def run(self, scenarios: Sequence[Scenario], wanted: Sequence[str]) -> None:
+        """Run some settings on some scenarios."""
+        for done in harness.run(scenarios, wanted, self._seeds, jobs=self._jobs, store=self._store):
+            for case in done.cases:
+                held = self._cases[case.scenario].setdefault(case.estimator, [])
+                held.append(replace(case, curve=_NOTHING, relative={}))
+            if self._advance:
+                self._advance(done)
+
+    def cases(self, scenario: Scenario, text: str) -> list[harness.Case]:
+        """Return the cases of a setting, in the order of the seeds."""
+        return self._cases[scenario.name][text]
+
+    def faults(self, scenario: Scenario, name: str) -> list[str]:
+        """Return the parameters of an estimator that change."""
+        text = next(iter(self.lines[scenario.name][name]))
+        return [r["parameter"] for r in self.cases(scenario, text)[0].rows if r["changed"]]
+
+    def match(self, scenario: Scenario, name: str, parameter: str, noise: Noise) -> Match | None:
+        """Return an estimator at the noise of the reference; None where that has no such row."""
+        line = self.lines[scenario.name][name]
+        reference_ = self._setting(scenario, reference(), 1.0, parameter)
+        own = [self._setting(scenario, text, factor, parameter) for text, factor in line.items()]
+        return match(reference_, own, noise)
+
+    def _setting(self, scenario: Scenario, text: str, factor: float, parameter: str) -> Setting:
+        cases = self.cases(scenario, text)
+        _, _, biases = excess_runs([case.rows for case in cases], scenario)
+        rows = [next(r for r in case.rows if r["parameter"] == parameter) for case in cases]
+        return Setting(text, factor, rows, biases, information(scenario))
 
 
 _NOTHING = np.empty((0, 0), np.float32)
 
 
-def _further(
-    scenario: Scenario, held: Mapping[str, Held], estimators: Sequence[str], factor: float
-) -> dict[str, tuple[str, float]]:
-    """Return settings beyond those run, for estimators that do not reach the reference yet."""
-    more: dict[str, tuple[str, float]] = {}
-    for name in estimators:
-        faults = _faults(held, name)
-        how = {
-            found.how
-            for parameter in faults
-            for noise in ("std", "excess")
-            if (found := _match(scenario, held, name, parameter, noise)) is not None  # type: ignore[arg-type]
-        }
+def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
+    """Turn the knobs further of those that do not reach the reference yet, as far as they go."""
+    for name, line in runs.lines[scenario.name].items():
+        how = set()
+        for parameter in runs.faults(scenario, name):
+            for noise in NOISES:
+                found = runs.match(scenario, name, parameter, noise)
+                how |= {found.how} if found else set()
         for side, turn in ((QUIETER, factor), (NOISIER, 1 / factor)):
             text = with_knob(name, turn) if side in how else None
             if text is not None and text != name:
-                more[text] = (name, turn)
-    return more
-
-
-def _faults(held: Mapping[str, Held], estimator: str) -> list[str]:
-    """Return the parameters of an estimator that change."""
-    mine = next(group for group in held.values() if group.estimator == estimator)
-    return [row["parameter"] for row in mine.cases[0].rows if row["changed"]]
-
-
-def _match(
-    scenario: Scenario, held: Mapping[str, Held], estimator: str, parameter: str, noise: Noise
-) -> Match | None:
-    mine = [g for g in held.values() if g.estimator == estimator]
-    own = [_setting(scenario, group, parameter) for group in mine]
-    return match(_setting(scenario, held[reference()], parameter), own, noise)
+                try:
+                    runs.run([scenario], [text])
+                except EstimatorError:  # so far the knob does not turn
+                    continue
+                line[text] = turn
 
 
 def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
@@ -195,69 +208,43 @@ def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
                 "parameter": parameter,
                 "estimator": estimator,
                 "seeds": len(rows),
-                **{key: pool_rows(rows, period=1.0)[key] for key in ("lag", "std", "diverged")},
+                **geometric(rows, "lag"),
+                **deviation("bias", "lost_before")(rows, "std"),
+                **count(rows, "diverged"),
                 "values": {name: _listed(each) for name, each in values.items()},
             }
         )
     return found
 
 
-def _setting(scenario: Scenario, group: Held, parameter: str) -> Setting:
-    cases = group.cases
-    biases = [{row["parameter"]: row["bias"] or 0.0 for row in case.rows} for case in cases]
-    return Setting(
-        text=cases[0].estimator,
-        factor=group.factor,
-        rows=[next(r for r in case.rows if r["parameter"] == parameter) for case in cases],
-        biases=np.array([[each.get(n, 0.0) for n in scenario.identify] for each in biases]),
-        information=information(scenario),
-    )
-
-
-def _matched(
-    scenarios: Sequence[Scenario],
-    held: Mapping[str, Mapping[str, Held]],
-    estimators: Sequence[str],
-) -> Sweep:
+def _matched(runs: _Runs) -> Sweep:
     points: list[dict[str, Any]] = []
-    at_std: list[dict[str, Any]] = []
-    at_excess: list[dict[str, Any]] = []
-    for scenario in scenarios:
-        mine = held[scenario.name]
-        for group in mine.values():
-            if group.estimator in estimators:
-                points += _points(scenario, group)
-        for name in estimators:
-            for parameter in _faults(mine, name):
-                for noise, into in (("std", at_std), ("excess", at_excess)):
-                    found = _match(scenario, mine, name, parameter, noise)  # type: ignore[arg-type]
+    at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
+    for scenario in runs.scenarios:
+        for name, line in runs.lines[scenario.name].items():
+            for text, factor in line.items():
+                extra = {"estimator": name, "setting": text, "factor": factor}
+                pooled = pool_group(runs.cases(scenario, text), scenario)
+                points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
+            for parameter in runs.faults(scenario, name):
+                for noise in NOISES:
+                    found = runs.match(scenario, name, parameter, noise)
                     if found is not None:
-                        bounds = next(g for g in mine.values() if g.estimator == name)
-                        into.append(_row(scenario, name, parameter, found, bounds))
-    return Sweep(points, mark(at_std), at_excess)
+                        at[noise].append(_row(scenario, name, parameter, found))
+    return Sweep(points, mark(at["std"]), at["excess"])
 
 
-def _points(scenario: Scenario, group: Held) -> list[dict[str, Any]]:
-    return [
-        {key: row[key] for key in _KEPT}
-        | {"estimator": group.estimator, "setting": row["estimator"], "factor": group.factor}
-        for row in pool_group(group.cases, scenario)
-        if row["changed"]
-    ]
-
-
+NOISES: tuple[Noise, ...] = ("std", "excess")
 _KEPT = (
     "scenario", "parameter", "lag", "lag_interval", "t10", "std", "std_interval", "std_after",
     "excess", "diverged", "seeds", "lag_bound", "lag_bound_single",
 )  # fmt: skip
 
 
-def _row(
-    scenario: Scenario, estimator: str, parameter: str, found: Match, group: Held
-) -> dict[str, Any]:
+def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> dict[str, Any]:
     """Return what is said of an estimator at equal noise, with the values it rests on."""
     lag, after, score = (found.at(name) for name in ("lag", "std_after", "score"))
-    rows = [next(r for r in case.rows if r["parameter"] == parameter) for case in group.cases]
+    rows = found.nearest.rows
     bounds = {key: mean(rows, key)[key] for key in ("lag_bound", "lag_bound_single")}
     middle = None if lag is None else float(np.exp(lag.mean()))
     within = None if lag is None else mean_interval(lag)
@@ -277,9 +264,7 @@ def _row(
         "over_single": _over(middle, bounds["lag_bound_single"]),
         "score": None if score is None else float(score.mean()),
         "std_after": None if after is None else _exp(after.mean()),
-        "false_alarms_per_1000_s": None
-        if false is None
-        else 1000 * float(np.mean(false)) / scenario.duration,
+        "false_alarms_per_1000_s": None if false is None else _rate(found.nearest.rows),
         "values": {
             "lag": _listed(lag),
             "std_after": _listed(after),
@@ -291,6 +276,11 @@ def _row(
 
 def _listed(values: Any) -> list[float] | None:
     return None if values is None else [float(f"{value:.6g}") for value in values]
+
+
+def _rate(rows: Sequence[Mapping[str, Any]]) -> float:
+    """Return the false alarms in 1000 s at the setting nearest to the match."""
+    return float(np.mean([row["detection"]["false_alarms_per_1000_s"] for row in rows]))
 
 
 def _exp(value: float) -> float:

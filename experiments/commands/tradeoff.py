@@ -44,14 +44,15 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.results import dumps, write_text, writing
     from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.sweep import reference, settings, sweep
+    from flexaxis.experiments.sweep import reference, settings, sweep, texts
     from flexaxis.experiments.table import equal_noise_table
     from flexaxis.experiments.tradeoff import figure
 
     scenarios, *_ = select(args.names)
-    estimators = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
+    known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
+    estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
-    most = len(settings(estimators)) * len(scenarios) * len(seeds)
+    most = len(texts(settings(estimators))) * len(scenarios) * len(seeds)
     with progress(f"{most} cases, and more where a match is far", most) as advance:
         found = sweep(
             scenarios,

@@ -132,7 +132,13 @@ def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:
     from flexaxis.sim.errors import FlexaxisError
 
     if args.all == (args.estimator is not None):
-        raise FlexaxisError("name one estimator, or give --all")
+        eaten = f" (--save took {args.save} for its FILE)" if isinstance(args.save, Path) else ""
+        raise FlexaxisError(f"name one estimator, or give --all{eaten}")
+    if args.all and (args.minimize or args.option or args.scenario or args.match != "excess"):
+        raise FlexaxisError(
+            "--all tunes all as the file of the registry has them, at equal excess error: leave "
+            "--match, --minimize, --option and --scenario out, or name one estimator"
+        )
     if bool(args.minimize) != bool(args.option and args.scenario):
         raise FlexaxisError("--minimize lag, --option and --scenario go together")
     if not args.all:

@@ -11,7 +11,7 @@ from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.catalogue import find_suite, suite_names
 from flexaxis.experiments.compare.decide import ALPHA, UNDECIDED, WORSE
 from flexaxis.experiments.compare.lost import MANY
-from flexaxis.experiments.compare.pairs import Table, pair, table
+from flexaxis.experiments.compare.pairs import Paired, Table, pair, table
 from flexaxis.experiments.compare.verdicts import (
     Verdict,
     by_metric,
@@ -99,6 +99,9 @@ class Comparison:
     verdicts : list of Verdict
     cases : list of harness.Case
         Everything that was run; empty for stored results.
+    missing : tuple of (scenario, parameter)
+        What changes and is estimated by the base, but not by the candidate: nothing can be called
+        better then, or the same.
     """
 
     base: str
@@ -109,11 +112,13 @@ class Comparison:
     alpha: float
     verdicts: list[Verdict]
     cases: list[harness.Case]
+    missing: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
-        return overall(self.verdicts)
+        word = overall(self.verdicts)
+        return UNDECIDED if self.missing and word != WORSE else word
 
     @property
     def newly_lost(self) -> int:
@@ -131,6 +136,7 @@ class Comparison:
         return {
             "verdict": self.verdict,
             "newly_lost": self.newly_lost,
+            "missing": [list(kind) for kind in self.missing],
             "by_metric": by_metric(self.verdicts),
             "base": self.base,
             "candidate": self.candidate,
@@ -185,23 +191,25 @@ def compare(
             if advance:
                 advance(task)
         done = len(seeds)
+        paired = _paired(question, cases)
         found = Comparison(
             *both,
             seeds=seeds,
             look=number,
             looks=len(looks),
             alpha=question.alpha / len(looks),
-            verdicts=_judged(question, cases, question.alpha / len(looks)),
+            verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
             cases=cases,
+            missing=paired.missing,
         )
-        if found.verdict != UNDECIDED:
+        if overall(found.verdicts) != UNDECIDED:
             break
     return found
 
 
-def _judged(question: Question, cases: Sequence[harness.Case], alpha: float) -> list[Verdict]:
+def _paired(question: Question, cases: Sequence[harness.Case]) -> Paired:
     base, candidate = (rows_of(cases, text) for text in (question.base, question.candidate))
-    return judge(pair(base, candidate, question.margins), question.margins, alpha=alpha)
+    return pair(base, candidate, question.margins)
 
 
 def rows_of(cases: Sequence[harness.Case], estimator: str) -> Table:

@@ -82,10 +82,20 @@ class Runs:
 
 @dataclass(frozen=True, eq=False)
 class Paired:
-    """All that a comparison is made of: the pairs of each score, and the runs of each scenario."""
+    """All that a comparison is made of.
+
+    Attributes
+    ----------
+    scores : list of Pairs
+    runs : list of Runs
+        Of each scenario.
+    missing : tuple of (scenario, parameter)
+        What changes and is estimated by the base, but not by the candidate.
+    """
 
     scores: list[Pairs]
     runs: list[Runs]
+    missing: tuple[tuple[str, str], ...] = ()
 
 
 def parse_margins(texts: Sequence[str]) -> dict[str, float]:
@@ -148,7 +158,9 @@ def pair(base: Table, candidate: Table, metrics: Iterable[str]) -> Paired:
     for (scenario, _), keys in common.items():
         by_scenario.setdefault(scenario, []).extend(keys)
     runs = [_runs(base, candidate, keys) for keys in by_scenario.values()]
-    return Paired([pairs for pairs in found if pairs is not None], runs)
+    changed = dict.fromkeys((s, p) for (s, _, p), row in base.items() if row.get("changed"))
+    missing = tuple(k for k in changed if k[0] in by_scenario and k not in common)
+    return Paired([pairs for pairs in found if pairs is not None], runs, missing)
 
 
 def _names(rows: Table) -> str:

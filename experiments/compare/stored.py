@@ -64,6 +64,7 @@ def compare_runs(
             + ("" if seeds is None else f" of the {len(seeds)} that --seeds names")
             + ": at least 2 are needed, better 32"
         )
+    paired = pair(before, after, margins)
     return Comparison(
         base=first,
         candidate=second,
@@ -71,8 +72,9 @@ def compare_runs(
         look=1,
         looks=1,
         alpha=alpha,
-        verdicts=judge(pair(before, after, margins), margins, alpha=alpha),
+        verdicts=judge(paired, margins, alpha=alpha),
         cases=[],
+        missing=paired.missing,
     )
 
 

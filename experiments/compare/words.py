@@ -24,7 +24,8 @@ MEANING = {
 
 def headline(found: Comparison) -> str:
     """Return the verdict in a line: its word, the lost runs, then what each word is said of."""
-    clauses = [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
+    clauses = [f"{p} of {s} is not estimated" for s, p in found.missing]
+    clauses += [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
     for word in VERDICTS:
         for metric in METRICS:
             of_metric = [v for v in found.verdicts if v.metric == metric]
@@ -55,6 +56,12 @@ def meaning(found: Comparison) -> str:
     """Return a sentence on what the verdict means, and what can be done."""
     if found.verdict != UNDECIDED:
         return MEANING[found.verdict]
+    if found.missing:
+        what = ", ".join(dict.fromkeys(parameter for _, parameter in found.missing))
+        return (
+            f"The candidate does not estimate all that changes ({what}): choose scenarios whose "
+            "faults both estimate."
+        )
     if found.newly_lost >= MANY:
         return (
             f"{found.newly_lost} runs newly lost: too many to pass, too few to be sure. Look at "
@@ -92,8 +99,9 @@ def explanation(found: Comparison) -> str:
         f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base. "
         "Intervals: Student's t on paired log-ratios, each for its score alone, at the level that "
         f"Holm's procedure gives it; a false worse or better anywhere has a chance of at most "
-        f"{100 * found.alpha:.3g} %. Worse or better: the whole interval lies beyond the margin, "
-        "and runs enough show it. Slight: there, but within the margin. Lost runs: exact test "
+        f"{100 * found.alpha:.3g} %, and of about twice that where runs fail rarely. Worse or "
+        "better: the whole interval lies beyond the margin, and runs enough show it. Slight: "
+        "there, but within the margin. Lost runs: exact test "
         "(McNemar's) on the runs that only one side lost, over all scenarios."
     )
     if found.looks > 1:

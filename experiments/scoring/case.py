@@ -114,6 +114,11 @@ class Track:
         """Whether the run was lost before std and bias had been taken."""
         return self.lost is not None and bool((self.quiet >= self.lost).any())
 
+    def lost_by_end(self, i: int) -> bool:
+        """Return whether the run was lost before the last window of a parameter had ended."""
+        last = max((window.stop for window in self.mine(i)), default=0)
+        return self.lost is not None and self.lost < last
+
     def mine(self, i: int) -> list[Window]:
         """Return the windows of one estimated parameter."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]

@@ -72,4 +72,8 @@ def _excess(track: Track) -> float | None:
     for column, name in enumerate(asked):
         if name in track.names:
             error[:, column] = track.percent[track.quiet, track.names.index(name)]
-    return finite(np.einsum("ki,ij,kj->", error, M, error) / len(error))
+    each = np.einsum("ki,ij,kj->k", error, M, error)
+    if track.lost is not None:  # errors of lost runs may not make up for each other
+        gone = track.quiet >= track.lost
+        each[gone] = np.einsum("ki,ij,kj->k", abs(error[gone]), abs(M), abs(error[gone]))
+    return finite(each.mean())

@@ -99,7 +99,10 @@ def _cox(values: Array) -> tuple[float, float]:
     centre = float(values.mean())
     if _constant(values) or centre == 0:
         return centre, centre
-    logs = np.log(np.maximum(values, FLOOR**2 * centre))
+    if values.min() < FLOOR * centre:  # some run does not scatter at all: no lognormal values
+        low, high = mean_interval(values) or (centre, centre)
+        return max(0.0, low), high
+    logs = np.log(values)
     n, v = len(logs), float(logs.var(ddof=1))
     middle = float(logs.mean()) + v / 2
     half = _t(n) * math.sqrt(v / n + v**2 / (2 * (n - 1)))

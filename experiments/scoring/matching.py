@@ -16,6 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.intervals import FLOOR, pseudo_values
 from flexaxis.experiments.scoring.pools import scatter
 
@@ -24,7 +25,7 @@ Index = NDArray[np.intp]
 Noise = Literal["std", "excess"]
 
 MATCHED, QUIETER, NOISIER = "matched", "quieter", "noisier"
-SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "diverged")}
+SPREADS = {"std": ("bias", "lost_before"), "std_after": ("bias_after", "lost_after")}
 """Standard deviations, with the score of their mean and the one that says a run was lost."""
 
 
@@ -66,11 +67,10 @@ class Setting:
         return lambda index: scatter(std[index], bias[index], lost[index])
 
     def _excess(self, index: Index) -> float:
-        mean = float(self.array("excess")[index].mean())
-        if self.information is None or (self.array("diverged")[index] > 0).any():
-            return mean
-        b = self.biases[index].mean(axis=0)
-        return mean - float(b @ self.information @ b)
+        each, lost = self.array("excess"), self.array("lost_before") > 0
+        if self.information is None:
+            return float(each[index].mean())
+        return pools.excess(each[index], lost[index], self.biases[index], self.information)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +136,9 @@ def match(reference: Setting, settings: Sequence[Setting], noise: Noise) -> Matc
     ]
     if not found:
         return _nearest(line, logs)
-    # Where a line crosses more than once, the estimator has the better of its settings.
-    return min(found, key=lambda m: np.inf if (lag := m.at("lag")) is None else lag.mean())
+    # Where a line crosses more than once, the crossing nearest to the default is meant: the best
+    # of them would be the best by luck.
+    return min(found, key=lambda m: abs(np.log(m.nearest.factor)))
 
 
 def _nearest(line: Sequence[Setting], logs: Array) -> Match:

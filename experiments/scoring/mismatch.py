@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.scoring.ranking import CONTROLS, REFERENCE
+from flexaxis.experiments.scoring.ranking import CONTROLS, REFERENCE, leaders
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
@@ -38,28 +38,30 @@ def _weight(row: Row) -> tuple[bool, float]:
     return bool(row["changed"]), abs(row["bias"] or 0.0) + (row["std"] or 0.0)
 
 
-def mismatch_in_words(rows: Sequence[Row], names: Sequence[str]) -> str:
+def mismatch_in_words(rows: Sequence[Row], as_set: Sequence[Row], names: Sequence[str]) -> str:
     """Return who copes best where the model is wrong, and who raises false alarms there.
 
-    Rows are of different runs of the model's choice, so intervals that overlap are no difference.
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Pooled rows of all scenarios.
+    as_set : sequence of mapping
+        As from `flexaxis.experiments.sweep.as_set`: the values that are paired.
+    names : sequence of str
+        The scenarios that are meant.
     """
-    faults = [r for r in rows if r["scenario"] in names and r["changed"] and r["lag"] is not None]
+    mine = [row for row in as_set if row["scenario"] in names]
+    faults = dict.fromkeys((row["scenario"], row["parameter"]) for row in mine)
     wins: dict[str, int] = {}
-    scored = 0
-    for name in dict.fromkeys(row["scenario"] for row in faults):
-        quiet = _quiet([row for row in faults if row["scenario"] == name])
-        if quiet:
-            scored += 1
-            first = min(quiet, key=lambda row: row["lag"])
-            limit = (first["lag_interval"] or [0, first["lag"]])[1]
-            for row in {r["estimator"]: r for r in quiet}.values():
-                if (row["lag_interval"] or [row["lag"]])[0] <= limit:
-                    wins[row["estimator"]] = wins.get(row["estimator"], 0) + 1
+    for fault in faults:
+        quiet = _quiet([row for row in mine if (row["scenario"], row["parameter"]) == fault])
+        for name in leaders({row["estimator"]: row["values"]["lag"] for row in quiet}):
+            wins[name] = wins.get(name, 0) + 1
     order = sorted(wins.items(), key=lambda item: -item[1])
     text = (
-        f"Among the shortest lags (intervals that overlap count for each), with at most "
-        f"{UNEQUAL:g} times the deviation of {REFERENCE}: "
-        + ", ".join(f"{estimator} in {number} of {scored}" for estimator, number in order)
+        f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
+        f"the deviation of {REFERENCE} in the parameter that changes: "
+        + ", ".join(f"{estimator} in {number} of {len(faults)}" for estimator, number in order)
     )
     alarms: dict[str, list[float]] = {}
     for row in rows:
@@ -76,10 +78,6 @@ def mismatch_in_words(rows: Sequence[Row], names: Sequence[str]) -> str:
 def _quiet(rows: list[Row]) -> list[Row]:
     """Return the rows of estimators, not controls, that are about as quiet as the reference."""
     limit = next(
-        (UNEQUAL * r["std"] for r in rows if r["estimator"] == REFERENCE and r["std"]), None
+        (UNEQUAL * r["std"] for r in rows if r["estimator"] == REFERENCE and r["std"]), np.inf
     )
-    return [
-        row
-        for row in rows
-        if row["estimator"] not in CONTROLS and (limit is None or (row["std"] or 0.0) <= limit)
-    ]
+    return [r for r in rows if r["estimator"] not in CONTROLS and (r["std"] or 0.0) <= limit]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
 from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.intervals import mean_interval, pseudo_values
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.theory import RMSE_AT
 from flexaxis.experiments.theta import true_theta
@@ -139,24 +140,45 @@ def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]
     for i, name in enumerate(group[0].names):
         errors = [case.relative[name] for case in group if name in case.relative]
         found.append(pool_rows([c.rows[i] for c in group], errors, period=scenario.period))
-    share = _systematic(found, scenario)
-    for row in found:
-        if row["excess"] is not None:
-            row["excess"] = max(0.0, row["excess"] - share)
-    return found
+    excess = _excess(group, scenario)
+    return [row | excess for row in found]
 
 
-def _systematic(pooled: Sequence[Mapping[str, Any]], scenario: Scenario) -> float:
-    """Return b̄ᵀMb̄ of the pooled biases b̄: what of the excess is no scatter.
+def _excess(group: Sequence[Case], scenario: Scenario) -> dict[str, Any]:
+    """Return the pooled excess error with its interval, the same for all parameters."""
+    each, lost, biases = excess_runs([case.rows for case in group], scenario)
+    M = information(scenario)
+    if M is None or np.isnan(each).any():
+        return {"excess": None, "excess_interval": None}
 
-    None of it is taken off where runs were lost: their bias is not that of the others.
+    def statistic(index: NDArray[np.intp]) -> float:
+        return pools.excess(each[index], lost[index], biases[index], M)
+
+    every = np.arange(len(each))
+    within = None if lost.any() else mean_interval(pseudo_values(statistic, len(each)))
+    return {
+        "excess": finite(max(0.0, statistic(every))),
+        "excess_interval": within and [max(0.0, end) for end in within],
+    }
+
+
+def excess_runs(
+    runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario
+) -> tuple[Array, NDArray[np.bool_], Array]:
+    """Return of each run (n) its excess error, whether it was lost by then, and its biases (n, p).
+
+    Parameters
+    ----------
+    runs : sequence of sequence of mapping
+        The rows of each run, one for each parameter.
+    scenario : Scenario
+        The biases are those of its `identify` [% of nominal].
     """
-    M = information(scenario) if pooled[0]["excess"] is not None else None
-    if M is None or pooled[0]["diverged"]:
-        return 0.0
-    bias = {row["parameter"]: row["bias"] or 0.0 for row in pooled}
-    b = np.array([bias.get(name, 0.0) for name in scenario.identify])
-    return float(b @ M @ b)
+    each = [np.nan if rows[0]["excess"] is None else rows[0]["excess"] for rows in runs]
+    lost = [bool(rows[0]["lost_before"]) for rows in runs]
+    by_name = [{row["parameter"]: row["bias"] or 0.0 for row in rows} for rows in runs]
+    biases = [[found.get(name, 0.0) for name in scenario.identify] for found in by_name]
+    return np.array(each, float), np.array(lost, bool), np.array(biases, float)
 
 
 def pool_rows(

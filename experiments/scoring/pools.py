@@ -1,7 +1,8 @@
 """How the rows of many seeds become one number, with its interval; a function a kind of score.
 
 Each takes rows as in scores.jsonl, all of one parameter of one estimator on one scenario, and the
-name of a score; each returns what goes into the pooled row. Lost runs count in all of them.
+name of a score; each returns what goes into the pooled row. Lost runs count in all of them but the
+consistency of the claim: of an estimate that is not there nothing was claimed.
 """
 
 from __future__ import annotations
@@ -128,6 +129,25 @@ def scatter(std: Array, bias: Array, lost: NDArray[np.bool_]) -> float:
     whole = ~lost
     square = spread(std[whole], bias[whole]) ** 2 * whole.sum() if whole.any() else 0.0
     return float(np.sqrt((square + np.sum(std[lost] ** 2)) / len(std)))
+
+
+def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Array) -> float:
+    """Return the mean excess error, without that of the common bias of the runs not lost.
+
+    Parameters
+    ----------
+    each : ndarray (n,)
+        Of each run.
+    lost : ndarray (n,) of bool
+        Whether a run was lost by then; lost runs count as they are.
+    biases : ndarray (n, p)
+        [% of nominal].
+    information : ndarray (p, p)
+        As from `flexaxis.experiments.scoring.excess.information`.
+    """
+    whole = ~lost
+    common = biases[whole].mean(axis=0) if whole.any() else np.zeros(biases.shape[1])
+    return float(each.mean() - whole.mean() * (common @ information @ common))
 
 
 def spread_at_a_time(theta: ArrayLike) -> Array:

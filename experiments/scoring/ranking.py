@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 REFERENCE = "rpem-forgetting"
 CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
-LEVEL = 0.05  # chance that the best is wrongly told apart from any of those that are as good
+LEVEL = 0.05  # chance that any of those that are equally good is wrongly told apart
 
 
 def difference(first: Sequence[float], second: Sequence[float]) -> Paired:
@@ -30,8 +30,10 @@ def difference(first: Sequence[float], second: Sequence[float]) -> Paired:
 def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> list[str]:
     """Return the best and all that cannot be told apart from it.
 
-    Each is compared with the best on common seeds, and the level of each comparison is Holm's.
-    With fewer than five seeds nobody can be told apart.
+    Each is compared with the best on common seeds. The best is found on the same seeds, so that
+    any pair might be the one that is compared: k estimators share the level as all k(k−1)/2 pairs
+    would (Bonferroni over the choice of the best, Holm over the rest). With fewer than five seeds
+    nobody can be told apart.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> lis
     if len(values[best]) < LEAST:
         return order
     p = [difference(values[name], values[best]).p for name in others]
-    levels = holm_levels(p, LEVEL)
+    levels = holm_levels(p, 2 * LEVEL / len(order))
     return [best, *(n for n, each, level in zip(others, p, levels, strict=True) if each > level)]
 
 
@@ -78,7 +80,8 @@ def worse(first: Row, second: Row) -> list[str]:
 def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
     """Return the rows of a sweep with `leads`: whether a row is among the best of its fault.
 
-    Controls do not compete, nor does who is noisier than the reference at every setting.
+    Controls do not compete, nor does who is noisier than the reference at every setting. Who is
+    quieter at every setting may be quicker than what is shown, and never counts as slower.
     """
     rows = list(rows)
     ahead: dict[tuple[str, str], list[str]] = {}
@@ -92,11 +95,11 @@ def mark(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def _compete(rows: Sequence[Row]) -> list[Row]:
-    return [
-        row
-        for row in rows
-        if row["estimator"] not in CONTROLS and row["how"] != NOISIER and row["values"].get("lag")
-    ]
+    """Return who can be ranked: at equal noise, or quieter and quicker than all of these."""
+    able = [r for r in rows if r["estimator"] not in CONTROLS and r["values"].get("lag")]
+    matched = [row for row in able if row["how"] == MATCHED]
+    best = min((row["lag"] for row in matched), default=np.inf)
+    return matched + [row for row in able if row["how"] == QUIETER and row["lag"] < best]
 
 
 def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -118,29 +121,36 @@ def overall(rows: Sequence[Row]) -> list[dict[str, Any]]:
     faults = list(dict.fromkeys((r["scenario"], r["parameter"]) for r in rows if r["bound"]))
     if not faults:
         return []
+    seeds = max(len(row["values"].get("score") or ()) for row in rows)
+    if not seeds:
+        return []
     found: dict[str, dict[str, Any]] = {}
     for estimator in dict.fromkeys(row["estimator"] for row in rows):
         mine = {(r["scenario"], r["parameter"]): r for r in rows if r["estimator"] == estimator}
         each = [mine[f]["values"].get("score") if f in mine else None for f in faults]
-        n = min((len(values) for values in each if values), default=0)
-        total = np.mean([values[:n] if values else np.zeros(n) for values in each], axis=0)
+        total = np.mean([values or np.zeros(seeds) for values in each], axis=0)
         how = {mine[f]["how"] for f in faults if f in mine} - {MATCHED}
         found[estimator] = {
             "estimator": estimator,
-            "score": float(total.mean()) if n else 0.0,
+            "score": float(total.mean()),
             "score_interval": mean_interval(total),
             "how": MATCHED if not how else how.pop() if len(how) == 1 else "mixed",
             "faults": len(faults),
             "values": total.tolist(),
         }
-    able = {name: entry["values"] for name, entry in found.items() if _ranked(entry)}
+    able = _able(found)
     ahead = leaders(able, most=True)
     order = sorted(found.values(), key=lambda entry: -entry["score"])
     return [entry | {"leads": entry["estimator"] in ahead} for entry in order]
 
 
-def _ranked(entry: Row) -> bool:
-    return entry["estimator"] not in CONTROLS and entry["how"] in (MATCHED, QUIETER)
+def _able(found: Mapping[str, Row]) -> dict[str, list[float]]:
+    """Return the scores of those that can be ranked, as `_compete` does."""
+    others = {name: entry for name, entry in found.items() if name not in CONTROLS}
+    matched = {name: e["values"] for name, e in others.items() if e["how"] == MATCHED}
+    best = max((float(np.mean(values)) for values in matched.values()), default=-np.inf)
+    ahead = {n: e for n, e in others.items() if e["how"] == QUIETER and e["score"] > best}
+    return matched | {name: entry["values"] for name, entry in ahead.items()}
 
 
 def answers(rows: Sequence[Row], words: Mapping[str, str]) -> list[str]:
@@ -218,7 +228,7 @@ def in_words(rows: Sequence[Row]) -> list[str]:
             text += f"; these seeds cannot tell it from {', '.join(map(_set, tied))}"
         slower = [row for row in order if row["estimator"] not in ahead]
         if slower:
-            text += "; " + ", ".join(_beside(row, order[0]) for row in slower)
+            text += "; " + ", ".join(_beside(slower, order[0]))
         for row in order:
             if row["diverged"]:
                 text += (
@@ -232,10 +242,14 @@ def _set(row: Row) -> str:
     return f"{row['estimator']} {row['lag']:.2g} s at {row['std']:.2g} %"
 
 
-def _beside(row: Row, best: Row) -> str:
-    """Return how a slower estimator compares with the best in noise before the fault."""
-    text = f"{_set(row)} is slower"
-    apart = difference(row["values"]["std"], best["values"]["std"])
-    if apart.p < LEVEL and apart.n >= LEAST:
-        return text + (" and noisier" if apart.mean > 0 else " and quieter")
-    return text + ", its noise not told apart"
+def _beside(slower: Sequence[Row], best: Row) -> list[str]:
+    """Return how the slower ones compare with the best in noise before the fault, after Holm."""
+    apart = [difference(row["values"]["std"], best["values"]["std"]) for row in slower]
+    levels = holm_levels([each.p for each in apart], LEVEL)
+    found = []
+    for row, each, level in zip(slower, apart, levels, strict=True):
+        clear = each.p <= level and each.n >= LEAST
+        noise = " and noisier" if each.mean > 0 else " and quieter"
+        unclear = ", its noise not told apart"
+        found.append(f"{_set(row)} is slower{noise if clear else unclear}")
+    return found

@@ -120,7 +120,7 @@ SCORES: Mapping[str, Score] = {
             "is quiet before a fault only because it is frozen is not quiet here.",
             unit="%",
             better="less",
-            pool=pools.deviation("bias_after", "diverged"),
+            pool=pools.deviation("bias_after", "lost_after"),
             heading="std after",
         ),
         Score(
@@ -164,6 +164,12 @@ SCORES: Mapping[str, Score] = {
             "lost_before",
             lambda track, _: track.lost_before,
             "Whether it was lost before std and bias had been taken.",
+            kind="truth",
+        ),
+        Score(
+            "lost_after",
+            lambda track, i: track.lost_by_end(i),
+            "Whether it was lost before the window after the fault had ended.",
             kind="truth",
         ),
         Score(

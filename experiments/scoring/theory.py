@@ -58,7 +58,7 @@ class Detection:
     false_alarms : int
         Findings outside the windows of all faults.
     false_alarms_per_1000_s : float
-        The same over the length of the run.
+        The same over the time outside these windows.
     delay : float or None
         From a fault to the first finding in its window, mean over those detected [s].
     faults, missed : int
@@ -88,8 +88,8 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
             found.append(Limits())
             continue
         window = spans[name]
-        both = jump_bound(scenario, names, window.start, window.stop, torque)
-        unknown, single = both.unknown[:, i], both.single[:, i]
+        allowed = jump_bound(scenario, names, window.start, window.stop, torque)
+        unknown, single = allowed.unknown[:, i], allowed.single[:, i]
         found.append(
             Limits(
                 lag_null=_lag_null(scenario, names, i, window),
@@ -192,12 +192,20 @@ def detection(
     return Detection(
         alarms=len(alarms),
         false_alarms=int(np.sum(~inside)),
-        false_alarms_per_1000_s=1000 * float(np.sum(~inside)) / scenario.duration,
+        false_alarms_per_1000_s=1000 * float(np.sum(~inside)) / _calm(scenario, spans),
         delay=float(np.mean(delays)) if delays else None,
         faults=len(spans),
         missed=len(spans) - len(delays),
         isolated=float(np.mean(named)) if named else None,
     )
+
+
+def _calm(scenario: Scenario, spans: Sequence[Window]) -> float:
+    """Return the time in which an alarm is a false one [s]: all but the windows."""
+    calm = np.ones(scenario.samples, bool)
+    for window in spans:
+        calm[window.start : window.stop] = False
+    return max(1, int(calm.sum())) * scenario.period
 
 
 def isolation(
@@ -226,12 +234,17 @@ def isolation(
 
 
 def limits_of(track: Track, i: int) -> Limits:
-    """Return the limits of one estimated parameter."""
-    if track.torque is None:
+    """Return the limits of one estimated parameter.
+
+    They are those of the scenario's `identify`, the same for all estimators: whoever takes more or
+    fewer parameters for unknown is measured by the same bound.
+    """
+    asked = track.scenario.identify
+    if track.torque is None or track.names[i] not in asked:
         return Limits()
     if "limits" not in track.memo:
-        track.memo["limits"] = limits(track.scenario, track.names, track.torque)
-    return track.memo["limits"][i]
+        track.memo["limits"] = limits(track.scenario, asked, track.torque)
+    return track.memo["limits"][asked.index(track.names[i])]
 
 
 def score_of(track: Track, i: int) -> float | None:

@@ -36,7 +36,10 @@ DETECTION = (
     "how many it misses, against how often it finds one where there is none."
 )
 ISOLATION = "What was named (columns) where something changed (rows)."
-HEAT = "Lag [s] after the fault, geometric mean: the darker, the slower. White: not run, or never in range."
+HEAT = (
+    "Lag [s] after the fault, geometric mean: the darker, the slower. White: not run, or never in "
+    "range."
+)
 
 
 def write_report(results: Results) -> Path:

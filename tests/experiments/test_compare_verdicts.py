@@ -257,3 +257,26 @@ def test_the_legend_names_both_where_they_estimate_different_parameters(short):
     figure = trajectories(sides, short, labels={"base": "base: a", "candidate": "candidate: b"})
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert texts == ["base: a", "truth", "candidate: b"]
+
+
+def test_who_does_not_estimate_what_changes_is_not_better():
+    """Quieter in one parameter, and silent on the one that fails: nothing is said of that."""
+    noise = np.random.default_rng(0).normal(0, 0.005, 32)
+
+    def of(parameter, std, changed):
+        return [
+            {"scenario": "s", "seed": k, "parameter": parameter, "changed": changed,
+             "lag": 1.0 if changed else None, "std": std * np.exp(noise[k]), "diverged": False,
+             "never_settled": False}
+            for k in range(32)
+        ]  # fmt: skip
+
+    base = table([*of("f_m", 1.0, True), *of("k_T", 1.0, False)])
+    for rest, missing in (([], (("s", "f_m"),)), (of("f_m", 1.0, True), ())):
+        paired = pair(base, table([*of("k_T", 0.5, False), *rest]), MARGINS)
+        assert paired.missing == missing
+        found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS), [],
+                           paired.missing)  # fmt: skip
+        assert found.verdict == ("undecided" if missing else "better")
+        assert ("f_m of s is not estimated" in headline(found)) == bool(missing)
+        assert ("does not estimate all that changes (f_m)" in meaning(found)) == bool(missing)

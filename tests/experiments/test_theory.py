@@ -131,6 +131,8 @@ def test_what_counts_as_an_alarm():
     given = [(900, ()), (2010, ("f_m",)), (2100, ("k_T",)), (2220, ("k_a",))]
     found = detection(scenario, NAMES, [Finding(*finding) for finding in given])
     assert (found.alarms, found.false_alarms, found.missed) == (4, 1, 0)
+    # 20 s, of which 1 + 5 s are windows
+    assert found.false_alarms_per_1000_s == pytest.approx(1000 / 14)
     assert found.delay == pytest.approx((10 + 20) / 2 * 0.005)
     assert found.isolated == 0.5
     nothing = detection(scenario, NAMES, [])

@@ -62,6 +62,8 @@ def test_no_match_and_wrong_words_are_said(capsys):
         least_lag("cusum-reset", ["rest"], find_scenario("fm_step-v1"), Powers(range(1)))
     for words, said in (
         ([], "name one estimator, or give --all"),
+        (["--all", "--match", "f_m"], "leave --match"),
+        (["--save", "ekf"], "--save took ekf for its FILE"),
         (["ekf", "--minimize", "lag"], "go together"),
         (["ekff"], "Did you mean 'ekf'"),
     ):
