@@ -19,7 +19,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.compare.selftable import markdown as self_test_table
 from flexaxis.experiments.report import number
-from flexaxis.experiments.scoring.ranking import CONTROLS
+from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 
 ROOT = Path(__file__).parents[1]
@@ -194,7 +194,7 @@ def _name(estimator: str) -> str:
 def _lag(row: Row | None) -> str:
     if row is None or row["lag"] is None:
         return "–"
-    sign = {"quieter": "≤ ", "noisier": "≥ "}.get(row["how"], "")
+    sign = AT_MOST.get(row["how"], "")
     value = f"{sign}{row['lag']:.3g}"
     if row["leads"]:
         value = f"**{value}**"
@@ -204,7 +204,7 @@ def _lag(row: Row | None) -> str:
 
 
 def _score(row: Row) -> str:
-    sign = {"quieter": "≥ ", "noisier": "≤ ", "mixed": "about "}.get(row["how"], "")
+    sign = AT_LEAST.get(row["how"], "")
     value = f"{sign}{row['score']:.0f}"
     if row["leads"]:
         value = f"**{value}**"

@@ -49,6 +49,8 @@ def render(results: Results) -> str:
         equal=_at_equal_noise(summary),
         mismatch=_mismatch(summary, scenarios),
         controls=ranking.CONTROLS,
+        at_most=ranking.AT_MOST,
+        at_least=ranking.AT_LEAST,
         colour=figures.colour,
         heads=column_heads(),
         cells=cells,

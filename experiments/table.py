@@ -11,6 +11,7 @@ from rich.table import Table
 
 from flexaxis.experiments.report import number, pair, settled
 from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.scoring.table import SCORES, Score
 
 CAPTION = """\
@@ -112,20 +113,19 @@ def equal_noise_table(
             values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
             table.add_row(
                 ("* " if row["leads"] else "  ") + escape(row["estimator"]),
-                SIGNS.get(row["how"], "") + number(row["lag"]),
+                AT_MOST.get(row["how"], "") + number(row["lag"]),
                 pair(row["lag_interval"]),
                 *(number(value, 2) for value in values),
             )
     if overall:
         table.add_row("[bold]score at equal excess error[/]")
     for row in overall:
-        sign = {"quieter": "≥ ", "noisier": "≤ ", "mixed": "about "}.get(row["how"], "")
+        sign = AT_LEAST.get(row["how"], "")
         name = ("* " if row["leads"] else "  ") + escape(row["estimator"])
         table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
     return table
 
 
-SIGNS = {"quieter": "≤ ", "noisier": "≥ "}
 EQUAL = """\
 lag where the std of θ before the fault is that of rpem-forgetting at its default
 *: the best, and those that paired seeds cannot tell from it

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 
 REFERENCE = "rpem-forgetting"
 CONTROLS = ("frozen", "oracle-reset")  # they know more than an estimator may, or nothing
+AT_MOST = {QUIETER: "≤ ", NOISIER: "≥ "}
+"""Sign before a lag that no setting matches; before a score it is the other way round."""
+AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # chance that any of those that are equally good is wrongly told apart
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import bdtrc, stdtr, stdtrit
 
-Array = NDArray[np.float64]
+from flexaxis.experiments.scoring.intervals import FLOOR
 
-FLOOR = 1e-6
-"""Scores below this [s or %] count as this: an estimator that never moves has a std of zero."""
+Array = NDArray[np.float64]
 
 ROUNDING = 1e-12  # log-ratios that differ by no more are equal
 
