@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
@@ -21,6 +22,15 @@ x-talk: largest error caused in another parameter [% of nominal]
 lost: diverged runs; open: other runs never settled; µs: time per sample"""
 
 SHOWN = [score for score in SCORES.values() if score.short]
+
+
+WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
+
+
+def show(table: Table) -> None:
+    """Print a table, in a file or a pipe as wide as it needs."""
+    console = Console()
+    (console if console.is_terminal else Console(width=WIDE)).print(table)
 
 
 def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:

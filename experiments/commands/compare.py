@@ -24,8 +24,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from flexaxis.experiments.compare.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
@@ -153,17 +151,16 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from rich.console import Console
-
     from flexaxis.experiments.compare.report import row_command, terminal_table, worst
     from flexaxis.experiments.compare.words import headline, meaning
     from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.table import show
 
     status = found.status(strict=args.strict)
     if args.json:
         print(dumps(found.as_dict() | {"status": status, "report": str(path)}))
         return status
-    _wide(Console()).print(terminal_table(found))
+    show(terminal_table(found))
     print(f"\n{headline(found)}\n{meaning(found)}")
     if status in (1, 3):
         print(f"look at the worst seed: {row_command(found, worst(found), sources)}")
@@ -171,16 +168,7 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
     return status
 
 
-def _wide(console: Console) -> Console:
-    """Let a log of a build have whole names: it has no width of its own."""
-    if not console.is_terminal:
-        console.width = max(console.width, 200)
-    return console
-
-
 def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from rich.console import Console
-
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
     from flexaxis.experiments.compare import selftable, selftest
@@ -188,6 +176,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.progress import progress
     from flexaxis.experiments.results import dumps
     from flexaxis.experiments.seeds import parse_seeds
+    from flexaxis.experiments.table import show
 
     scenarios = select(args.names or [SUITE]).scenarios
     bases = (args.base,) if args.base else selftest.BASES
@@ -211,6 +200,6 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     if args.json:
         print(dumps(told))
         return int(bool(broken))
-    _wide(Console()).print(selftable.terminal(told))
+    show(selftable.terminal(told))
     print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
     return int(bool(broken))

@@ -21,8 +21,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from rich.console import Console
-
     from flexaxis.experiments.outputs import spare
     from flexaxis.experiments.report import render
     from flexaxis.experiments.results import (
@@ -35,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
         load,
         write_text,
     )
-    from flexaxis.experiments.table import score_table
+    from flexaxis.experiments.table import score_table, show
 
     path = args.output or args.folder / REPORT
     spare((args.folder / name for name in (SCORES, PART, SUMMARY, CURVES)), path)
@@ -44,6 +42,6 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         print(dumps(found.summary | {"report": str(path)}))
     else:
-        Console().print(score_table(found.summary["rows"]))
+        show(score_table(found.summary["rows"]))
         print(path)
     return 0

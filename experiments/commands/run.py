@@ -54,8 +54,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from rich.console import Console
-
     from flexaxis.experiments.benchmark import Plan, benchmark, command_line
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
@@ -64,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.results import REPORT, dumps
     from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.table import score_table
+    from flexaxis.experiments.table import score_table, show
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
@@ -101,6 +99,6 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:
-        Console().print(score_table(found.summary["rows"]))
+        show(score_table(found.summary["rows"]))
         print(folder / REPORT)
     return 0

@@ -34,8 +34,6 @@ def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
     import json
 
-    from rich.console import Console
-
     from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.catalogue import select
@@ -45,7 +43,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.seeds import parse_seeds
     from flexaxis.experiments.sweep import reference, settings, sweep, texts
-    from flexaxis.experiments.table import equal_noise_table
+    from flexaxis.experiments.table import equal_noise_table, show
     from flexaxis.experiments.tradeoff import figure
 
     scenarios, *_ = select(args.names)
@@ -76,6 +74,6 @@ def main(args: argparse.Namespace) -> int:
     if args.json:
         print(dumps(content))
         return 0
-    Console().print(equal_noise_table(found.matched, content["overall"]))
+    show(equal_noise_table(found.matched, content["overall"]))
     print(args.output / "tradeoff.svg")
     return 0
