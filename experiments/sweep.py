@@ -31,6 +31,8 @@ from flexaxis.experiments.scoring.matching import (
 from flexaxis.experiments.scoring.pooling import excess_runs, pool_group
 from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
+from flexaxis.experiments.scoring.windows import windows
+from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
@@ -103,7 +105,17 @@ def sweep(
 
     Where these settings are all quieter than the reference, or all noisier, the knob is turned
     further, up to 1024 times, as far as the estimator allows.
+
+    Raises
+    ------
+    FlexaxisError
+        If no scenario has a fault in a parameter that it asks to be estimated.
     """
+    if not any(w.size > 0 for s in scenarios for w in windows(s, s.identify)):
+        raise FlexaxisError(
+            f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
+            "is no lag to compare; name a scenario with one (`flexaxis list`)"
+        )
     runs = _Runs(scenarios, seeds, settings(estimators, factors=factors), jobs, store, advance)
     runs.run(scenarios, texts(settings(estimators, factors=factors)))
     for factor in WIDER:
@@ -130,7 +142,10 @@ class _Runs:
         self._cases: dict[str, dict[str, list[harness.Case]]] = {s.name: {} for s in scenarios}
 
     def run(self, scenarios: Sequence[Scenario], wanted: Sequence[str]) -> None:
-        """Run some settings on some scenarios."""
+        """Run some settings on some scenarios; a setting that was run there is not run again."""
+        wanted = [t for t in wanted if any(t not in self._cases[s.name] for s in scenarios)]
+        if not wanted:
+            return
         for done in harness.run(scenarios, wanted, self._seeds, jobs=self._jobs, store=self._store):
             for case in done.cases:
                 held = self._cases[case.scenario].setdefault(case.estimator, [])

@@ -189,6 +189,20 @@ def test_who_does_not_estimate_what_changes_is_in_no_fault_and_harms_nobody(shor
     assert len(overall(found.at_excess)) == 2
 
 
+def test_a_setting_that_another_name_is_widened_to_is_run_once(short):
+    """One named with that very value: its runs may not stand twice among those of the other."""
+    own = f"{__file__}:Timid"
+    found = sweep([short], [f"{own}[gain=1.6e-06]", own], [0, 1], factors=(1.0,))
+    assert {p["seeds"] for p in found.points} == {2}
+    assert len({p["setting"] for p in found.points if p["factor"] == 16.0}) == 1
+
+
+def test_without_a_fault_there_is_nothing_to_compare(capsys):
+    words = ["tradeoff", "standstill-v1", "--estimator", "rpem-forgetting", "--seeds", "1"]
+    assert main(words) == 2
+    assert "standstill-v1: no fault in an estimated parameter" in capsys.readouterr().err
+
+
 def test_false_alarms_are_a_rate(short):
     found = sweep([short], ["relocate"], [0, 1], factors=(1.0,))
     (row,) = found.matched
