@@ -101,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.crashes import EstimatorCrash, worker_died
+    from flexaxis.experiments.running.crashes import EstimatorCrash, worker_died
     from flexaxis.sim.errors import FlexaxisError
 
     try:
@@ -122,7 +122,7 @@ def _guarded(args: argparse.Namespace) -> int:
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.crashes import described, user_code, worker_died
+    from flexaxis.experiments.running.crashes import described, user_code, worker_died
 
     if worker_died(error):
         own = f" ({', '.join(_own_code(args))})" if _own_code(args) else ""

@@ -14,7 +14,7 @@ MAY_IMPORT = {
 }
 # Usable alone on a robot's log: nothing but these.
 ESTIMATORS_NEED = {"numpy", "scipy", "numba", "llvmlite"}
-KNOW_MUJOCO = {"sim/plant.py", "experiments/view.py", "experiments/speed.py"}
+KNOW_MUJOCO = {"sim/plant.py", "experiments/reporting/view.py", "experiments/studies/speed.py"}
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue import find_suite, scenario_names
+from flexaxis.experiments.catalogue.find import find_suite, scenario_names
 
 ROOT = Path(__file__).parents[1]
 WORDS = {17: "seventeen", 18: "eighteen", 19: "nineteen", 20: "twenty", 21: "twenty-one"}

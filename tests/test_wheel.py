@@ -76,7 +76,7 @@ def test_catalogue_is_in_the_wheel(wheel, tmp_path):
 def test_runs_beside_a_users_own_experiments_folder(wheel, tmp_path):
     (tmp_path / "experiments").mkdir()
     (tmp_path / "experiments" / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")
-    short = (ROOT / "experiments/scenarios/fm_step-v1.toml").read_text()
+    short = (ROOT / "experiments/catalogue/scenarios/fm_step-v1.toml").read_text()
     short = (
         short.replace("fm_step-v1", "short").replace("20.0", "8.0").replace("at = 10.0", "at = 6")
     )

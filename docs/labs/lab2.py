@@ -8,7 +8,7 @@ import numpy as np
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.predictor import predict
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 scenario = find_scenario("paper_nominal-v1")

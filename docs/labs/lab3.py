@@ -9,7 +9,7 @@ import numpy as np
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.adaptation import estimate_covariance, steady_P
 from flexaxis.estimators.frequency import information, line_spectrum
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 SEEDS = range(1000, 1006)

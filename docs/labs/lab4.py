@@ -10,7 +10,7 @@ import numpy as np
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.adaptation import drift_for, steady_P, tracking_error
 from flexaxis.estimators.frequency import information, line_spectrum
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 names, T = ("k_T", "1/J_a", "f_m"), 0.005

@@ -7,7 +7,7 @@ import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.priors import known_P
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 FORGETTING = 0.995

@@ -7,7 +7,7 @@ import numpy as np
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.predictor import sampled_system
 from flexaxis.estimators.priors import known_P
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
 names, T, sigma = ("k_T", "1/J_a", "f_m"), 0.005, 0.1

@@ -24,8 +24,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show or empty it."""
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps
 
     store = default_cache()
     facts: dict[str, object] = {"folder": str(store.folder), "limit_mb": store.limit / 1024**2}

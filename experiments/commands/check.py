@@ -8,7 +8,7 @@ exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its 
 example:
   flexaxis check my_estimator.py:Mine
   flexaxis check 'pipe:octave-cli -q my.m'
-  flexaxis check flexaxis.experiments.controls:Cheater        (wrong on purpose)
+  flexaxis check flexaxis.experiments.conformance.wrong:Cheater        (wrong on purpose)
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.conformance import check
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.specs import parse
+    from flexaxis.experiments.conformance.check import check
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.specs import parse
 
     found = check(parse(args.estimator), store=default_cache())
     status = int(any(finding.holds is False for finding in found))

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.compare.gate import Comparison
+    from flexaxis.experiments.gate.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
 
@@ -64,8 +64,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.compare.pairs import parse_margins
-    from flexaxis.experiments.compare.stored import is_run
+    from flexaxis.experiments.gate.pairs import parse_margins
+    from flexaxis.experiments.gate.stored import is_run
     from flexaxis.sim.errors import FlexaxisError
 
     margins = parse_margins(args.margin)
@@ -96,13 +96,13 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.catalogue import find_scenario, select, suite_names
-    from flexaxis.experiments.compare.gate import SUITE, Question, compare, default_seeds
-    from flexaxis.experiments.compare.report import write
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.seeds import parse_seeds
+    from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
+    from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
+    from flexaxis.experiments.gate.report import write
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
     scenarios = select(names).scenarios
@@ -137,10 +137,10 @@ def _output(args: argparse.Namespace) -> Path:
 
 
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.compare.report import write
-    from flexaxis.experiments.compare.stored import compare_runs
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.seeds import parse_seeds
+    from flexaxis.experiments.gate.report import write
+    from flexaxis.experiments.gate.stored import compare_runs
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.seeds import parse_seeds
 
     base, candidate = map(Path, args.names)
     spare(args.names, _output(args))
@@ -151,10 +151,10 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.compare.report import row_command, terminal_table, worst
-    from flexaxis.experiments.compare.words import headline, meaning
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.table import show
+    from flexaxis.experiments.gate.report import row_command, terminal_table, worst
+    from flexaxis.experiments.gate.words import headline, meaning
+    from flexaxis.experiments.reporting.terminal import show
+    from flexaxis.experiments.running.files import dumps
 
     status = found.status(strict=args.strict)
     if args.json:
@@ -169,14 +169,14 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
 
 
 def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.catalogue import select
-    from flexaxis.experiments.compare import selftable, selftest
-    from flexaxis.experiments.compare.gate import SUITE
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.table import show
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.gate import selftable, selftest
+    from flexaxis.experiments.gate.gate import SUITE
+    from flexaxis.experiments.reporting.terminal import show
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.seeds import parse_seeds
 
     scenarios = select(args.names or [SUITE]).scenarios
     bases = (args.base,) if args.base else selftest.BASES

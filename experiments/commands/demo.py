@@ -18,7 +18,7 @@ import os
 import sys
 from pathlib import Path
 
-from flexaxis.experiments.consent import add_run_code
+from flexaxis.experiments.running.consent import add_run_code
 
 HELP = "a live axis in the browser, or a lesson as GIF or MP4"
 
@@ -54,7 +54,7 @@ def main(args: argparse.Namespace) -> int:
         os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
     from flexaxis.experiments.demo.lesson import default_lesson, load_lesson
     from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
-    from flexaxis.experiments.outputs import spare
+    from flexaxis.experiments.running.outputs import spare
     from flexaxis.sim.errors import FlexaxisError
 
     if args.print_script:
@@ -84,10 +84,10 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _record(args: argparse.Namespace, lesson) -> int:  # type: ignore[no-untyped-def]
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.consent import require
     from flexaxis.experiments.demo.movie import record
-    from flexaxis.experiments.progress import progress
+    from flexaxis.experiments.running.consent import require
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.studies.benchmark import command_line
 
     if not args.estimator:
         require(

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.estimate import Outcome
+    from flexaxis.experiments.running.estimate import Outcome
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
 
@@ -43,12 +43,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
-    from flexaxis.experiments.catalogue import find_scenario
-    from flexaxis.experiments.estimate import estimate
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.specs import code_file, parse
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.running.estimate import estimate
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.specs import code_file, parse
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")

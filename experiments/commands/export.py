@@ -25,12 +25,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.study import export
-    from flexaxis.experiments.study.folder import REPORT, STUDY
-    from flexaxis.experiments.study.results import Results
-    from flexaxis.experiments.study.rows import row_files
+    from flexaxis.experiments.running import export
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.folder import REPORT, STUDY
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.running.rows import row_files
 
     forms = {
         "parquet": export.export_parquet,

@@ -61,8 +61,8 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identify import identify
     from flexaxis.experiments.logs.importing import read_any
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
 
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     report = path.with_suffix(".html")
@@ -143,9 +143,9 @@ def _print(found: Identification) -> None:
 
 
 def _write_page(found: Identification, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.logs.figures import bode_figure
     from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.studies.benchmark import command_line
 
     rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in _rows(found)]
     page = Page(

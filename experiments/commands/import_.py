@@ -34,13 +34,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
-    from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.logs.axis import find_axis
     from flexaxis.experiments.logs.figures import log_figure, visibility_figure
     from flexaxis.experiments.logs.importing import expected_deviations, import_log
     from flexaxis.experiments.logs.report import Page, write_page
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or _beside(args.log)
     report = path.with_suffix(".html")
@@ -88,7 +88,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _beside(log: Path) -> Path:
     """Return where the record of a log goes by default: next to it, and never over it."""
-    from flexaxis.experiments.outputs import same
+    from flexaxis.experiments.running.outputs import same
 
     path = log.with_suffix(".nc")
     return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path

@@ -25,7 +25,7 @@ def main(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.running.files import dumps
 
     found = {kind: rows for kind, rows in _catalogue().items() if args.kind in (None, kind)}
     if args.json:
@@ -49,7 +49,7 @@ def _plain(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
 
 def _grouped(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
     """Yield the cells of the scenarios, each group under its heading."""
-    from flexaxis.experiments.card import GROUPS
+    from flexaxis.experiments.catalogue.card import GROUPS
 
     for group, words in GROUPS.items():
         yield f"[bold]{group}[/bold]", "", f"[bold]{words}[/bold]"
@@ -60,7 +60,7 @@ def _grouped(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
 
 def _catalogue() -> dict[str, list[dict[str, str]]]:
     from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments import catalogue
+    from flexaxis.experiments.catalogue import find as catalogue
 
     return {
         "scenarios": [_scenario(name) for name in catalogue.scenario_names()],
@@ -75,7 +75,8 @@ def _catalogue() -> dict[str, list[dict[str, str]]]:
 
 
 def _scenario(name: str) -> dict[str, str]:
-    from flexaxis.experiments import card, catalogue
+    from flexaxis.experiments.catalogue import card
+    from flexaxis.experiments.catalogue import find as catalogue
 
     scenario = catalogue.find_scenario(name)
     return {

@@ -21,11 +21,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Merge and report."""
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.study.merge import merge
-    from flexaxis.experiments.study.report import write_report
-    from flexaxis.experiments.study.results import Results
+    from flexaxis.experiments.reporting.study_page import write_report
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.merge import merge
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.results import Results
 
     spare(args.folders, args.output)
     merged = merge(args.folders, args.output)

@@ -24,7 +24,7 @@ def main(args: argparse.Namespace) -> int:
     """Write the template and say what comes next."""
     from importlib.resources import files
 
-    from flexaxis.experiments.results import writing
+    from flexaxis.experiments.running.files import writing
     from flexaxis.sim.errors import FlexaxisError
 
     path = args.path
@@ -32,7 +32,7 @@ def main(args: argparse.Namespace) -> int:
         raise FlexaxisError(f"{path}: give a file that Python can import, such as my_estimator.py")
     if path.exists():
         raise FlexaxisError(f"{path} is there already; give another name")
-    template = files("flexaxis.experiments") / "templates" / "my_estimator.py"
+    template = files("flexaxis.experiments.conformance") / "templates" / "my_estimator.py"
     with writing(path):
         path.write_text(template.read_text(encoding="utf-8"), encoding="utf-8")
     print(f"{path} estimates the motor friction f_m. Change it, then:")

@@ -43,12 +43,12 @@ def main(args: argparse.Namespace) -> int:
     """Reproduce, check, and say what failed."""
     from rich.console import Console
 
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.cache import default_cache
     from flexaxis.experiments.paper.page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:

@@ -21,9 +21,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.report import render
-    from flexaxis.experiments.results import (
+    from flexaxis.experiments.reporting.run_page import render
+    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.running.files import (
         CURVES,
         PART,
         REPORT,
@@ -33,7 +33,7 @@ def main(args: argparse.Namespace) -> int:
         load,
         write_text,
     )
-    from flexaxis.experiments.table import score_table, show
+    from flexaxis.experiments.running.outputs import spare
 
     path = args.output or args.folder / REPORT
     spare((args.folder / name for name in (SCORES, PART, SUMMARY, CURVES)), path)

@@ -54,15 +54,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from flexaxis.experiments.benchmark import Plan, benchmark, command_line
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.catalogue import select
-    from flexaxis.experiments.harness import Done
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import REPORT, dumps
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import REPORT, dumps
+    from flexaxis.experiments.running.harness import Done
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import REFERENCE
-    from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.table import score_table, show
+    from flexaxis.experiments.studies.benchmark import Plan, benchmark, command_line
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:

@@ -26,8 +26,9 @@ def main(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments import card, catalogue
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.catalogue import card
+    from flexaxis.experiments.catalogue import find as catalogue
+    from flexaxis.experiments.running.files import dumps
 
     if args.name in REGISTRY:
         entry = REGISTRY[args.name]

@@ -24,10 +24,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
-    from flexaxis.experiments.catalogue import find_scenario
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.simulate import simulate
 
     scenario = find_scenario(args.scenario)

@@ -26,9 +26,9 @@ def main(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.speed import measure
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.studies.speed import measure
     from flexaxis.sim.errors import FlexaxisError
 
     if args.rounds < 1:

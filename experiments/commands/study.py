@@ -32,10 +32,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.consent import add_run_code
+from flexaxis.experiments.running.consent import add_run_code
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.study.plan import Plan
+    from flexaxis.experiments.running.plan import Plan
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
 
@@ -75,13 +75,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Plan, run and report."""
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.consent import require
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.study import rows
-    from flexaxis.experiments.study.definition import load_study
-    from flexaxis.experiments.study.folder import REPORT, STUDY, check
-    from flexaxis.experiments.study.plan import make_plan
+    from flexaxis.experiments.running import rows
+    from flexaxis.experiments.running.consent import require
+    from flexaxis.experiments.running.folder import REPORT, STUDY, check
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.plan import make_plan
+    from flexaxis.experiments.studies.benchmark import command_line
+    from flexaxis.experiments.studies.definition import load_study
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
@@ -109,7 +109,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
     """Return the plan in words; a few cases are run to know how long it takes."""
-    from flexaxis.experiments.study.forecast import forecast, without_code
+    from flexaxis.experiments.running.forecast import forecast, without_code
 
     whole, todo = plan.work(), plan.work(done)
     text = (
@@ -126,10 +126,10 @@ def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
 
 
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, executor: Any, workers: int) -> int:
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.study import rows
-    from flexaxis.experiments.study.run import run_study
+    from flexaxis.experiments.running import rows
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import run_study
+    from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.errors import FlexaxisError
 
     total = plan.work().cases
@@ -177,9 +177,9 @@ def _go_on(args: argparse.Namespace, counted: int, total: int) -> str:
 def _report(  # noqa: PLR0917
     args: argparse.Namespace, plan: Plan, folder: Path, finished: Any, counted: int, total: int
 ) -> int:
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.study.report import write_report
-    from flexaxis.experiments.study.results import Results
+    from flexaxis.experiments.reporting.study_page import write_report
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.results import Results
 
     results = Results.load(folder)
     failed = len(results.failures())
@@ -213,7 +213,7 @@ def _executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.study.results import needed
+    from flexaxis.experiments.running.results import needed
 
     distributed = needed("distributed")
     try:

@@ -50,9 +50,9 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.track import save, track
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.specs import code_file, parse
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.specs import code_file, parse
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
@@ -129,9 +129,9 @@ def _print(found: Tracked) -> None:
 
 
 def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.benchmark import command_line
     from flexaxis.experiments.logs.figures import estimates_figure, load_figure, residual_figure
     from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.studies.benchmark import command_line
 
     figures = [
         (

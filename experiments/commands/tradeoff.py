@@ -34,17 +34,17 @@ def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
     import json
 
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.catalogue import select
-    from flexaxis.experiments.figures import svg
-    from flexaxis.experiments.progress import progress
-    from flexaxis.experiments.results import dumps, write_text, writing
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.reporting.figures import svg
+    from flexaxis.experiments.reporting.terminal import equal_noise_table, show
+    from flexaxis.experiments.reporting.tradeoff import figure
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps, write_text, writing
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
-    from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.sweep import reference, settings, sweep, texts
-    from flexaxis.experiments.table import equal_noise_table, show
-    from flexaxis.experiments.tradeoff import figure
+    from flexaxis.experiments.studies.benchmark import command_line
+    from flexaxis.experiments.studies.sweep import reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)
     known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]

@@ -58,10 +58,10 @@ def main(args: argparse.Namespace) -> int:
     """Tune and print."""
     from dataclasses import asdict
 
-    from flexaxis.experiments.cache import default_cache
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.seeds import parse_seeds
-    from flexaxis.experiments.tuning import Bench, forget, save
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.studies.tuning import Bench, forget, save
     from flexaxis.sim.errors import FlexaxisError
 
     tasks = _tasks(args)
@@ -113,7 +113,7 @@ def _file(given: Path | bool | None) -> Path | None:
 
 def _can_be_saved(path: Path) -> None:
     """Refuse a place that cannot be written before the tuning, which takes long."""
-    from flexaxis.experiments.results import OutputError
+    from flexaxis.experiments.running.files import OutputError
 
     folder = path.parent
     if path.is_dir() or not folder.is_dir():
@@ -151,8 +151,8 @@ def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:
 
 
 def _tune(task: argparse.Namespace, bench):
-    from flexaxis.experiments.catalogue import find_scenario
-    from flexaxis.experiments.tuning import least_lag, match_noise
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.studies.tuning import least_lag, match_noise
 
     if task.minimize:
         return least_lag(task.estimator, task.option, find_scenario(task.scenario), bench)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.consent import add_run_code
+from flexaxis.experiments.running.consent import add_run_code
 
 HELP = "run random cases of a study again and compare"
 
@@ -31,9 +31,9 @@ def main(args: argparse.Namespace) -> int:
     """Run again, compare, and name what differs."""
     from dataclasses import asdict
 
-    from flexaxis.experiments.benchmark import command_line
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.study.verify import verify
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.verify import verify
+    from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:

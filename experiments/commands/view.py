@@ -31,13 +31,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
     if args.output is not None:
-        from flexaxis.experiments.offscreen import draw_offscreen
+        from flexaxis.experiments.reporting.offscreen import draw_offscreen
 
         draw_offscreen()  # before the engine is imported
-    from flexaxis.experiments.catalogue import find_scenario
-    from flexaxis.experiments.outputs import spare
-    from flexaxis.experiments.results import dumps
-    from flexaxis.experiments.view import picture, window
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.reporting.view import picture, window
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.outputs import spare
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate
 

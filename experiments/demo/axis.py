@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.theta import true_theta
+from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.controller import Controller, ControllerConfig
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.excitation import Multisine

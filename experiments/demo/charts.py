@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.demo.dots import Dot
 from flexaxis.experiments.demo.racer import NAMES
 from flexaxis.experiments.demo.session import SPAN, Curves
-from flexaxis.experiments.theta import physical
+from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.parameters import PARAMETER_UNITS
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from flexaxis.experiments.demo.charts import COLOURS, Charts
 from flexaxis.experiments.demo.offers import Offers
 from flexaxis.experiments.demo.racer import NAMES, Tuning
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
-from flexaxis.experiments.specs import parse
-from flexaxis.experiments.view import exaggerated, scene
+from flexaxis.experiments.reporting.view import exaggerated, scene
+from flexaxis.experiments.running.specs import parse
 
 REPAIR = "Repair everything"
 # One is slower than the axis, the other would have to be told when somebody clicks.

@@ -18,9 +18,9 @@ from flexaxis.experiments.demo.dots import Dot
 from flexaxis.experiments.demo.lesson import Lesson
 from flexaxis.experiments.demo.racer import NAMES
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
-from flexaxis.experiments.figures import symbol
-from flexaxis.experiments.results import OutputError, writing
-from flexaxis.experiments.view import camera, exaggerated
+from flexaxis.experiments.reporting.figures import symbol
+from flexaxis.experiments.reporting.view import camera, exaggerated
+from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.sim.timing import RATE
 
 Pixels = NDArray[np.uint8]

@@ -14,8 +14,8 @@ from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.demo.axis import Samples
-from flexaxis.experiments.specs import Spec, parse
-from flexaxis.experiments.theta import physical
+from flexaxis.experiments.running.specs import Spec, parse
+from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters
 from flexaxis.sim.timing import PERIOD, sample_index

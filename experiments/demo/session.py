@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.demo.axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.dots import Dot, Scorer
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, Racer, Tuning
-from flexaxis.experiments.specs import Spec
+from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import RATE
 

@@ -15,7 +15,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.model import Model
 from flexaxis.estimators.tables import MODELS, model_from_tables
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.results import write_text
+from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.parameters import PRESETS
 from flexaxis.sim.record import Record

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.figures import svg
-from flexaxis.experiments.results import write_text
+from flexaxis.experiments.reporting.figures import svg
+from flexaxis.experiments.running.files import write_text
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,13 @@ from flexaxis.estimators.model import Model, increment
 from flexaxis.estimators.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.estimate import run_on
 from flexaxis.experiments.logs.axis import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled
-from flexaxis.experiments.results import writing
-from flexaxis.experiments.specs import Spec
+from flexaxis.experiments.running.estimate import run_on
+from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -132,7 +132,7 @@ def track(
     axis : Axis
         As identified.
     spec : Spec
-        From `flexaxis.experiments.specs.parse`.
+        From `flexaxis.experiments.running.specs.parse`.
     identify : sequence of str
         What to estimate.
     start : float

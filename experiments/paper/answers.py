@@ -19,7 +19,7 @@ from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
 from flexaxis.experiments.paper.data import PAUSE, Data
 from flexaxis.experiments.paper.filters import COARSE, Runs, Tuning, filtered
 from flexaxis.experiments.scoring.pools import settles
-from flexaxis.experiments.theta import true_theta
+from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

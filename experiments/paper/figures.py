@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.adaptation import steady_P
 from flexaxis.estimators.frequency import frequency_response
-from flexaxis.experiments.figures import symbol
 from flexaxis.experiments.paper import offline
 from flexaxis.experiments.paper.checks_filter import settled_after
 from flexaxis.experiments.paper.checks_model import PEAKS, low_energy, torque_lines, torque_peaks
@@ -17,6 +16,7 @@ from flexaxis.experiments.paper.convergence import FORGETTING, drift
 from flexaxis.experiments.paper.data import Data
 from flexaxis.experiments.paper.filters import STRIDE, Runs
 from flexaxis.experiments.paper.style import COLOURS, GREY, HIGHLIGHT, LINES, WIDTH, note
+from flexaxis.experiments.reporting.figures import symbol
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

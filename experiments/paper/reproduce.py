@@ -7,8 +7,6 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from flexaxis.experiments.cache import RecordCache
-from flexaxis.experiments.figures import svg
 from flexaxis.experiments.paper import (
     answer_figures,
     checks_answers,
@@ -23,7 +21,9 @@ from flexaxis.experiments.paper.data import Size, collect
 from flexaxis.experiments.paper.offline import identify_offline
 from flexaxis.experiments.paper.page import render
 from flexaxis.experiments.paper.style import RC
-from flexaxis.experiments.results import write_text, writing
+from flexaxis.experiments.reporting.figures import svg
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.files import write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.model import Model, Parametrization, increment, three_mass
 from flexaxis.estimators.predictor import sampled_system
-from flexaxis.experiments.theta import true_theta
+from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.theta import physical, started_theta, true_theta
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
-from flexaxis.experiments.theta import physical, started_theta, true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]

@@ -16,7 +16,7 @@ from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import mean_interval, pseudo_values
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.theory import RMSE_AT
-from flexaxis.experiments.theta import true_theta
+from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]

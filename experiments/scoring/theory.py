@@ -15,8 +15,8 @@ from flexaxis.experiments.scoring.bounds import (
     noise_variance,
 )
 from flexaxis.experiments.scoring.case import Track, finite, lag_of
+from flexaxis.experiments.scoring.theta import physical, started_theta, true_theta
 from flexaxis.experiments.scoring.windows import Window, windows
-from flexaxis.experiments.theta import physical, started_theta, true_theta
 from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.theta import physical
+from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 
 SHORT = {
     "name": "short",

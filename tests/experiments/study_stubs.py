@@ -4,10 +4,10 @@ import os
 import time
 from pathlib import Path
 
-from flexaxis.experiments.harness import case_id
-from flexaxis.experiments.results import dumps
+from flexaxis.experiments.running.files import dumps
+from flexaxis.experiments.running.harness import case_id
+from flexaxis.experiments.running.work import Outcome
 from flexaxis.experiments.scoring.table import undefined
-from flexaxis.experiments.study.work import Outcome
 
 PARAMETERS = ("k_T", "1/J_a", "f_m")
 

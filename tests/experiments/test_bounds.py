@@ -5,7 +5,7 @@ import pytest
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.predictor import sampled_system
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate

@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
-from flexaxis.experiments import cache
-from flexaxis.experiments.cache import SIGNALS, RecordCache, records
+from flexaxis.experiments.running import cache
+from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.card import GROUPS, in_a_line, reference_card
-from flexaxis.experiments.catalogue import (
+from flexaxis.experiments.catalogue.card import GROUPS, in_a_line, reference_card
+from flexaxis.experiments.catalogue.find import (
     find_scenario,
     find_suite,
     scenario_names,

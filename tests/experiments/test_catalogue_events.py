@@ -2,7 +2,7 @@
 
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario, scenario_names
+from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.sim.faults import CHANGEABLE
 
 OVERLAPPING = {"warming_fm_step-v1"}  # a step while the same parameter warms up

@@ -50,7 +50,7 @@ def test_list_and_show(capsys):
 
 
 def test_what_show_prints_can_be_run(capsys, tmp_path):
-    from flexaxis.experiments.catalogue import find_scenario
+    from flexaxis.experiments.catalogue.find import find_scenario
 
     _, out, _ = flexaxis(capsys, "show", "pause_fm_step-v1")
     path = tmp_path / "mine.toml"

@@ -107,7 +107,7 @@ def test_stored_runs(capsys, short_toml, tmp_path):
 
 
 def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch):
-    from flexaxis.experiments.compare import gate
+    from flexaxis.experiments.gate import gate
 
     asked = []
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexaxis.experiments.compare import decide as rules
-from flexaxis.experiments.compare.decide import Family, decide, far_pairs, overall
+from flexaxis.experiments.gate import decide as rules
+from flexaxis.experiments.gate.decide import Family, decide, far_pairs, overall
 
 STEP = -math.log(0.95)
 

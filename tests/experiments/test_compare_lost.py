@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flexaxis.experiments.compare.gate import Comparison
-from flexaxis.experiments.compare.lost import judge_lost, levels, runs_needed
-from flexaxis.experiments.compare.pairs import MARGINS, pair, table
-from flexaxis.experiments.compare.verdicts import judge
-from flexaxis.experiments.compare.words import headline, meaning
+from flexaxis.experiments.gate.gate import Comparison
+from flexaxis.experiments.gate.lost import judge_lost, levels, runs_needed
+from flexaxis.experiments.gate.pairs import MARGINS, pair, table
+from flexaxis.experiments.gate.verdicts import judge
+from flexaxis.experiments.gate.words import headline, meaning
 
 SCENARIOS, SEEDS = ("s", "t", "u", "v"), range(1000, 1008)
 RUNS = [(scenario, seed) for scenario in SCENARIOS for seed in SEEDS]
@@ -67,7 +67,7 @@ def test_runs_lost_at_random(way, number, word, status):
 
 def test_levels_share_the_error():
     """Scores .6 %, each test of lost runs .15 % for worse and .05 % for better: 1 % in all."""
-    from flexaxis.experiments.compare.decide import SHARES
+    from flexaxis.experiments.gate.decide import SHARES
 
     both = [level for way in ("diverged", "never_settled") for level in levels(way, 0.01)]
     assert both == pytest.approx([0.0015, 0.0005] * 2)

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.compare import decide as rules
-from flexaxis.experiments.compare import selftest
-from flexaxis.experiments.compare.decide import Family, decide
-from flexaxis.experiments.compare.draws import Drawn, Pool, draw, judged
-from flexaxis.experiments.compare.pairs import LOST
-from flexaxis.experiments.compare.selftable import columns, markdown
-from flexaxis.experiments.compare.selftest import LOOKS, Rate
-from flexaxis.experiments.compare.trials import NONE, Promise, trials
+from flexaxis.experiments.gate import decide as rules
+from flexaxis.experiments.gate import selftest
+from flexaxis.experiments.gate.decide import Family, decide
+from flexaxis.experiments.gate.draws import Drawn, Pool, draw, judged
+from flexaxis.experiments.gate.pairs import LOST
+from flexaxis.experiments.gate.selftable import columns, markdown
+from flexaxis.experiments.gate.selftest import LOOKS, Rate
+from flexaxis.experiments.gate.trials import NONE, Promise, trials
 
 GATE = Path(__file__).parents[2] / "docs" / "gate.md"
 
@@ -121,7 +121,7 @@ def test_a_gate_that_goes_by_the_point_estimate_is_seen(monkeypatch):
         found.words[worse] = "worse"
         return found
 
-    monkeypatch.setattr("flexaxis.experiments.compare.draws.decide.decide", old)
+    monkeypatch.setattr("flexaxis.experiments.gate.draws.decide.decide", old)
     quiet = rates(made=noise(0.01))
     assert any("1.5 % larger" in rate.what and not rate.kept for rate in quiet)
 

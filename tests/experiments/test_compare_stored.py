@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from flexaxis.experiments import results
-from flexaxis.experiments.compare import stored
-from flexaxis.experiments.compare.pairs import MARGINS
-from flexaxis.experiments.compare.report import write
+from flexaxis.experiments.gate import stored
+from flexaxis.experiments.gate.pairs import MARGINS
+from flexaxis.experiments.gate.report import write
+from flexaxis.experiments.running import files as results
 from flexaxis.sim.errors import FlexaxisError
 
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.compare import gate
-from flexaxis.experiments.compare.gate import Comparison, Question, compare
-from flexaxis.experiments.compare.pairs import MARGINS, pair, parse_margins, table
-from flexaxis.experiments.compare.report import cells, markdown, row_command, worst, write
-from flexaxis.experiments.compare.verdicts import by_metric, judge
-from flexaxis.experiments.compare.words import headline, meaning
+from flexaxis.experiments.gate import gate
+from flexaxis.experiments.gate.gate import Comparison, Question, compare
+from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
+from flexaxis.experiments.gate.report import cells, markdown, row_command, worst, write
+from flexaxis.experiments.gate.verdicts import by_metric, judge
+from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -232,7 +232,7 @@ def test_an_estimator_is_the_same_as_itself(short):
 
 def test_another_noise_on_the_same_run(short, tmp_path):
     """Same excitation, torque and motion; other noise, also in the cache of records."""
-    from flexaxis.experiments.cache import RecordCache, records
+    from flexaxis.experiments.running.cache import RecordCache, records
 
     store = RecordCache(tmp_path)
     for _ in range(2):  # made, and read again
@@ -246,7 +246,7 @@ def test_another_noise_on_the_same_run(short, tmp_path):
 
 
 def test_the_legend_names_both_where_they_estimate_different_parameters(short):
-    from flexaxis.experiments.figures import trajectories
+    from flexaxis.experiments.reporting.figures import trajectories
     from flexaxis.experiments.scoring.pooling import Curve
 
     def curve(side, *names):

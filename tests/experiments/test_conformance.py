@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY, rpem_forgetting
-from flexaxis.experiments.cache import RecordCache
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.conformance import check
-from flexaxis.experiments.rules import RULES
-from flexaxis.experiments.specs import parse
+from flexaxis.experiments.conformance.check import check
+from flexaxis.experiments.conformance.requirements import RULES
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.specs import parse
 
 OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
-CONTROLS = "flexaxis.experiments.controls"
+CONTROLS = "flexaxis.experiments.conformance.wrong"
 
 
 @pytest.fixture(scope="module")
@@ -234,6 +234,6 @@ def test_as_a_program(capsys):
 
 
 def test_at_least_2000_samples(store):
-    from flexaxis.experiments.conformance import _subject
+    from flexaxis.experiments.conformance.check import _subject
 
     assert len(_subject(parse("frozen"), store).u) >= 2000

@@ -7,8 +7,10 @@ import sys
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.consent import CodeRefused, code_named, names_code, require
-from flexaxis.experiments.study import load_study, make_plan, run_study, study_from
+from flexaxis.experiments.running.consent import CodeRefused, code_named, names_code, require
+from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.studies.definition import load_study, study_from
 
 PROGRAM = """\
 import json, pathlib, sys

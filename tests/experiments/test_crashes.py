@@ -164,7 +164,7 @@ def test_a_worker_that_dies(capsys, command):
 
 
 def test_a_fault_of_our_own_is_a_crash_as_well(capsys, monkeypatch):
-    from flexaxis.experiments import catalogue
+    from flexaxis.experiments.catalogue import find as catalogue
 
     monkeypatch.setattr(catalogue, "scenario_names", lambda: 1 / 0)
     status, err = told(capsys, "list")
@@ -186,7 +186,7 @@ def test_traceback_is_no_part_of_the_command_that_is_kept(capsys, tmp_path):
 
 @pytest.mark.parametrize("place", ["missing/t.toml", "."])
 def test_where_tuning_cannot_be_saved_is_said_before_it(capsys, monkeypatch, place):
-    from flexaxis.experiments import tuning
+    from flexaxis.experiments.studies import tuning
 
     monkeypatch.setattr(tuning, "match_noise", lambda *args: pytest.fail("tuned first"))
     words = ["tune", "ekf", "--seeds", "0:2", "--jobs", "1", "--save", place]

@@ -10,9 +10,9 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments import estimate as module
-from flexaxis.experiments.estimate import estimate
-from flexaxis.experiments.specs import build, parse
+from flexaxis.experiments.running import estimate as module
+from flexaxis.experiments.running.estimate import estimate
+from flexaxis.experiments.running.specs import build, parse
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, record_pieces
 from flexaxis.sim.simulate import simulate
@@ -98,8 +98,8 @@ def test_signals_of_different_length_are_refused(record, tmp_path, length):
 PROGRAM = """
 import sys
 from pathlib import Path
-from flexaxis.experiments.estimate import estimate
-from flexaxis.experiments.specs import parse
+from flexaxis.experiments.running.estimate import estimate
+from flexaxis.experiments.running.specs import parse
 estimate(Path(sys.argv[1]), parse("rpem-forgetting"), Path(sys.argv[2]), covariance=False)
 status = Path("/proc/self/status").read_text()
 print(status.split("VmHWM:")[1].split()[0])

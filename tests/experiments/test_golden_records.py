@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import scenario_names
+from flexaxis.experiments.catalogue.find import scenario_names
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 ADVICE = "if that is meant: python tests/golden/make.py records"

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments import harness, report, results
-from flexaxis.experiments.benchmark import Plan, benchmark
-from flexaxis.experiments.specs import build, parse
+from flexaxis.experiments.reporting import run_page as report
+from flexaxis.experiments.running import files as results
+from flexaxis.experiments.running import harness
+from flexaxis.experiments.running.specs import build, parse
+from flexaxis.experiments.studies.benchmark import Plan, benchmark
 
 ESTIMATORS = ["rpem-forgetting", "frozen"]
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments import harness
-from flexaxis.experiments.cache import RecordCache, records
+from flexaxis.experiments.running import harness
+from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.sim.simulate import simulate
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import halfnorm
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
 from flexaxis.experiments.scoring.pooling import pool_rows
 from flexaxis.experiments.scoring.table import undefined

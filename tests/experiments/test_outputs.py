@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.outputs import spare
-from flexaxis.experiments.results import OutputError
+from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.running.outputs import spare
 from flexaxis.sim.simulate import simulate
 
 OWN = """\

@@ -10,9 +10,9 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.harness import run
-from flexaxis.experiments.pipe import PipeEstimator
-from flexaxis.experiments.specs import build, parse
+from flexaxis.experiments.running.harness import run
+from flexaxis.experiments.running.pipe import PipeEstimator
+from flexaxis.experiments.running.specs import build, parse
 from flexaxis.sim.simulate import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"

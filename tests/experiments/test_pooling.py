@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.harness import Case, run_case
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.harness import Case, run_case
+from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import pool, pool_rows
 from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
-from flexaxis.experiments.specs import parse
-from flexaxis.experiments.theta import true_theta
+from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")

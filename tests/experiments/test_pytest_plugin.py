@@ -22,7 +22,7 @@ def test_rules(flexaxis_check):
     flexaxis_check("frozen")
 
 def test_broken(flexaxis_check):
-    flexaxis_check("flexaxis.experiments.controls:Cheater")
+    flexaxis_check("flexaxis.experiments.conformance.wrong:Cheater")
 
 def test_of_their_own():
     pass
@@ -33,7 +33,7 @@ def test_of_their_own():
 def suite(tmp_path, short_toml):
     (tmp_path / "test_mine.py").write_text(TESTS)
     installed = {point.name for point in entry_points(group="pytest11")}
-    plugin = [] if "flexaxis" in installed else ["-p", "flexaxis.experiments.pytest_plugin"]
+    plugin = [] if "flexaxis" in installed else ["-p", "flexaxis.experiments.conformance.plugin"]
 
     def run(*words):
         command = [sys.executable, "-m", "pytest", "-q", "-rs", *plugin, "test_mine.py", *words]

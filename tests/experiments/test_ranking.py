@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.figures import colour, marker
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting.figures import colour, marker
 from flexaxis.experiments.scoring.mismatch import matrix, mismatch_in_words, mismatched
 from flexaxis.experiments.scoring.ranking import answers, in_words, leaders, mark, overall, worse
 

@@ -7,8 +7,8 @@ with other random numbers, so agreement within 15 and 20 % also checks the plant
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
-from flexaxis.experiments.harness import run
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.harness import run
 from flexaxis.experiments.scoring.pooling import pool
 
 SEEDS = range(1000, 1060)

@@ -14,14 +14,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.specs import build, parse
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.case import Track, relative_error
 from flexaxis.experiments.scoring.pools import spread
 from flexaxis.experiments.scoring.table import rows as score
+from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.specs import build, parse
-from flexaxis.experiments.theta import physical, true_theta
 from flexaxis.sim.simulate import simulate
 
 pytestmark = pytest.mark.slow

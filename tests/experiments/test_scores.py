@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.case import Track, box, loss, relative_error
 from flexaxis.experiments.scoring.table import rows as score
 from flexaxis.experiments.scoring.windows import quiet, windows

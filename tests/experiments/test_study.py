@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.study import (
-    Results,
-    StudyError,
-    load_study,
-    make_plan,
-    run_study,
-    study_from,
-)
-from flexaxis.experiments.study.schema import COLUMNS
+from flexaxis.experiments.running.columns import COLUMNS
+from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.studies.definition import StudyError, load_study, study_from
 from flexaxis.sim.scenario import Scenario
 
 FILE = """\
@@ -218,7 +214,7 @@ def test_the_folder_of_a_study(finished):
 
 def test_rows_are_those_of_a_run(finished, short):
     """The study adds columns; the scores are what the harness gives for the same definition."""
-    from flexaxis.experiments.harness import run
+    from flexaxis.experiments.running.harness import run
 
     scenario = short.override({"duration": 4.0, "fault[0].at": 2.5, "fault[0].factor": 2.0})
     text = "rpem-forgetting[forgetting=0.99]"

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting import sweep_figures as figures
+from flexaxis.experiments.reporting.findings import Alarms, alarms, confusion
+from flexaxis.experiments.running.forecast import forecast
+from flexaxis.experiments.running.plan import Work, make_plan
 from flexaxis.experiments.scoring.theory import isolation
-from flexaxis.experiments.study import figures
-from flexaxis.experiments.study.definition import study_from
-from flexaxis.experiments.study.findings import Alarms, alarms, confusion
-from flexaxis.experiments.study.forecast import forecast
-from flexaxis.experiments.study.plan import Work, make_plan
+from flexaxis.experiments.studies.definition import study_from
 
 
 def pooled(method, factor, **changes):

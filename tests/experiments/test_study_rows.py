@@ -18,16 +18,13 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.results import OutputError
-from flexaxis.experiments.study import (
-    StudyError,
-    make_plan,
-    rows,
-    run_study,
-    spread,
-    study_from,
-)
-from flexaxis.experiments.study.lock import locked
+from flexaxis.experiments.running import dispatch as spread
+from flexaxis.experiments.running import rows
+from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.running.lock import locked
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.studies.definition import StudyError, study_from
 
 HERE = Path(__file__).parent
 STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
@@ -431,7 +428,7 @@ def test_a_disk_that_is_really_full(short_toml, tmp_path):
 def test_a_worker_of_dask_is_killed(short, tmp_path):
     """Two workers, one of them killed: all rows, and those of a local run."""
     distributed = pytest.importorskip("distributed", reason="the extra `cluster`")
-    import flexaxis.experiments.study.run as module
+    import flexaxis.experiments.running.engine as module
 
     (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     wanted = study_from(

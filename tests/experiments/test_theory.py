@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theory import Limits, bounded, detection, limits, nees, score
-from flexaxis.experiments.theta import started_nominal, true_theta
+from flexaxis.experiments.scoring.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")

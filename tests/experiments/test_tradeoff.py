@@ -7,12 +7,12 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.knobs import with_knob
+from flexaxis.experiments.reporting.tradeoff import figure
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.matching import Setting, match
 from flexaxis.experiments.scoring.ranking import overall
-from flexaxis.experiments.sweep import settings, sweep, texts
-from flexaxis.experiments.tradeoff import figure
+from flexaxis.experiments.studies.knobs import with_knob
+from flexaxis.experiments.studies.sweep import settings, sweep, texts
 
 COMMON = np.random.default_rng(0).standard_normal(12)
 

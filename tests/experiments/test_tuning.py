@@ -8,11 +8,11 @@ import pytest
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tuned, tunings
-from flexaxis.experiments import tuning
-from flexaxis.experiments.catalogue import find_scenario
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.specs import parse
-from flexaxis.experiments.tuning import TOLERANCE, Bench, least_lag, match_noise
+from flexaxis.experiments.running.specs import parse
+from flexaxis.experiments.studies import tuning
+from flexaxis.experiments.studies.tuning import TOLERANCE, Bench, least_lag, match_noise
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
 NOISIER = {"imm"}  # its excess error is above the reference's however slowly θ walks

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from flexaxis.experiments import offscreen
-from flexaxis.experiments.offscreen import draw_offscreen
+from flexaxis.experiments.reporting import offscreen
+from flexaxis.experiments.reporting.offscreen import draw_offscreen
 from flexaxis.sim.errors import FlexaxisError
 
 HIDDEN = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}

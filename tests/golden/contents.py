@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue import find_scenario, scenario_names
-from flexaxis.experiments.harness import run
+from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.running.harness import run
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 

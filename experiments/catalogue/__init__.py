@@ -1,0 +1,1 @@
+"""Scenarios, suites and their cards: what there is to run."""

@@ -1,0 +1,177 @@
+"""Find scenarios and suites: by their catalogue name, or as a path to a TOML file."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
+
+_HOME = files("flexaxis.experiments.catalogue")
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A named group: which scenarios, which estimators, how many seeds.
+
+    `swept_scenarios` and `swept_estimators` are those of which its report leads with the whole
+    curve of speed against variance.
+    """
+
+    name: str
+    card: str
+    scenarios: tuple[str, ...]
+    estimators: tuple[str, ...]
+    seeds: int
+    swept_scenarios: tuple[str, ...] = ()
+    swept_estimators: tuple[str, ...] = ()
+
+
+class Selection(NamedTuple):
+    """What names of suites and scenarios stand for.
+
+    Attributes
+    ----------
+    scenarios : list of Scenario
+        Each once, in the order given.
+    estimators : list of str
+        Those of the suites named; of `smoke` if none was.
+    seeds : int
+        The largest number that a suite named; of `smoke` if none was.
+    swept_scenarios : list of Scenario
+    swept_estimators : list of str
+        What the suites named sweep over the knobs; none where none was named.
+    """
+
+    scenarios: list[Scenario]
+    estimators: list[str]
+    seeds: int
+    swept_scenarios: list[Scenario]
+    swept_estimators: list[str]
+
+
+def _tomls(folder: str) -> dict[str, Traversable]:
+    found = (f for f in (_HOME / folder).iterdir() if f.name.endswith(".toml"))
+    return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the catalogue's scenarios."""
+    return list(_tomls("scenarios"))
+
+
+def suite_names() -> list[str]:
+    """Return the names of the suites."""
+    return list(_tomls("suites"))
+
+
+def find_scenario(name: str) -> Scenario:
+    """Return a scenario by its catalogue name or from a TOML file.
+
+    Raises
+    ------
+    ScenarioError
+        If there is neither such a name nor such a file, or the file has errors.
+    """
+    known = _tomls("scenarios")
+    if name in known:
+        return parse_scenario(known[name].read_text(encoding="utf-8"), source=name)
+    if name.endswith(".toml") or Path(name).is_file():
+        return load_scenario(Path(name))
+    raise ScenarioError(
+        f"unknown scenario {name!r}.{did_you_mean(name, [*known, *suite_names()])} "
+        "`flexaxis list` shows the catalogue; a path to a TOML file works too"
+    )
+
+
+def find_suite(name: str) -> Suite:
+    """Return a suite by its name, with "all" written out.
+
+    Raises
+    ------
+    FlexaxisError
+        If there is no such suite.
+    """
+    known = _tomls("suites")
+    if name not in known:
+        raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
+    table = tomllib.loads(known[name].read_text(encoding="utf-8"))
+    scenarios = _members(table)
+    left_out = table.get("without", [])
+    everyone = [estimator for estimator in REGISTRY if estimator not in left_out]
+    estimators = everyone if table["estimators"] == "all" else table["estimators"]
+    swept = table.get("tradeoff", {"scenarios": [], "estimators": []})
+    if swept["estimators"] == "all":
+        swept["estimators"] = everyone
+    return Suite(
+        name,
+        table["card"],
+        tuple(scenarios),
+        tuple(estimators),
+        table["seeds"],
+        tuple(swept["scenarios"]),
+        tuple(swept["estimators"]),
+    )
+
+
+def _members(table: dict[str, Any]) -> list[str]:
+    """Return the scenarios of a suite: all, those of some groups, or those named."""
+    if "groups" in table:
+        groups = {name: find_scenario(name).group for name in scenario_names()}
+        return [name for name, group in groups.items() if group in table["groups"]]
+    return scenario_names() if table["scenarios"] == "all" else table["scenarios"]
+
+
+def select(names: Sequence[str]) -> Selection:
+    """Turn names of suites and scenarios into scenarios, with the suites' estimators and seeds.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Suites, catalogue names and TOML paths, mixed.
+
+    Raises
+    ------
+    ScenarioError
+        With one line for each name or file that is wrong.
+    """
+    suites = [find_suite(name) for name in names if name in suite_names()]
+    wanted = [s for n in names for s in (find_suite(n).scenarios if n in suite_names() else [n])]
+    scenarios: dict[str, Scenario] = {}
+    problems: list[str] = []
+    for name in dict.fromkeys(wanted):
+        try:
+            scenarios[name] = find_scenario(name)
+        except ScenarioError as error:
+            problems += error.problems
+    if problems:
+        raise ScenarioError(*problems)
+    _check_names_differ(scenarios)
+    sources = suites or [find_suite("smoke")]
+    swept = dict.fromkeys(name for suite in suites for name in suite.swept_scenarios)
+    return Selection(
+        scenarios=list(scenarios.values()),
+        estimators=list(dict.fromkeys(e for suite in sources for e in suite.estimators)),
+        seeds=max(suite.seeds for suite in sources),
+        swept_scenarios=[find_scenario(name) for name in swept],
+        swept_estimators=list(dict.fromkeys(e for s in suites for e in s.swept_estimators)),
+    )
+
+
+def _check_names_differ(scenarios: dict[str, Scenario]) -> None:
+    """Two definitions under one name would be pooled into one row of the results."""
+    seen: dict[str, str] = {}
+    for source, scenario in scenarios.items():
+        if scenario.name in seen:
+            raise ScenarioError(
+                f"{source}: the name {scenario.name!r} is also that of {seen[scenario.name]}; "
+                "give each scenario of a run its own `name`"
+            )
+        seen[scenario.name] = source

@@ -1,0 +1,1 @@
+"""What an estimator must keep, and the checks of it."""

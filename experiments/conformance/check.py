@@ -1,0 +1,57 @@
+"""Check an estimator against the rules on a simulated record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.conformance.requirements import RULES, Rule, Subject
+from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.specs import Spec, build
+
+DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a rule found; `holds` is None where it does not apply."""
+
+    rule: str
+    holds: bool | None
+    seen: str
+    reason: str
+    hint: str
+
+
+def check(spec: Spec, *, store: RecordCache | None = None) -> list[Finding]:
+    """Return what every rule finds about an estimator.
+
+    Raises
+    ------
+    EstimatorError, EstimatorCrash
+        If it cannot be built at all.
+    """
+    subject = _subject(spec, store)
+    return [_finding(rule, subject) for rule in RULES]
+
+
+def _subject(spec: Spec, store: RecordCache | None) -> Subject:
+    problems = []
+    for name in ("fm_step-v1", "encoder_fm_step-v1"):  # whichever output it reads
+        scenario = find_scenario(name).override({"name": "check", "duration": DURATION})
+        try:
+            build(spec, scenario)
+        except EstimatorError as error:
+            problems.append(error)
+            continue
+        return Subject(spec, scenario, records(scenario, [0], store)[0][0])
+    raise problems[0]
+
+
+def _finding(rule: Rule, subject: Subject) -> Finding:
+    try:
+        holds, seen = rule.look(subject)
+    except Exception as error:  # a user's code may raise anything
+        holds, seen = False, f"it raised {type(error).__name__}: {error}"
+    return Finding(rule.name, holds, seen, rule.reason, rule.hint)

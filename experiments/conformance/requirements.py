@@ -1,0 +1,300 @@
+"""The rules of `flexaxis check`: what an estimator must hold to for its scores to mean anything.
+
+Each rule looks at fresh estimators on one simulated record, and says whether it holds (True), does
+not (False) or does not apply (None), with what was seen.
+"""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.conformance.futures import futures
+from flexaxis.experiments.running.specs import Spec, build
+from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+Seen = tuple[bool | None, str]
+
+BEFORE_FAULT = slice(1000, 2000)
+GAP = slice(1200, 1300)
+CUTS = (700, 1400, 2100)
+MOVES = 1e-9  # share of nominal; an estimator that moves less than this is frozen
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule: its name, why it matters, what to do about it, and how to look."""
+
+    name: str
+    reason: str
+    hint: str
+    look: Callable[[Subject], Seen]
+
+
+class Subject:
+    """An estimator under test, and the record that it is tested on."""
+
+    def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
+        self.spec, self.scenario = spec, scenario
+        self.u = record.torque
+        self.y: Array = getattr(record, scenario.output)
+        self.names = tuple(self.make().names)
+        self.truth = true_theta(self.names, scenario.true_parameters())
+        self.nominal = np.abs(true_theta(self.names, scenario.nominal.as_array()))
+
+    def make(self) -> Estimator:
+        """Return a fresh estimator."""
+        return build(self.spec, self.scenario)
+
+    def run(self, u: Array | None = None, y: Array | None = None) -> Array:
+        """Return the estimates (N, p) of a fresh estimator; its inputs are copies."""
+        u, y = (self.u if u is None else u), (self.y if y is None else y)
+        return run_estimator(self.make(), u.copy(), y.copy())
+
+    @cached_property
+    def theta(self) -> Array:
+        """Estimates on the record as it is."""
+        return self.run()
+
+    @cached_property
+    def stepped(self) -> tuple[Array, float]:
+        """Estimates step by step, and the time of a step [s]."""
+        estimator = self.make()
+        step(estimator, self.u[:2], self.y[:2])  # what is compiled, is compiled now
+        estimator = self.make()
+        start = time.perf_counter()
+        theta = step(estimator, self.u, self.y)
+        return theta, (time.perf_counter() - start) / len(self.u)
+
+    def apart(self, one: Array, other: Array) -> float:
+        """Return the largest difference of two runs, as a share of nominal."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            gap = np.abs(one - other) / self.nominal
+        return float(np.max(np.where(one == other, 0.0, gap), initial=0.0))
+
+    def error(self, theta: Array) -> float:
+        """Return the rms error before the fault, as a share of nominal, over all parameters."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            found = np.sqrt(np.mean(((theta - self.truth) / self.nominal)[BEFORE_FAULT] ** 2))
+        return float(found) if np.isfinite(found) else np.inf
+
+
+def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
+    """Return the estimates (N, p) step by step, without y in the gap."""
+    values: list[float | None] = [float(value) for value in y]
+    values[gap] = [None] * len(values[gap])
+    return np.array(
+        [np.array(estimator.step(float(a), b), float) for a, b in zip(u, values, strict=True)]
+    )
+
+
+def _shapes(subject: Subject) -> Seen:
+    shape, wanted = subject.theta.shape, (len(subject.u), len(subject.names))
+    one = np.shape(subject.make().step(float(subject.u[0]), float(subject.y[0])))
+    seen = f"run gives {shape}, step gives {one} for {', '.join(subject.names)}"
+    return shape == wanted and one == wanted[1:], seen
+
+
+def _finite(subject: Subject) -> Seen:
+    wrong = np.flatnonzero(~np.isfinite(subject.theta).all(axis=1))
+    if wrong.size:
+        return False, f"not finite from sample {wrong[0]} on"
+    return True, f"all of {len(subject.theta)} samples"
+
+
+def _deterministic(subject: Subject) -> Seen:
+    apart = subject.apart(subject.run(), subject.theta)
+    return apart == 0, f"two runs differ by {apart:.2g} of nominal"
+
+
+def _step_is_run(subject: Subject) -> Seen:
+    if not hasattr(subject.make(), "run"):
+        return None, "it has no run of its own"
+    mixed, half = subject.make(), len(subject.u) // 2
+    theta = np.vstack(
+        [
+            step(mixed, subject.u[:half], subject.y[:half]),
+            run_estimator(mixed, subject.u[half:], subject.y[half:]),
+        ]
+    )
+    apart = max(subject.apart(t, subject.theta) for t in (subject.stepped[0], theta))
+    return apart < 1e-9, f"step, and step then run, differ from run by {apart:.2g} of nominal"
+
+
+def _no_look_ahead(subject: Subject) -> Seen:
+    for cut in CUTS:
+        for words, u, y in futures(subject.u, subject.y, cut):
+            changed = subject.run(u, y)[: cut + 1]
+            apart = np.abs((changed - subject.theta[: cut + 1]) / subject.nominal).max(axis=1)
+            wrong = np.flatnonzero(~(apart < 1e-12))
+            if wrong.size:
+                return False, (
+                    f"samples after {cut} {words} changed the estimate at sample {wrong[0]}, "
+                    f"{cut + 1 - wrong[0]} samples before, by {apart[wrong].max():.2g} of nominal"
+                )
+    return True, f"changing what comes after samples {', '.join(map(str, CUTS))} changes nothing"
+
+
+def _keeps_nothing(subject: Subject) -> Seen:
+    u, y, half = subject.u.copy(), subject.y.copy(), len(subject.u) // 2
+    estimator = subject.make()
+    first = run_estimator(estimator, u[:half], y[:half])
+    kept = first.copy()
+    if not (np.array_equal(u, subject.u) and np.array_equal(y, subject.y)):
+        return False, "run writes into the arrays it is given"
+    u[:half] = y[:half] = 1e6
+    rest = run_estimator(estimator, u[half:], y[half:])
+    whole = subject.make()
+    run_estimator(whole, subject.u[:half].copy(), subject.y[:half].copy())
+    if subject.apart(rest, run_estimator(whole, subject.u[half:], subject.y[half:])) > 0:
+        return False, "overwriting inputs of the past changed later estimates"
+    if subject.apart(kept, first) > 0:
+        return False, "estimates that run has returned changed later"
+    return _returns_fresh_arrays(subject)
+
+
+def _returns_fresh_arrays(subject: Subject) -> Seen:
+    estimator = subject.make()
+    pairs = zip(subject.u[:500], subject.y[:500], strict=True)
+    given = [estimator.step(float(a), float(b)) for a, b in pairs]
+    wanted = step(subject.make(), subject.u[:500], subject.y[:500])
+    if subject.apart(np.array(given, float), wanted) > 0:
+        return False, "an array that step has returned changes at the next step"
+    return True, "inputs and outputs are copies"
+
+
+def _reset(subject: Subject) -> Seen:
+    estimator = subject.make()
+    reset = getattr(estimator, "reset", None)
+    if reset is None:
+        return None, "it has no reset"
+    run_estimator(estimator, subject.u, subject.y)
+    reset()
+    apart = subject.apart(run_estimator(estimator, subject.u, subject.y), subject.theta)
+    return apart < 1e-9, f"after reset a run differs from the first by {apart:.2g} of nominal"
+
+
+def _gap(subject: Subject) -> Seen:
+    theta = step(subject.make(), subject.u, subject.y, GAP)
+    if not np.isfinite(theta).all():
+        return False, "estimates are not finite after the gap"
+    moved = subject.apart(theta[GAP], np.broadcast_to(theta[GAP.start - 1], theta[GAP].shape))
+    if moved > 0.1:
+        return False, f"estimates move by {100 * moved:.0f} % of nominal while y is missing"
+    estimator = subject.make()
+    if not _knows_gaps(estimator):
+        return True, f"estimates move by {100 * moved:.2g} % of nominal in it"
+    valid = np.ones(len(subject.u), bool)
+    valid[GAP] = False
+    garbage = np.where(valid, subject.y, 1e3)
+    apart = subject.apart(run_estimator(estimator, subject.u, garbage, valid), theta)
+    return apart < 1e-9, f"run with `valid` differs from step with None by {apart:.2g} of nominal"
+
+
+def _knows_gaps(estimator: Estimator) -> bool:
+    run = getattr(estimator, "run", None)
+    return run is not None and len(inspect.signature(run).parameters) > 2
+
+
+def _spike(subject: Subject) -> Seen:
+    y = subject.y.copy()
+    y[GAP.start] += 20 * y.std()
+    theta = subject.run(y=y)
+    moved = subject.apart(theta, subject.theta)
+    return bool(np.isfinite(theta).all()), f"estimates move by {100 * moved:.2g} % of nominal"
+
+
+def _cost(subject: Subject) -> Seen:
+    seconds = subject.stepped[1]
+    return seconds < subject.scenario.period, f"{1e6 * seconds:.3g} µs a step"
+
+
+def _shift_hurts(subject: Subject) -> Seen:
+    moves = float((np.ptp(subject.theta, axis=0) / subject.nominal).max())
+    if moves < MOVES:
+        return None, "it does not move"
+    right = subject.error(subject.theta)
+    late = subject.error(subject.run(u=np.r_[0.0, subject.u[:-1]]))
+    early = subject.error(subject.run(u=np.r_[subject.u[1:], 0.0]))
+    seen = f"error {100 * right:.2g} %, {100 * late:.2g} % with u late, {100 * early:.2g} % early"
+    return right < min(late, early) / 1.5, seen
+
+
+RULES: Sequence[Rule] = (
+    Rule(
+        "shapes",
+        "scores are taken for each name, in the order of `names`",
+        "return one number for each of `names` from step, and (N, p) from run",
+        _shapes,
+    ),
+    Rule(
+        "finite",
+        "a run with an estimate that is not finite is counted as diverged",
+        "bound the estimates, and keep P symmetric and positive",
+        _finite,
+    ),
+    Rule(
+        "deterministic",
+        "a comparison cannot tell an own random number from an effect",
+        "seed random numbers in the constructor; keep no state in the class or module",
+        _deterministic,
+    ),
+    Rule(
+        "step equals run",
+        "the benchmark scores run, a robot uses step",
+        "let run begin with the present state and leave it after the last sample",
+        _step_is_run,
+    ),
+    Rule(
+        "no look-ahead",
+        "θ[k] may use y up to k only; an estimator that sees the future has no lag",
+        "no smoothing, centred filter or statistics of the whole record in run",
+        _no_look_ahead,
+    ),
+    Rule(
+        "keeps no reference",
+        "callers reuse their buffers, and keep what is returned",
+        "copy what you keep of the inputs, return copies of θ, write into neither",
+        _keeps_nothing,
+    ),
+    Rule(
+        "reset",
+        "a run after reset must be a first run",
+        "put everything that step changes back to its value in the constructor",
+        _reset,
+    ),
+    Rule(
+        "survives a gap",
+        "sensors miss samples: y is None, and what is not there must not move the estimates",
+        "predict without an update while y is None",
+        _gap,
+    ),
+    Rule(
+        "survives a spike",
+        "one wrong sample must not end a run",
+        "bound the estimates, or clip the residual",
+        _spike,
+    ),
+    Rule(
+        "cost",
+        "a step must be done before the next sample comes",
+        "take work out of step, or compile it",
+        _cost,
+    ),
+    Rule(
+        "a shift of u hurts",
+        "u[k] acts after y[k]; one sample late or early ruins the estimates without a message",
+        "in step(u, y) use the u of the step before to predict y, then keep this u",
+        _shift_hurts,
+    ),
+)

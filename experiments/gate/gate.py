@@ -1,0 +1,217 @@
+"""Run base and candidate on common seeds, look, and add seeds until it is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from flexaxis.experiments.catalogue.find import find_suite, suite_names
+from flexaxis.experiments.gate.decide import ALPHA, UNDECIDED, WORSE
+from flexaxis.experiments.gate.lost import MANY
+from flexaxis.experiments.gate.pairs import Paired, Table, pair, table
+from flexaxis.experiments.gate.verdicts import (
+    Verdict,
+    by_metric,
+    judge,
+    newly_lost,
+    overall,
+)
+from flexaxis.experiments.running import harness
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+
+SUITE = "gate"
+"""What is compared on where nothing is named."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is compared.
+
+    Attributes
+    ----------
+    base, candidate : str
+        Texts as for `--estimator`.
+    scenarios : sequence of Scenario
+    seeds : sequence of int
+        Of the first look.
+    margins : mapping of metric to float
+    max_seeds : int
+        Seeds that may be spent; more than those of the first look make the gate sequential.
+    alpha : float
+        Chance of any false alarm, at most, over all looks.
+    """
+
+    base: str
+    candidate: str
+    scenarios: Sequence[Scenario]
+    seeds: Sequence[int]
+    margins: Mapping[str, float]
+    max_seeds: int = 0
+    alpha: float = ALPHA
+
+    def looks(self) -> list[list[int]]:
+        """Return the seeds of each look: the first ones, then twice as many, up to the most.
+
+        The looks are fixed beforehand, so that each can have its share of `alpha`.
+        """
+        first, number = list(self.seeds), len(self.seeds)
+        counts = look_counts(number, self.max_seeds)
+        everything = first + [first[-1] + 1 + i for i in range(counts[-1] - number)]
+        return [everything[:count] for count in counts]
+
+
+def default_seeds(names: Sequence[str]) -> int:
+    """Return how many seeds a comparison has: those of the suites named, else of the gate's."""
+    suites = [find_suite(name) for name in names if name in suite_names()]
+    return max(suite.seeds for suite in suites or [find_suite(SUITE)])
+
+
+def look_counts(first: int, most: int) -> list[int]:
+    """Return how many seeds each look has: the first ones, then twice as many, up to the most.
+
+    Examples
+    --------
+    >>> look_counts(8, 40), look_counts(32, 0)
+    ([8, 16, 32, 40], [32])
+    """
+    counts = [first]
+    while counts[-1] < most:
+        counts.append(min(2 * counts[-1], most))
+    return counts
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What came out.
+
+    Attributes
+    ----------
+    base, candidate : str
+    seeds : list of int
+        Those used.
+    look, looks : int
+        At which look it was decided, of how many planned.
+    alpha : float
+        Chance of a false alarm at each look, at most.
+    verdicts : list of Verdict
+    cases : list of harness.Case
+        Everything that was run; empty for stored results.
+    missing : tuple of (scenario, parameter)
+        What changes and is estimated by the base, but not by the candidate: nothing can be called
+        better then, or the same.
+    """
+
+    base: str
+    candidate: str
+    seeds: list[int]
+    look: int
+    looks: int
+    alpha: float
+    verdicts: list[Verdict]
+    cases: list[harness.Case]
+    missing: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """The one word: worse, undecided, better, slight or same."""
+        word = overall(self.verdicts)
+        return UNDECIDED if self.missing and word != WORSE else word
+
+    @property
+    def newly_lost(self) -> int:
+        """How many runs more the candidate lost than the base."""
+        return newly_lost(self.verdicts)
+
+    def status(self, *, strict: bool = False) -> int:
+        """Return the exit status: 1 worse; 3 undecided, if `strict` or runs were newly lost; 0."""
+        if self.verdict == UNDECIDED:
+            return 3 if strict or self.newly_lost >= MANY else 0
+        return int(self.verdict == WORSE)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what goes into compare.json."""
+        return {
+            "verdict": self.verdict,
+            "newly_lost": self.newly_lost,
+            "missing": [list(kind) for kind in self.missing],
+            "by_metric": by_metric(self.verdicts),
+            "base": self.base,
+            "candidate": self.candidate,
+            "seeds": self.seeds,
+            "look": self.look,
+            "looks": self.looks,
+            "alpha": self.alpha,
+            "rows": [asdict(v) for v in self.verdicts],
+        }
+
+
+def compare(
+    question: Question,
+    *,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[harness.Done], None] | None = None,
+) -> Comparison:
+    """Run both estimators and judge every score.
+
+    With more seeds allowed than the first look has, looks follow until a regression is found,
+    nothing is undecided, or the seeds are spent. K looks have alpha/K each (Bonferroni), so that
+    looking again does not raise the rate of false alarms.
+
+    Parameters
+    ----------
+    question : Question
+    jobs : int
+        Processes.
+    store : RecordCache, optional
+    advance : callable, optional
+        Called with the cases as they come.
+
+    Raises
+    ------
+    FlexaxisError
+        If there are fewer than two seeds, more than `max_seeds`, or nothing in common; else as
+        from `harness.run`.
+    """
+    if len(question.seeds) < 2:
+        raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
+    if question.max_seeds and question.max_seeds < len(question.seeds):
+        raise FlexaxisError(
+            f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
+            "begin with: give more, or fewer --seeds"
+        )
+    looks, cases, done = question.looks(), [], 0
+    for number, seeds in enumerate(looks, start=1):
+        both = (question.base, question.candidate)
+        for task in harness.run(question.scenarios, both, seeds[done:], jobs=jobs, store=store):
+            cases += task.cases
+            if advance:
+                advance(task)
+        done = len(seeds)
+        paired = _paired(question, cases)
+        found = Comparison(
+            *both,
+            seeds=seeds,
+            look=number,
+            looks=len(looks),
+            alpha=question.alpha / len(looks),
+            verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
+            cases=cases,
+            missing=paired.missing,
+        )
+        if overall(found.verdicts) != UNDECIDED:
+            break
+    return found
+
+
+def _paired(question: Question, cases: Sequence[harness.Case]) -> Paired:
+    base, candidate = (rows_of(cases, text) for text in (question.base, question.candidate))
+    return pair(base, candidate, question.margins)
+
+
+def rows_of(cases: Sequence[harness.Case], estimator: str) -> Table:
+    """Return the rows of one estimator by scenario, seed and parameter."""
+    return table(row for case in cases if case.estimator == estimator for row in case.rows)

@@ -1,0 +1,198 @@
+"""The gate tested on itself: how often it raises a false alarm, and what it finds.
+
+A pool of seeds is run once: each base, the base again with an independent noise on the same
+excitation and faults, and a planted change. Comparisons are then drawn from it, each of some seeds
+without replacement. In a comparison of a base with itself the two noises of a run change sides by
+chance, so that neither can be better. Rare failures are made, not run: their mean must be known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from flexaxis.experiments.gate.draws import Pool, judged
+from flexaxis.experiments.gate.gate import look_counts, rows_of
+from flexaxis.experiments.gate.pairs import pair
+from flexaxis.experiments.gate.trials import NONE, Promise, Trial, trials
+from flexaxis.experiments.running import harness
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.scoring.statistics import rate_interval
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+
+BASES = ("rpem-forgetting", "relocate", "imm")
+
+PLANTED = "rpem-forgetting[forgetting=0.99525]"
+"""About 5 % more lag than the first of the bases."""
+
+LOOKS = tuple(
+    tuple(look_counts(*counts))
+    for counts in ((8, 8), (16, 16), (32, 32), (64, 64), (8, 64), (32, 128))
+)
+"""Seeds at each look of the comparisons drawn."""
+
+POOL = range(1000, 1256)
+BATCH = 500  # comparisons judged at once: some 10 MB
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often the gate said something.
+
+    Attributes
+    ----------
+    what : str
+        In which comparisons it said what.
+    looks : tuple of int
+        Seeds at each look.
+    count, comparisons : int
+    promise : Promise
+    """
+
+    what: str
+    looks: tuple[int, ...]
+    count: int
+    comparisons: int
+    promise: Promise
+
+    @property
+    def rate(self) -> float:
+        """Share of the comparisons."""
+        return self.count / self.comparisons
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Exact 95 % interval of the rate."""
+        return rate_interval(self.count, self.comparisons)
+
+    @property
+    def kept(self) -> bool:
+        """Whether what is promised holds."""
+        promise = self.promise
+        return promise.least <= self.rate <= promise.most and self.interval[1] <= promise.upper
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what goes into the JSON."""
+        return {
+            "what": self.what,
+            "looks": list(self.looks),
+            "count": self.count,
+            "comparisons": self.comparisons,
+            "rate": self.rate,
+            "interval": self.interval,
+            "promise": str(self.promise),
+            "kept": self.kept,
+        }
+
+
+def self_test(
+    scenarios: Sequence[Scenario],
+    margins: Mapping[str, float],
+    *,
+    bases: Sequence[str] = BASES,
+    planted: str | None = PLANTED,
+    seeds: Sequence[int] = POOL,
+    comparisons: int = 4000,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[float], None] | None = None,
+) -> list[Rate]:
+    """Return how often the gate raises a false alarm, and how often it finds what is there.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    margins : mapping of metric to float
+    bases : sequence of str
+        Each is compared with itself.
+    planted : str, optional
+        Compared with the first base; worse, and should be called so.
+    seeds : sequence of int
+        The pool. A comparison has at most half of it.
+    comparisons : int
+        Drawn for each rate.
+    jobs, store
+        As in `flexaxis.experiments.gate.gate.compare`.
+    advance : callable, optional
+        Called with what was done, as in `work`.
+
+    Raises
+    ------
+    FlexaxisError
+        If the pool is too small for any comparison.
+    """
+    looks = [look for look in LOOKS if 2 * look[-1] <= len(seeds)]
+    if not looks:
+        raise FlexaxisError(
+            f"--seeds: a pool of {len(seeds)} seeds is too small for the self-test: give at least "
+            f"{2 * LOOKS[0][-1]}, better {len(POOL)}"
+        )
+    same, changed = _pools(
+        scenarios, margins, bases, planted, seeds, jobs=jobs, store=store, advance=advance
+    )
+    tried = list(trials(same, changed))
+    share = _JUDGING * _cases(len(scenarios), len(bases), planted is not None, len(seeds))
+    rates = []
+    for trial in tried:
+        for look in looks:
+            rates.append(_rate(trial, look, comparisons))
+            if advance:
+                advance(share / (len(tried) * len(looks)))
+    return rates
+
+
+_JUDGING = 0.15  # what judging takes of the time, over what running the pool takes
+
+
+def _cases(scenarios: int, bases: int, planted: bool, seeds: int) -> int:
+    return scenarios * seeds * (2 * bases + planted)
+
+
+def work(scenarios: int, bases: int, planted: bool, seeds: int) -> float:
+    """Return how much there is to do, in the unit of `advance`: cases, and as good as cases."""
+    return (1 + _JUDGING) * _cases(scenarios, bases, planted, seeds)
+
+
+def _pools(
+    scenarios: Sequence[Scenario],
+    margins: Mapping[str, float],
+    bases: Sequence[str],
+    planted: str | None,
+    seeds: Sequence[int],
+    *,
+    jobs: int,
+    store: RecordCache | None,
+    advance: Callable[[float], None] | None,
+) -> tuple[dict[str, Pool], Pool | None]:
+    """Run the pool: of each base against itself, and of the first against what is planted."""
+    extra = () if planted is None else (planted,)
+    cases: dict[int, list[harness.Case]] = {0: [], 1: []}
+    for repeat, names in ((0, (*bases, *extra)), (1, tuple(bases))):
+        for done in harness.run(scenarios, names, seeds, jobs=jobs, store=store, repeat=repeat):
+            cases[repeat] += done.cases
+            if advance:
+                advance(len(done.cases))
+    first = {name: rows_of(cases[0], name) for name in (*bases, *extra)}
+    same = {
+        name: Pool.of(pair(first[name], rows_of(cases[1], name), margins), margins)
+        for name in bases
+    }
+    if planted is None:
+        return same, None
+    return same, Pool.of(pair(first[bases[0]], first[planted], margins), margins)
+
+
+def _rate(trial: Trial, looks: tuple[int, ...], comparisons: int) -> Rate:
+    random = np.random.default_rng(crc32(f"{trial.what} {looks}".encode()))
+    count, done = 0, 0
+    while done < comparisons:
+        batch = min(BATCH, comparisons - done)
+        count += int(trial.count(judged(trial.draw(looks[-1], batch, random), looks)).sum())
+        done += batch
+    promised = not trial.only or looks == (trial.only,)
+    return Rate(trial.what, looks, count, comparisons, trial.promise if promised else NONE)

@@ -1,0 +1,129 @@
+"""Compare two finished runs from their folders; refuses what cannot be compared."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.gate.decide import ALPHA
+from flexaxis.experiments.gate.gate import Comparison
+from flexaxis.experiments.gate.pairs import Table, pair, table
+from flexaxis.experiments.gate.verdicts import judge
+from flexaxis.experiments.running.files import SCORES, SUMMARY, OutputError
+from flexaxis.sim.errors import FlexaxisError, did_you_mean
+
+
+def is_run(name: str) -> bool:
+    """Whether a name is the folder of a finished run."""
+    return (Path(name) / SCORES).is_file()
+
+
+def compare_runs(
+    base: Path,
+    candidate: Path,
+    margins: Mapping[str, float],
+    *,
+    estimators: tuple[str | None, str | None] = (None, None),
+    seeds: Sequence[int] | None = None,
+    alpha: float = ALPHA,
+) -> Comparison:
+    """Compare an estimator of one run with one of another, on the seeds common to both.
+
+    Parameters
+    ----------
+    base, candidate : Path
+        Folders with scores.jsonl and summary.json.
+    margins : mapping of metric to float
+    estimators : (str or None, str or None)
+        Which estimator of each folder; may be left out where there is only one.
+    seeds : sequence of int, optional
+        Only those of these that both folders have.
+    alpha : float
+
+    Raises
+    ------
+    FlexaxisError
+        If versions or the content of a scenario differ, the estimator is not clear, or fewer than
+        two seeds are common.
+    """
+    old, new = _load(base), _load(candidate)
+    _check_versions(base, candidate, old[0], new[0])
+    first = _chosen(base, estimators[0], old[1])
+    second = _chosen(candidate, estimators[1], new[1])
+    before, after = (
+        table(r for r in rows if r["estimator"] == name and (seeds is None or r["seed"] in seeds))
+        for rows, name in ((old[1], first), (new[1], second))
+    )
+    _check_hashes(base, candidate, before, after)
+    common = sorted({seed for _, seed, _ in before} & {seed for _, seed, _ in after})
+    if len(common) < 2:
+        raise FlexaxisError(
+            f"{base} and {candidate} have {len(common)} seeds in common"
+            + ("" if seeds is None else f" of the {len(seeds)} that --seeds names")
+            + ": at least 2 are needed, better 32"
+        )
+    paired = pair(before, after, margins)
+    return Comparison(
+        base=first,
+        candidate=second,
+        seeds=common,
+        look=1,
+        looks=1,
+        alpha=alpha,
+        verdicts=judge(paired, margins, alpha=alpha),
+        cases=[],
+        missing=paired.missing,
+    )
+
+
+def _load(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    try:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        lines = (folder / SCORES).read_text(encoding="utf-8").splitlines()
+        return summary, [json.loads(line) for line in lines]
+    except (OSError, ValueError) as error:
+        raise OutputError(
+            f"{folder} holds no complete result ({SCORES} and {SUMMARY} are needed): {error}"
+        ) from error
+
+
+def _check_versions(
+    base: Path, candidate: Path, old: Mapping[str, Any], new: Mapping[str, Any]
+) -> None:
+    first, second = old["versions"], new["versions"]
+    differ = [k for k in {*first, *second} if first.get(k) != second.get(k)]
+    if differ:
+        texts = [f"{k} {first.get(k)} and {second.get(k)}" for k in sorted(differ)]
+        raise FlexaxisError(
+            f"{base} and {candidate} were made by other versions ({', '.join(texts)}): run both "
+            "again, or use `flexaxis compare --base … --candidate …`"
+        )
+
+
+def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
+    first, second = ({s: row["hash"] for (s, _, _), row in rows.items()} for rows in (old, new))
+    for name in first.keys() & second.keys():
+        if first[name] != second[name]:
+            raise FlexaxisError(
+                f"{base} and {candidate} have different scenarios under the name {name} (hash "
+                f"{first[name][:12]} and {second[name][:12]}): run both again on one definition"
+            )
+
+
+def _chosen(folder: Path, given: str | None, rows: list[dict[str, Any]]) -> str:
+    names = list(dict.fromkeys(row["estimator"] for row in rows))
+    if given in names:
+        return str(given)
+    if given is None and len(names) == 1:
+        return names[0]
+    if given is None:
+        raise FlexaxisError(
+            f"{folder} holds {len(names)} estimators; say which with --base or --candidate: "
+            f"{', '.join(names)}"
+        )
+    raise FlexaxisError(
+        f"{folder} holds no estimator {given!r}.{did_you_mean(given, names)} "
+        f"It holds: {', '.join(names)}"
+    )

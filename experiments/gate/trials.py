@@ -1,0 +1,142 @@
+"""What the self-test tries: kinds of comparisons, what is counted of each, and what is promised."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.gate.decide import Family
+from flexaxis.experiments.gate.draws import Drawn, Judged, Pool, draw
+from flexaxis.experiments.gate.pairs import LOST
+from flexaxis.experiments.gate.selftable import NOTHING
+
+NULL_LOST = (0.0, 0.05, 0.10)
+"""Shares of runs that both sides lose by chance."""
+
+MORE_LOST = (0.05, 0.10, 0.20, 0.40, 0.70)
+"""Shares of runs that the candidate alone loses."""
+
+SMALL = 0.015  # a change below the margin
+
+DEFAULT_SEEDS = 32  # of `compare`; what is promised of power is promised there
+
+Draw = Callable[[int, int, np.random.Generator], Drawn]
+Count = Callable[[Judged], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Promise:
+    """What a rate may be: `most` and its upper 95 % limit `upper`, or `least`; all optional."""
+
+    most: float = 1.0
+    upper: float = 1.0
+    least: float = 0.0
+
+    def __str__(self) -> str:
+        if self.least:
+            return f"≥ {100 * self.least:g} %"
+        return f"≤ {100 * self.most:g} %" if self.most < 1 else NOTHING
+
+
+NONE = Promise()
+FALSE_ALARMS = Promise(most=0.01, upper=0.015)
+RARE = Promise(most=0.02)
+INSIDE = Promise(most=0.01)
+POWER = Promise(least=0.99)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A kind of comparison, and what is counted of it.
+
+    Attributes
+    ----------
+    what : str
+    draw : callable of (seeds, comparisons, random)
+    count : callable
+        Which of the judged comparisons are counted.
+    promise : Promise
+    only : int
+        The promise holds for comparisons of this many seeds; 0 for all.
+    """
+
+    what: str
+    draw: Draw
+    count: Count
+    promise: Promise = NONE
+    only: int = 0
+
+
+def trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
+    """Yield all that the self-test tries.
+
+    Parameters
+    ----------
+    same : mapping of str to Pool
+        Each base against itself; the first of them is the one that runs are taken from.
+    changed : Pool or None
+        The first base against a planted change.
+    """
+    for name, pool in same.items():
+        for share in NULL_LOST:
+            what = f"{name} against itself" + (f", {100 * share:g} % of runs lost" if share else "")
+            null = _drawing(pool, swap=True, lose=(share, share))
+            yield Trial(f"{what}: false alarm", null, _either, FALSE_ALARMS)
+            if share and name == next(iter(same)):
+                yield Trial(f"{what}: status 3", null, lambda found: found.status == 3)
+    for scenarios in (1, 4):
+        for sign, what in ((1, "quicker, one far slower"), (-1, "slower, one far quicker")):
+            text = f"9 of 10 runs 5 % {what}, {scenarios} scenario{'s'[: scenarios - 1]}"
+            rare = _rare_failures(scenarios, sign)
+            yield Trial(f"{text}: false alarm", rare, _either, RARE)
+    for name, pool in same.items():
+        text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
+        yield Trial(text, _shifted(pool), _worse, INSIDE)
+    if changed is not None:
+        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, DEFAULT_SEEDS)
+    first = next(iter(same.values()))
+    for share in MORE_LOST:
+        more = _drawing(first, swap=True, lose=(0.0, share))
+        text = f"candidate loses {100 * share:g} % of runs"
+        yield Trial(f"{text}: status 1", more, lambda found: found.status == 1)
+        yield Trial(f"{text}: status 1 or 3", more, lambda found: found.status > 0)
+
+
+def _either(found: Judged) -> NDArray[np.bool_]:
+    return found.worse | found.better
+
+
+def _worse(found: Judged) -> NDArray[np.bool_]:
+    return found.worse
+
+
+def _drawing(pool: Pool, *, swap: bool = False, lose: tuple[float, float] = (0.0, 0.0)) -> Draw:
+    return lambda size, count, random: draw(pool, size, count, random, swap=swap, lose=lose)
+
+
+def _shifted(pool: Pool) -> Draw:
+    """Make every score of the candidate larger by `SMALL`."""
+
+    def drawn(size: int, count: int, random: np.random.Generator) -> Drawn:
+        found = draw(pool, size, count, random, swap=True)
+        return replace(found, ratios=found.ratios + math.log1p(SMALL))
+
+    return drawn
+
+
+def _rare_failures(scenarios: int, sign: int) -> Draw:
+    """Make log-ratios with mean zero: ln .95 on nine runs of ten, and on one what makes up."""
+    step = -math.log(0.95)
+    names = [str(i) for i in range(scenarios)]
+    family = Family.of(names, ["lag"] * scenarios, [0.02] * scenarios)
+
+    def drawn(size: int, count: int, random: np.random.Generator) -> Drawn:
+        failed = random.random((count, scenarios, size)) < 0.1
+        none = np.zeros((2, count, scenarios, size), bool)
+        return Drawn(family, sign * np.where(failed, 9 * step, -step), dict.fromkeys(LOST, none))
+
+    return drawn

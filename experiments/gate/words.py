@@ -1,0 +1,125 @@
+"""A comparison in plain words: the line on top, what the words mean, how the numbers are read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexaxis.experiments.gate.decide import BETTER, SAME, SLIGHT, UNDECIDED, WORSE
+from flexaxis.experiments.gate.gate import Comparison
+from flexaxis.experiments.gate.lost import MANY
+from flexaxis.experiments.gate.pairs import LOST, METRICS
+from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
+
+LOST_WORDS = {"diverged": "diverge", "never_settled": "never settle"}
+
+MEANING = {
+    WORSE: "A regression: what is called worse is so by more than its margin, or more runs are "
+    "lost than chance would lose.",
+    BETTER: "An improvement by more than the margin, and nothing else is worse or undecided.",
+    SLIGHT: "There is a difference, but all of it is smaller than the margins, which say what "
+    "matters.",
+    SAME: "Every difference is smaller than the margins, which say what matters.",
+}
+
+
+def headline(found: Comparison) -> str:
+    """Return the verdict in a line: its word, the lost runs, then what each word is said of."""
+    clauses = [f"{p} of {s} is not estimated" for s, p in found.missing]
+    clauses += [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
+    for word in VERDICTS:
+        for metric in METRICS:
+            of_metric = [v for v in found.verdicts if v.metric == metric]
+            said = [v for v in of_metric if v.verdict == word]
+            if said:
+                clauses.append(_scores(metric, word, said, len(of_metric)))
+    return f"{found.verdict}: {', '.join(clauses) or 'no run has a score on both sides'}"
+
+
+def _lost(v: Verdict) -> str:
+    how = LOST_WORDS[v.metric]
+    if not (v.newly or v.regained):
+        return f"the same {v.base} of {v.runs} runs {how} on both sides"
+    what = f"{v.newly} of {v.runs} runs newly {how}"
+    return what + (f" and {v.regained} no longer do" if v.regained else "")
+
+
+def _scores(metric: str, word: str, said: Sequence[Verdict], number: int) -> str:
+    text = f"{metric.replace('_', ' ')} {word} in {len(said)} of {number} score{'s'[: number - 1]}"
+    if word not in (WORSE, BETTER):
+        return text
+    most = max(said, key=lambda v: abs(v.change or 0.0))
+    where = f"{most.parameter} in {most.scenario}, {percent(most.change or 0.0)} %"
+    return f"{text} ({'most: ' if len(said) > 1 else ''}{where})"
+
+
+def meaning(found: Comparison) -> str:
+    """Return a sentence on what the verdict means, and what can be done."""
+    if found.verdict != UNDECIDED:
+        return MEANING[found.verdict]
+    if found.missing:
+        what = ", ".join(dict.fromkeys(parameter for _, parameter in found.missing))
+        return (
+            f"The candidate does not estimate all that changes ({what}): choose scenarios whose "
+            "faults both estimate."
+        )
+    if found.newly_lost >= MANY:
+        return (
+            f"{found.newly_lost} runs newly lost: too many to pass, too few to be sure. Look at "
+            "them, or add seeds (--max-seeds)."
+        )
+    undecided = [v for v in found.verdicts if v.verdict == UNDECIDED]
+    if undecided and all(v.metric not in LOST and v.pairs < 2 for v in undecided):
+        return "Hardly a run is left that both sides finished: the scores cannot be compared."
+    reasons = [text for text in (_far(undecided), _needed(undecided)) if text]
+    return " ".join(["These seeds do not tell.", *reasons])
+
+
+def _far(undecided: Sequence[Verdict]) -> str:
+    far = [v for v in undecided if v.reason == "far"]
+    if not far:
+        return ""
+    return (
+        f"What looks better in {far[0].metric.replace('_', ' ')} has a run far on the other side "
+        f"(look at seed {far[0].worst_seed} of {far[0].worst_scenario})."
+    )
+
+
+def _needed(undecided: Sequence[Verdict]) -> str:
+    needed = [v.seeds_needed for v in undecided]
+    if not needed:
+        return ""
+    if None in needed:
+        return "More seeds may (--max-seeds); for some scores it cannot be said how many."
+    return f"About {max(n for n in needed if n is not None)} would (--max-seeds)."
+
+
+def explanation(found: Comparison) -> str:
+    """Return how the numbers are to be read."""
+    text = (
+        f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base. "
+        "Intervals: Student's t on paired log-ratios, each for its score alone, at the level that "
+        f"Holm's procedure gives it; a false worse or better anywhere has a chance of at most "
+        f"{100 * found.alpha:.3g} %, and of about twice that where runs fail rarely. Worse or "
+        "better: the whole interval lies beyond the margin, and runs enough show it. Slight: "
+        "there, but within the margin. Lost runs: exact test "
+        "(McNemar's) on the runs that only one side lost, over all scenarios."
+    )
+    if found.looks > 1:
+        text += f" Look {found.look} of {found.looks}, each with its share of the error."
+    return text
+
+
+def percent(share: float) -> str:
+    """Return a change in per cent, with its sign and two digits or more.
+
+    Examples
+    --------
+    >>> percent(0.0213), percent(-0.5), percent(0.0), percent(300.0)
+    ('+2.1', '-50', '0', '+3e+04')
+    """
+    value = 100 * share
+    if value == 0:
+        return "0"
+    if abs(value) < 10:
+        return f"{value:+.2g}"
+    return f"{value:+.0f}" if abs(value) < 1e4 else f"{value:+.0e}"

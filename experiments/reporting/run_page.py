@@ -1,0 +1,190 @@
+"""The HTML report of a run: one file, figures inside, readable without a network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+from flexaxis.experiments.catalogue.card import happens, in_a_line
+from flexaxis.experiments.reporting import figures, tradeoff
+from flexaxis.experiments.running.files import Results
+from flexaxis.experiments.scoring import mismatch, pools, ranking
+from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.table import SCORES, label
+from flexaxis.sim.scenario import Scenario, scenario_from
+
+TEMPLATE = "run.html"
+SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
+DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
+
+
+def render(results: Results) -> str:
+    """Return the report as HTML.
+
+    Parameters
+    ----------
+    results : Results
+        As from `flexaxis.experiments.running.files.load`.
+    """
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.filters |= {"number": number, "pair": pair, "settled": settled, "shade": shade}
+    folder = files("flexaxis.experiments.reporting") / "templates"
+    template = environment.from_string((folder / TEMPLATE).read_text(encoding="utf-8"))
+    summary = results.summary
+    scenarios = {
+        name: scenario_from(entry["definition"], source=name)
+        for name, entry in summary["scenarios"].items()
+    }
+    return template.render(
+        summary=summary,
+        sections=[_section(name, scenarios[name], results) for name in scenarios],
+        figure=_tradeoff_figure(summary),
+        swept=summary.get("tradeoff"),
+        answers=_answers(summary, scenarios),
+        findings=ranking.in_words(summary["as_set"]),
+        equal=_at_equal_noise(summary),
+        mismatch=_mismatch(summary, scenarios),
+        controls=ranking.CONTROLS,
+        at_most=ranking.AT_MOST,
+        at_least=ranking.AT_LEAST,
+        colour=figures.colour,
+        heads=column_heads(),
+        cells=cells,
+        glossary={label(s.name): s.words for s in SCORES.values() if s.heading},
+    )
+
+
+def _tradeoff_figure(summary: Mapping[str, Any]) -> str | None:
+    """Return the curves over the knobs where they were swept, else a point an estimator."""
+    if summary.get("tradeoff"):
+        return figures.svg(tradeoff.figure(summary["tradeoff"]["points"]))
+    if any(row["changed"] for row in summary["rows"]):
+        return figures.svg(figures.speed_variance(summary["rows"]))
+    return None
+
+
+def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> list[str]:
+    swept = summary.get("tradeoff")
+    if not swept:
+        return []
+    words = {name: happens(scenario) for name, scenario in scenarios.items()}
+    return ranking.answers(swept["matched"], swept["faults"] | words)
+
+
+def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the table that the report leads with: estimator × fault at equal noise."""
+    swept = summary.get("tradeoff")
+    if not swept:
+        return None
+    rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
+    names = list(dict.fromkeys([p["estimator"] for p in swept["points"]] + [k[2] for k in rows]))
+    overall = {row["estimator"]: row for row in swept["overall"]}
+    return {
+        "faults": list(dict.fromkeys(key[:2] for key in rows)),
+        "estimators": sorted(names, key=lambda n: [*overall, n].index(n)),
+        "rows": rows,
+        "overall": overall,
+        "words": swept["faults"],
+        "reference": ranking.REFERENCE,
+    }
+
+
+def _mismatch(
+    summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]
+) -> dict[str, Any] | None:
+    names, rows = mismatch.mismatched(scenarios), summary["rows"]
+    if not names:
+        return None
+    return {
+        "scenarios": names,
+        "estimators": list(dict.fromkeys(row["estimator"] for row in rows)),
+        "cells": mismatch.matrix(rows, names),
+        "words": mismatch.mismatch_in_words(rows, summary["as_set"], names),
+    }
+
+
+def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
+    curves = [curve for curve in results.curves if curve.scenario == name]
+    drawn = figures.svg if len(results.summary["scenarios"]) <= SHARP else figures.img
+    return {
+        "name": name,
+        "card": scenario.card,
+        "faults": in_a_line(scenario),
+        "hash": results.summary["scenarios"][name]["hash"],
+        "toml": scenario.to_toml(),
+        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)),
+        "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
+    }
+
+
+def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
+    """Return the trajectories to draw: where there are many, the reference and the fastest."""
+    if len(curves) <= DRAWN:
+        return list(curves)
+    lags = {
+        row["estimator"]: row["lag"]
+        for row in results.summary["rows"]
+        if row["scenario"] == curves[0].scenario and row["lag"] is not None
+    }
+    order = sorted(
+        curves,
+        key=lambda c: (c.estimator != ranking.REFERENCE, lags.get(c.estimator, math.inf)),
+    )
+    return order[:DRAWN]
+
+
+def column_heads() -> list[str]:
+    """Return the headings of the columns of a scenario's table."""
+    heads = [label(score.name) for score in SCORES.values() if score.heading]
+    return [*heads, "efficiency", "alarms", "false alarms in 1000 s", "µs/sample"]
+
+
+def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the cells of a pooled row in that order, each with its interval."""
+    found = []
+    for score in SCORES.values():
+        if score.heading:
+            value = row.get(score.name)
+            if score.kind == "truth":
+                text = f"{value} of {row['seeds']}"
+            elif score.pool is pools.median:
+                text = settled(value, row["changed"])
+            else:
+                text = number(value)
+            found.append((text, pair(row.get(f"{score.name}_interval"))))
+    alarms = row.get("detection") or {}
+    efficiency, cost = row.get("efficiency", {}).get("200"), row["cost"]["us_per_sample"]
+    more = (efficiency, alarms.get("alarms"), alarms.get("false_alarms_per_1000_s"), cost)
+    return found + [(number(value, 2), "") for value in more]
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number for a table; what is not defined is a dash."""
+    if value is None:
+        return "–"
+    # 120 and not 1.2e+02
+    return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
+
+
+def pair(interval: Sequence[float | None] | None) -> str:
+    """Return an interval for a table; an end that is not finite is said in words."""
+    if interval is None:
+        return ""
+    return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
+
+
+def shade(score: float | None) -> str:
+    """Return the background of a score: white for doing nothing, green on the bound, else red."""
+    if score is None:
+        return "transparent"
+    strength = min(abs(score), 100.0) / 100
+    return f"rgb({'0 158 115' if score >= 0 else '213 94 0'} / {0.45 * strength:.2f})"
+
+
+def settled(value: float | None, changed: bool) -> str:
+    """Return a settling time for a table; never is said in words."""
+    return number(value) if value is not None or not changed else "never"

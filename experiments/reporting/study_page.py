@@ -1,0 +1,127 @@
+"""The HTML report of a study: a table of pooled scores, and those figures that its axes allow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from importlib.resources import files
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexaxis.experiments.reporting import sweep_figures as figures
+from flexaxis.experiments.reporting.figures import colour, svg
+from flexaxis.experiments.reporting.findings import alarms, confusion
+from flexaxis.experiments.reporting.run_page import number, pair, settled
+from flexaxis.experiments.running.columns import axis_kind
+from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.running.folder import REPORT
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.rows import done
+
+BINS = 8  # of an axis with too many values to draw each
+MANY = 24  # values of an axis that are drawn each
+LINES = 300  # of the table
+MAPS = 3  # heat maps
+
+DEGRADATION = (
+    "Left, where something changes: the lag, the area under the remaining error after the fault "
+    "(dashed: what the Cramér–Rao bound allows). Beside it: how wrong each estimate is before the "
+    "fault (root mean square, in % of nominal). What other axes there are is averaged over."
+)
+DETECTION = (
+    "A point is one setting of an estimator that reports findings: how late it finds a fault, and "
+    "how many it misses, against how often it finds one where there is none."
+)
+ISOLATION = "What was named (columns) where something changed (rows)."
+HEAT = (
+    "Lag [s] after the fault, geometric mean: the darker, the slower. White: not run, or never in "
+    "range."
+)
+
+
+def write_report(results: Results) -> Path:
+    """Write report.html into the folder of a study and return its path.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    path = results.folder / REPORT
+    write_text(path, render(results))
+    return path
+
+
+def render(results: Results) -> str:
+    """Return the report as HTML: one file, readable without a network."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.filters |= {"number": number, "pair": pair, "settled": settled}
+    page = files("flexaxis.experiments.reporting") / "templates" / "study.html"
+    bins = _bins(results)
+    rows = results.pooled(bins=bins)
+    failures = results.failures()
+    return environment.from_string(page.read_text(encoding="utf-8")).render(
+        study=results.study,
+        axes=results.axes,
+        rows=rows[:LINES],
+        left_out=max(0, len(rows) - LINES),
+        cases=len(done(results.folder)),
+        failed=len(failures),
+        failures=failures[:10],
+        figures=[(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
+        colour=colour,
+        tell=figures.short,
+    )
+
+
+def drawn(
+    results: Results, bins: Mapping[str, Sequence[float]] | None = None
+) -> Iterator[tuple[str, str, Figure]]:
+    """Yield title, explanation and figure of each figure that the axes of a study allow."""
+    bins = _bins(results) if bins is None else bins
+    values = results.values()
+    numbers = [axis for axis in values if len(values[axis]) > 1 and _is_number(values[axis])]
+    for axis in numbers:
+        rows = results.pooled(["method", axis], bins=_only(bins, axis))
+        if any(row[axis] is not None for row in rows):
+            yield f"Over {axis}", DEGRADATION, figures.degradation(rows, axis)
+    yield from _maps(results, values, bins)
+    if found := alarms(results.rows()):
+        yield "Detection", DETECTION, figures.detection(found)
+    if counts := confusion(results.rows()):
+        yield "Isolation", ISOLATION, figures.isolation(counts)
+
+
+def _maps(
+    results: Results, values: Mapping[str, Sequence[Any]], bins: Mapping[str, Sequence[float]]
+) -> Iterator[tuple[str, str, Figure]]:
+    # Those with the fault first: size of the fault against all else is what one asks for.
+    wide = [axis for axis in values if len(values[axis]) > 1]
+    wide.sort(key=lambda axis: not axis.startswith("fault"))
+    for y, x in list(combinations(wide, 2))[:MAPS]:
+        rows = results.pooled(["method", x, y], bins=_only(bins, x, y))
+        rows = [row for row in rows if row[x] is not None and row[y] is not None]
+        if any(row["changed"] and row["lag"] is not None for row in rows):
+            yield f"{y} × {x}", HEAT, figures.heat_map(rows, x, y)
+
+
+def _bins(results: Results) -> dict[str, list[float]]:
+    """Return the edges of bins that hold about as many points each, for axes with many values."""
+    return {
+        axis: np.unique(np.quantile(seen, np.linspace(0, 1, BINS + 1))).tolist()
+        for axis, seen in results.values().items()
+        if len(seen) > MANY and _is_number(seen)
+    }
+
+
+def _only(bins: Mapping[str, Sequence[float]], *axes: str) -> dict[str, Sequence[float]]:
+    return {axis: edges for axis, edges in bins.items() if axis in axes}
+
+
+def _is_number(values: Sequence[Any]) -> bool:
+    return axis_kind(values) == "number"

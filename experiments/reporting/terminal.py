@@ -1,0 +1,143 @@
+"""The pooled scores as a table in the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from flexaxis.experiments.reporting.run_page import number, pair, settled
+from flexaxis.experiments.scoring import pools
+from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
+from flexaxis.experiments.scoring.table import SCORES, Score
+
+CAPTION = """\
+lag after the fault, ± 95 % half-width over seeds; std before it [% of nominal]
+score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown (steps only)
+x-talk: largest error caused in another parameter [% of nominal]
+lost: diverged runs; open: other runs never settled; µs: time per sample"""
+
+SHOWN = [score for score in SCORES.values() if score.short]
+
+
+WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
+
+
+def show(table: Table) -> None:
+    """Print a table, in a file or a pipe as wide as it needs."""
+    console = Console()
+    (console if console.is_terminal else Console(width=WIDE)).print(table)
+
+
+def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Return a line per scenario and estimator, on the parameter that changed.
+
+    Without a fault there is one for each parameter.
+    """
+    table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
+    for heading in ("estimator", "θ"):
+        table.add_column(heading, no_wrap=True)
+    headings = [f"{s.short} [{s.unit}]" if s.unit == "s" else f"{s.short} {s.unit}" for s in SHOWN]
+    for heading in (*headings, "x-talk", "µs"):
+        table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
+    faulted = {row["scenario"] for row in rows if row["changed"]}
+    shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
+    for before, row in zip([None, *shown[:-1]], shown, strict=True):
+        if before is None or before["scenario"] != row["scenario"]:
+            table.add_row(f"[bold]{row['scenario']}[/]")
+        cells = _cells(row, _cross_talk(rows, row))
+        table.add_row(*cells, style="red" if row["diverged"] else None)
+    return table
+
+
+def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
+    return [
+        "  " + escape(row["estimator"]),  # brackets are mark-up here
+        row["parameter"],
+        *(_cell(score, row) for score in SHOWN),
+        number(cross_talk, 2),
+        _cost(row["cost"]["us_per_sample"]),
+    ]
+
+
+def _with_half_width(
+    value: float | None, interval: Sequence[float] | None, *, digits: int = 2
+) -> str:
+    if interval is None or interval[0] == interval[1]:
+        return number(value, digits)
+    return f"{number(value, digits)} ±{(interval[1] - interval[0]) / 2:.1g}"
+
+
+def _cell(score: Score, row: Mapping[str, Any]) -> str:
+    value = row.get(score.name)
+    if score.name == "lag":
+        return _with_half_width(value, row["lag_interval"])
+    if score.pool is pools.median:
+        return settled(value, row["changed"])
+    if score.kind == "truth":  # a count, of runs in which there was something to settle
+        return "–" if score.pool is pools.count_kept and not row["changed"] else str(value)
+    if score.better == "more":
+        return "–" if value is None else f"{value:.0f}"
+    return number(value, 2)
+
+
+def _cost(microseconds: float) -> str:
+    return f"{microseconds:.2f}" if microseconds < 10 else f"{microseconds:.0f}"
+
+
+def _cross_talk(rows: Sequence[Mapping[str, Any]], row: Mapping[str, Any]) -> float | None:
+    """Return the largest error that the fault causes in another parameter."""
+    others = [
+        other["cross_talk"]
+        for other in rows
+        if (other["scenario"], other["estimator"]) == (row["scenario"], row["estimator"])
+        and other["cross_talk"] is not None
+    ]
+    return max(others, default=None)
+
+
+def equal_noise_table(
+    matched: Sequence[Mapping[str, Any]], overall: Sequence[Mapping[str, Any]]
+) -> Table:
+    """Return the lags at equal noise, a line a fault and estimator, and the scores of all faults.
+
+    Parameters
+    ----------
+    matched, overall : sequence of mapping
+        As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `scoring.ranking.overall`.
+    """
+    table = Table(
+        box=None, padding=(0, 1, 0, 0), min_width=78, caption=EQUAL, caption_justify="left"
+    )
+    table.add_column("estimator", no_wrap=True)
+    for heading in (r"lag \[s]", "95 %", "×bound", "after %", "false"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in matched):
+        table.add_row(f"[bold]{scenario}[/], {parameter}")
+        mine = [r for r in matched if (r["scenario"], r["parameter"]) == (scenario, parameter)]
+        for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
+            values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
+            table.add_row(
+                ("* " if row["leads"] else "  ") + escape(row["estimator"]),
+                AT_MOST.get(row["how"], "") + number(row["lag"]),
+                pair(row["lag_interval"]),
+                *(number(value, 2) for value in values),
+            )
+    if overall:
+        table.add_row("[bold]score at equal excess error[/]")
+    for row in overall:
+        sign = AT_LEAST.get(row["how"], "")
+        name = ("* " if row["leads"] else "  ") + escape(row["estimator"])
+        table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
+    return table
+
+
+EQUAL = """\
+lag where the std of θ before the fault is that of rpem-forgetting at its default
+*: the best, and those that paired seeds cannot tell from it
+≤, ≥: quieter, or noisier, than that at every setting of its knob
+after: std in the last 2 s of the window; false: false alarms in 1000 s"""

@@ -1,0 +1,180 @@
+"""One estimator on one record, from file to file, in pieces: a record of any length will do."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.specs import Spec, build
+from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.record import Record, count_samples, record_pieces
+from flexaxis.sim.scenario import Scenario, scenario_from
+
+Array = NDArray[np.float64]
+PIECE = 20_000  # samples in memory at a time
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is known when all samples are through.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Estimated parameters.
+    last : ndarray (p,)
+        Last estimate.
+    truth : ndarray (p,) or None
+        True values at the last sample, where the record knows them.
+    samples : int
+        Samples read.
+    """
+
+    names: tuple[str, ...]
+    last: Array
+    truth: Array | None
+    samples: int
+
+
+def estimate(
+    source: Path,
+    spec: Spec,
+    target: Path,
+    *,
+    scenario: Scenario | None = None,
+    covariance: bool = True,
+    advance: Callable[[int], None] | None = None,
+) -> Outcome:
+    """Run an estimator on a record file and write the estimates to another, at once or not at all.
+
+    The file has `time` (time), `theta` (time, estimate), the names as coordinate `estimate`, and
+    `covariance` (time, estimate, estimate) where the estimator claims one.
+
+    Parameters
+    ----------
+    source, target : Path
+        NetCDF-4 files.
+    spec : Spec
+        The estimator, as from `flexaxis.experiments.running.specs.parse`.
+    scenario : Scenario, optional
+        What the estimator is told; the record's own by default.
+    covariance : bool
+        Whether to write it; without it, an estimator's fast `run` can be used.
+    advance : callable, optional
+        Called with the number of samples done since the last call.
+
+    Raises
+    ------
+    EstimatorError, RecordError, OutputError
+        If the record cannot be used, lacks what the estimator reads, or the target cannot be
+        written. Nothing is left of a target that is not complete.
+    """
+    pieces = record_pieces(source, samples=PIECE)
+    first = next(pieces)
+    estimator = build(spec, scenario or _own_scenario(first, source))
+    if getattr(first, estimator.output, None) is None:
+        raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
+    claims = covariance and hasattr(estimator, "covariance")
+    names, samples = tuple(estimator.names), 0
+    with estimates_file(target, names, count_samples(source), claims=claims) as file:
+        file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
+        file.attrs["record_hash"] = first.hash
+        for piece in chain([first], pieces):
+            theta, claimed, _ = run_on(estimator, piece, claims=claims)
+            span = slice(samples, samples + len(theta))
+            file["time"][span], file["theta"][span] = piece.time, theta
+            if claimed is not None:
+                file["covariance"][span] = claimed
+            samples = span.stop
+            if advance:
+                advance(len(theta))
+    known = piece.true_parameters
+    truth = None if known is None else true_theta(names, known[-1])
+    return Outcome(names, theta[-1], truth, samples)
+
+
+def run_on(
+    estimator: Estimator, piece: Record, *, claims: bool = True
+) -> tuple[Array, Array | None, NDArray[np.bool_]]:
+    """Run an estimator on a record or a piece of one, going on from where it is.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    piece : Record
+    claims : bool
+        Whether to ask for the claimed covariance and alarms after every sample, if it has them;
+        if not, or if it has none, its fast `run` is used.
+
+    Returns
+    -------
+    theta : ndarray (n, p)
+    covariance : ndarray (n, p, p) or None
+    alarms : ndarray (n,) of bool
+    """
+    y = getattr(piece, estimator.output)
+    n, p = len(y), len(estimator.names)
+    alarms = np.zeros(n, bool)
+    sure = claims and hasattr(estimator, "covariance")
+    if not sure and not (claims and hasattr(estimator, "alarm")):
+        return run_estimator(estimator, piece.torque, y, piece.valid), None, alarms
+    theta, claimed = np.empty((n, p)), np.empty((n, p, p))
+    there = np.ones(n, bool) if piece.valid is None else piece.valid
+    for k in range(n):
+        theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
+        if sure:
+            claimed[k] = estimator.covariance  # type: ignore[attr-defined]
+        alarms[k] = getattr(estimator, "alarm", False)
+    return theta, claimed if sure else None, alarms
+
+
+@contextmanager
+def estimates_file(
+    path: Path, names: tuple[str, ...], samples: int, *, claims: bool = False
+) -> Iterator[Any]:
+    """Open a file of estimates to be filled; it gets its name when it is complete."""
+    import h5netcdf
+    import h5py
+
+    part = path.with_name(f".{path.name}.part")
+    p = len(names)
+    with writing(path):
+        try:
+            with h5netcdf.File(part, "w") as file:
+                file.dimensions = {"time": samples, "estimate": p}
+                time = file.create_variable("time", ("time",), float)
+                time.attrs["units"] = "s"
+                text = file.create_variable("estimate", ("estimate",), h5py.string_dtype())
+                text[:] = np.array(names, dtype=object)
+                file.create_variable("theta", ("time", "estimate"), float)
+                if claims:
+                    # NetCDF wants each dimension of a variable to be another one.
+                    file.dimensions["estimate_2"] = p
+                    dimensions = ("time", "estimate", "estimate_2")
+                    file.create_variable("covariance", dimensions, float)
+                yield file
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _own_scenario(record: Record, source: Path) -> Scenario:
+    if not record.scenario:
+        raise RecordError(
+            f"{source} does not say its scenario, so the nominal values and the parameters to "
+            "identify are unknown: name one with --scenario"
+        )
+    return scenario_from(record.scenario, source=f"{source}, attribute scenario")

@@ -1,0 +1,141 @@
+"""Files of rows: appended to, a case at once or not at all; read without trusting the last line.
+
+A line is a JSON object that begins with the identity of its case. All rows of a case follow each
+other, and each says how many they are, so that a case that a kill has cut short is recognised.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.studies.definition import StudyError
+
+START = b'{"case": "'
+ID = slice(len(START), len(START) + 16)
+SYNC_EVERY = 5.0  # s: what a power failure may cost; a kill costs nothing
+
+
+@dataclass(frozen=True)
+class Scan:
+    """What is in a file of rows.
+
+    Attributes
+    ----------
+    cases : ndarray of uint64
+        Identities of the complete cases, in the order of the file.
+    size : int
+        Bytes up to the end of the last complete case.
+    """
+
+    cases: NDArray[np.uint64]
+    size: int
+
+
+def blocks(path: Path) -> Iterator[list[bytes]]:
+    """Yield the lines of each complete case.
+
+    Raises
+    ------
+    StudyError
+        If something else than rows stands before the last case.
+    """
+    block: list[bytes] = []
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if not line.endswith(b"\n"):
+                break  # cut short by a kill, or being written just now
+            if not (line.startswith(START) and line.endswith(b"}\n")):
+                raise StudyError(f"{path}, line {number}: this is no row of a study")
+            if block and line[ID] != block[0][ID]:
+                yield block
+                block = []
+            block.append(line)
+    if block and len(block) == json.loads(block[0])["rows"]:
+        yield block
+
+
+def scan(path: Path) -> Scan:
+    """Return the complete cases of a file, and where they end."""
+    cases, size = array("Q"), 0
+    for block in blocks(path):
+        cases.append(int(block[0][ID], 16))
+        size += sum(map(len, block))
+    return Scan(np.frombuffer(cases, np.uint64) if cases else np.empty(0, np.uint64), size)
+
+
+def row_files(folder: Path) -> list[Path]:
+    """Return the files of rows in a folder."""
+    return sorted(folder.glob("*.jsonl"))
+
+
+def done(folder: Path) -> NDArray[np.uint64]:
+    """Return the complete cases of all files in a folder, sorted: eight bytes each."""
+    found = [scan(path).cases for path in row_files(folder)]
+    return np.unique(np.concatenate(found)) if found else np.empty(0, np.uint64)
+
+
+def read(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the rows of all complete cases of a file."""
+    for block in blocks(path):
+        yield from map(json.loads, block)
+
+
+class RowFile:
+    """Append cases to a file; on opening it, a case that was cut short is removed.
+
+    A context manager. One process at a time: the lock on the folder sees to that.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._synced = time.monotonic()
+        with writing(path):
+            path.touch()
+            size = scan(path).size
+            if size < path.stat().st_size:
+                os.truncate(path, size)
+            self._file = path.open("ab", buffering=0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        with self._file, writing(self.path):
+            os.fsync(self._file.fileno())
+
+    def append(self, lines: bytes) -> None:
+        """Append the rows of complete cases.
+
+        Raises
+        ------
+        OutputError
+            If they do not fit: then none of them is there.
+        """
+        before = os.fstat(self._file.fileno()).st_size
+        left = memoryview(lines)
+        with writing(self.path):
+            try:
+                while left:
+                    left = left[self._file.write(left) :]
+                if time.monotonic() - self._synced > SYNC_EVERY:
+                    os.fsync(self._file.fileno())
+                    self._synced = time.monotonic()
+            except BaseException:  # Ctrl-C too
+                self._file.truncate(before)
+                raise

@@ -1,0 +1,228 @@
+"""From the text of an `--estimator` option to a built estimator.
+
+Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
+an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
+TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
+in any language. All but the first run the code they name, so that text which was not typed on the
+command line goes through `flexaxis.experiments.running.consent` before it comes here.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import sys
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import Estimator
+from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
+from flexaxis.experiments.running.crashes import crash, user_code
+from flexaxis.experiments.running.nominal import nominal_torque
+from flexaxis.experiments.running.pipe import PipeEstimator
+from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.problems import estimated_problems
+from flexaxis.sim.scenario import Scenario
+
+ENTRY_POINTS = "flexaxis.estimators"
+PIPE = "pipe:"
+
+
+@dataclass(frozen=True)
+class Spec:
+    """An estimator to be built: the text that names it, what makes it, and its options."""
+
+    text: str
+    make: Callable[..., Estimator]
+    options: Mapping[str, Any]
+
+
+def parse(text: str) -> Spec:
+    """Return what an `--estimator` option stands for; nothing is built yet.
+
+    Raises
+    ------
+    EstimatorError
+        If there is no such estimator or option, or its file cannot be imported.
+    """
+    if text.startswith(PIPE):  # brackets are part of the command
+        return Spec(text, partial(PipeEstimator, text.removeprefix(PIPE)), {})
+    name, _, rest = text.partition("[")
+    make = _find(name.strip())
+    options = _options(rest, text)
+    known = _keywords(make)
+    for key in options:
+        if key not in known:
+            raise EstimatorError(
+                f"{name} has no option {key!r}.{did_you_mean(key, known)} "
+                f"It has: {', '.join(sorted(known)) or 'none'}"
+            )
+    return Spec(text, make, options)
+
+
+def written_options(text: str) -> dict[str, Any]:
+    """Return the options that stand in an `--estimator` option; nothing is looked up or run.
+
+    Raises
+    ------
+    EstimatorError
+        If they are not written as in TOML.
+
+    Examples
+    --------
+    >>> written_options("mine.py:Mine[gain=0.1]")
+    {'gain': 0.1}
+    """
+    return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
+
+
+def parse_all(texts: Sequence[str]) -> list[Spec]:
+    """Return the specs, or one error that has a line for each wrong text."""
+    specs, problems = [], []
+    for text in dict.fromkeys(texts):
+        try:
+            specs.append(parse(text))
+        except EstimatorError as error:
+            problems.append(str(error))
+    if problems:
+        raise EstimatorError("\n".join(problems))
+    return specs
+
+
+def code_file(text: str) -> str:
+    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
+    file = text.partition("[")[0].rpartition(":")[0]
+    return file if file.endswith(".py") else ""
+
+
+def build(spec: Spec, scenario: Scenario) -> Estimator:
+    """Return the estimator, told what an estimator may know of a scenario.
+
+    That is the nominal parameters (with the scenario's `start` on the identified ones) and the
+    period; and, where its constructor has keywords of these names, `identify`, `output` and
+    `torque` (a nominal reference run, from which a P(0) can be computed).
+
+    Raises
+    ------
+    EstimatorError
+        If an option is refused, `names` cannot be scored on this scenario, or the estimator reads
+        another output than the scenario gives.
+    EstimatorCrash
+        If its constructor raises anything.
+    """
+    known = _keywords(spec.make)
+    offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
+    if spec.make is oracle_reset:  # the control alone is told when
+        offered["onsets"] = tuple(event.index for event in scenario.events())
+    given = {k: v for k, v in offered.items() if k in known} | dict(spec.options)
+    if "torque" in known and "P0" not in given and not _has_stored_prior(scenario):
+        given["torque"] = nominal_torque(scenario)
+    try:
+        estimator = spec.make(started_nominal(scenario), scenario.period, **given)
+    except EstimatorError as error:
+        raise EstimatorError(f"{spec.text}: {error}") from error
+    except Exception as error:
+        if isinstance(error, TypeError | ValueError) and user_code(error) is None:
+            raise EstimatorError(f"{spec.text}: {error}") from error  # a shipped one refuses it
+        raise crash(spec.text, "when it was made", error) from error
+    for attribute in ("names", "output", "step"):
+        if not hasattr(estimator, attribute):
+            raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
+    _check_names(spec.text, estimator.names, scenario)
+    if estimator.output != scenario.output:
+        raise EstimatorError(
+            f"{spec.text} reads {estimator.output!r}, but {scenario.name} gives "
+            f"{scenario.output!r}: set its `output` to that, or leave the scenario out"
+        )
+    return estimator
+
+
+def _check_names(text: str, names: Any, scenario: Scenario) -> None:
+    """Refuse names that no score could be taken for."""
+    wrong = isinstance(names, str) or not isinstance(names, Sequence | np.ndarray)
+    if wrong or not len(names) or not all(isinstance(name, str) for name in names):
+        raise EstimatorError(
+            f"{text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a') or "
+            f"('f_m',), not {names!r}"
+        )
+    if tuple(names) == scenario.identify:  # which was checked when the scenario was made
+        return
+    problems = estimated_problems(names, scenario.model_dump(), key="names")
+    if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
+        raise EstimatorError("\n".join(lines))
+
+
+def _has_stored_prior(scenario: Scenario) -> bool:
+    """Whether P(0) is among the data stored with the estimators."""
+    return tuple(scenario.identify) == tuple(DEFAULT_IDENTIFY) and scenario.nominal == preset("n1")
+
+
+def _options(rest: str, text: str) -> dict[str, Any]:
+    if not rest:
+        return {}
+    try:
+        return tomllib.loads("options = {" + rest.removesuffix("]") + "}")["options"]
+    except tomllib.TOMLDecodeError as error:
+        raise EstimatorError(
+            f"{text!r}: write options as in [forgetting=0.99, regularization=1e-6]: {error}"
+        ) from error
+
+
+def _keywords(make: Callable[..., Any]) -> set[str]:
+    parameters = list(inspect.signature(make).parameters.values())[2:]
+    return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
+
+
+def _find(name: str) -> Callable[..., Estimator]:
+    if name in REGISTRY:
+        return REGISTRY[name].factory
+    module, colon, attribute = name.rpartition(":")
+    if colon:
+        found = getattr(_module(module), attribute, None)
+        if found is None:
+            raise EstimatorError(f"{name}: {module} has no {attribute!r}")
+        return found
+    installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+    if name in installed:
+        return installed[name].load()
+    raise EstimatorError(
+        f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
+        "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
+    )
+
+
+def _module(name: str) -> Any:
+    """Import a user's module; whatever goes wrong in it is the user's to read, in one line."""
+    try:
+        return (
+            _file(Path(name).resolve()) if name.endswith(".py") else importlib.import_module(name)
+        )
+    except Exception as error:
+        raise EstimatorError(
+            f"{name} cannot be imported: {type(error).__name__}: {error}"
+        ) from error
+
+
+@lru_cache
+def _file(path: Path) -> Any:
+    if not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    if str(path.parent) not in sys.path:  # so that it can import its neighbours
+        sys.path.insert(0, str(path.parent))
+    spec = spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None  # a .py file always has both
+    module = module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    spec.loader.exec_module(module)
+    return module

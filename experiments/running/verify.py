@@ -1,0 +1,152 @@
+"""Run some rows of a study again, and compare."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from flexaxis.experiments.running.consent import require
+from flexaxis.experiments.running.folder import read_study
+from flexaxis.experiments.running.plan import Entry, Unit, Variant
+from flexaxis.experiments.running.rows import blocks, row_files
+from flexaxis.experiments.running.work import made_with, run_unit
+from flexaxis.experiments.studies.definition import applies
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.scenario import Scenario, scenario_from
+
+RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in a number
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A case that was run again.
+
+    Attributes
+    ----------
+    case, what : str
+        Its identity, and scenario, estimator and seed in words.
+    exact : bool
+        Whether it had to be identical: it was made here, with these versions.
+    differences : tuple of str
+        What is not as it was; empty where all is.
+    """
+
+    case: str
+    what: str
+    exact: bool
+    differences: tuple[str, ...]
+
+
+def verify(
+    folder: Path,
+    *,
+    sample: int = 10,
+    seed: int = 0,
+    run_code: bool = False,
+    command: str | None = None,
+) -> Iterator[Verdict]:
+    """Yield the verdicts on a random sample of the cases in a folder.
+
+    Rows made on this machine with these versions must be identical but for `cost`; others agree
+    within 1e-6 of the value or 1e-9.
+
+    Parameters
+    ----------
+    folder : Path
+    sample : int
+        Number of cases, or all if there are fewer.
+    seed : int
+        Of the choice.
+    run_code : bool
+        Whether code may be run that the rows name as their estimators.
+    command : str, optional
+        The line that was typed, as for `consent.require`.
+
+    Raises
+    ------
+    StudyError
+        If it is not the folder of a study.
+    CodeRefused
+        If a row names code that may not be run; then nothing is.
+    """
+    content = read_study(folder)
+    bases = {
+        entry["definition"]["name"]: scenario_from(entry["definition"], source=str(folder))
+        for entry in content["scenarios"]
+    }
+    chosen = _sample(folder, sample, Random(seed))
+    named = (row["estimator"] for rows in chosen for row in rows)
+    require(run_code, named, source=str(folder), command=command)
+    for rows in chosen:
+        yield _again(rows, bases[rows[0]["base"]])
+
+
+def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
+    """Return that many cases, each as likely as any other (Vitter 1985, algorithm R)."""
+    chosen: list[list[bytes]] = []
+    found = (block for path in row_files(folder) for block in blocks(path))
+    for number, block in enumerate(found):
+        if number < sample:
+            chosen.append(block)
+        elif (place := random.randrange(number + 1)) < sample:
+            chosen[place] = block
+    return [[json.loads(line) for line in block] for block in chosen]
+
+
+def _again(rows: list[dict[str, Any]], base: Scenario) -> Verdict:
+    first = rows[0]
+    what = f"{first['scenario']}, {first['estimator']}, seed {first['seed']}"
+    cost = first["cost"]
+    exact = cost["versions"] == made_with() and cost["host"] in {platform.node(), None}
+    try:
+        made = _run(first, base)
+    except ScenarioError as error:
+        return Verdict(first["case"], what, exact, (str(error),))
+    if len(made) != len(rows):
+        return Verdict(first["case"], what, exact, (f"{len(rows)} rows were, {len(made)} are",))
+    told = [
+        f"{row['parameter'] or 'case'}: {text}"
+        for row, other in zip(rows, made, strict=True)
+        for text in differences(row, other, exact=exact)
+    ]
+    return Verdict(first["case"], what, exact, tuple(told))
+
+
+def _run(row: Mapping[str, Any], base: Scenario) -> list[dict[str, Any]]:
+    axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
+    scenario = base.override(axes) if axes else base
+    entry = Entry(row["method"], row["estimator"], {})
+    variant = Variant(base, axes, scenario.hash, scenario.duration, (entry,))
+    made = run_unit(Unit(variant, (entry,), (row["seed"],)))
+    return [json.loads(line) for line in made.lines.splitlines()]
+
+
+def differences(row: Any, other: Any, *, exact: bool, key: str = "") -> Iterator[str]:
+    """Yield what differs between two rows, tables inside them included; `cost` may.
+
+    Parameters
+    ----------
+    row, other : JSON values
+    exact : bool
+        Whether numbers must be the same to the last bit.
+    key : str
+        Where we are.
+    """
+    if isinstance(row, dict) and isinstance(other, dict):
+        for name in sorted((row.keys() | other.keys()) - {"cost", "axes"}):
+            inner = f"{key}.{name}" if key else name
+            yield from differences(row.get(name), other.get(name), exact=exact, key=inner)
+    elif not _same(row, other, exact):
+        yield f"{key} was {row!r} and is {other!r}"
+
+
+def _same(one: Any, other: Any, exact: bool) -> bool:
+    if exact or not (isinstance(one, int | float) and isinstance(other, int | float)):
+        return bool(one == other)
+    return math.isclose(one, other, rel_tol=RELATIVE, abs_tol=ABSOLUTE)

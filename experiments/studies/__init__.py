@@ -1,0 +1,1 @@
+"""What is asked of the engine: studies from files, runs, sweeps over knobs, tuning."""

@@ -1,0 +1,51 @@
+"""Turn the knob of an estimator: the one option that buys speed with noise."""
+
+from __future__ import annotations
+
+import inspect
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.running.specs import parse
+
+
+def with_knob(name: str, factor: float) -> str | None:
+    """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
+
+    A forgetting factor λ is turned in 1−λ, any other knob as it is. An estimator of your own says
+    which option is its knob in the attribute `knob` of its class; one without, or with options
+    already, stays as it is. None where the knob cannot be turned so far.
+
+    Examples
+    --------
+    >>> with_knob("rpem-forgetting", 2.0)
+    'rpem-forgetting[forgetting=0.99]'
+    """
+    knob, value = _knob(name)
+    if knob is None:
+        return name
+    turned = 1 - (1 - value) * factor if knob == "forgetting" else value * factor
+    return with_value(name, turned) if turned > 0 else None
+
+
+def with_value(name: str, value: float) -> str:
+    """Return an estimator with its knob at a value."""
+    knob, _ = _knob(name)
+    return f"{name}[{knob}={value:.12g}]"
+
+
+def _knob(name: str) -> tuple[str | None, float]:
+    """Return the name of the option that is the knob, and its default."""
+    spec = parse(name)
+    if spec.options:
+        return None, 0.0
+    if name in REGISTRY:
+        entry = REGISTRY[name]
+        return entry.knob, float(entry.options[entry.knob]) if entry.knob else 0.0
+    knob = getattr(spec.make, "knob", None)
+    if knob is None:
+        return None, 0.0
+    option = inspect.signature(spec.make).parameters.get(knob)
+    if option is None or not isinstance(option.default, int | float):
+        raise EstimatorError(f"{name}: its `knob` {knob!r} is no option with a number as default")
+    return knob, float(option.default)

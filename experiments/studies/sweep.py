@@ -1,0 +1,307 @@
+"""
+Run estimators over their own knobs, and compare them at equal noise.
+
+One setting of a knob ranks nothing: whoever forgets faster is faster and noisier. So each estimator
+is swept over its knob, and compared where its standard deviation is that of a reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.running import harness
+from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
+from flexaxis.experiments.scoring.matching import (
+    NOISIER,
+    QUIETER,
+    Match,
+    Noise,
+    Setting,
+    match,
+    plain,
+)
+from flexaxis.experiments.scoring.pooling import excess_runs, pool_group
+from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
+from flexaxis.experiments.scoring.ranking import REFERENCE, mark
+from flexaxis.experiments.scoring.windows import windows
+from flexaxis.experiments.studies.knobs import with_knob
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
+WIDER = (16.0, 64.0, 256.0, 1024.0)  # and its inverse, where these do not reach the reference
+
+
+Line = dict[str, float]  # settings of one estimator, with the turn of its knob
+
+
+def settings(estimators: Sequence[str], *, factors: Sequence[float] = FACTORS) -> dict[str, Line]:
+    """Return the settings that a first sweep runs of each estimator.
+
+    One without a knob has one setting. Two estimators may share a setting, which is run once.
+    """
+    found: dict[str, Line] = {}
+    for name in estimators:
+        turned = {with_knob(name, factor): factor for factor in factors}
+        found[name] = {t: 1.0 if t == name else f for t, f in turned.items() if t is not None}
+    return found
+
+
+def texts(lines: Mapping[str, Line]) -> list[str]:
+    """Return all settings of a first sweep, each once, and the reference."""
+    return list(dict.fromkeys([reference(), *(text for line in lines.values() for text in line)]))
+
+
+def reference() -> str:
+    """Return the setting that others are compared with at equal noise."""
+    text = with_knob(REFERENCE, 1.0)
+    assert text is not None  # it has a knob, whose default is allowed
+    return text
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep over the knobs found; all of it is JSON.
+
+    Attributes
+    ----------
+    points : list of dict
+        One for each fault, estimator and setting: ``scenario, parameter, estimator, setting,
+        factor``, pooled ``lag, lag_interval, t10, std, std_interval, std_after, excess, diverged,
+        seeds``, ``lag_bound`` and ``lag_bound_single``.
+    matched : list of dict
+        One for each fault and estimator, at the std of the reference in the parameter that
+        changes: ``how`` (see `scoring.matching.Match`), ``settings, ratio, lag, lag_interval,
+        bound, over_bound, over_single, std_after, false_alarms_per_1000_s, leads``, and
+        ``values`` seed by seed (ln of lag and std after; false alarms).
+    at_excess : list of dict
+        The same at the excess error of the reference, with ``score``.
+    """
+
+    points: list[dict[str, Any]]
+    matched: list[dict[str, Any]]
+    at_excess: list[dict[str, Any]]
+
+
+def sweep(
+    scenarios: Sequence[Scenario],
+    estimators: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    factors: Sequence[float] = FACTORS,
+    jobs: int = 1,
+    store: RecordCache | None = None,
+    advance: Callable[[harness.Done], None] | None = None,
+) -> Sweep:
+    """
+    Run every estimator at several settings of its knob, and match them to the reference.
+
+    Where these settings are all quieter than the reference, or all noisier, the knob is turned
+    further, up to 1024 times, as far as the estimator allows.
+
+    Raises
+    ------
+    FlexaxisError
+        If no scenario has a fault in a parameter that it asks to be estimated.
+    """
+    if not any(w.size > 0 for s in scenarios for w in windows(s, s.identify)):
+        raise FlexaxisError(
+            f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
+            "is no lag to compare; name a scenario with one (`flexaxis list`)"
+        )
+    runs = _Runs(scenarios, seeds, settings(estimators, factors=factors), jobs, store, advance)
+    runs.run(scenarios, texts(settings(estimators, factors=factors)))
+    for factor in WIDER:
+        for scenario in scenarios:
+            _widen(runs, scenario, factor)
+    return _matched(runs)
+
+
+class _Runs:
+    """The cases of a sweep: by scenario and setting, and which settings are whose."""
+
+    def __init__(  # noqa: PLR0917
+        self,
+        scenarios: Sequence[Scenario],
+        seeds: Sequence[int],
+        lines: Mapping[str, Line],
+        jobs: int,
+        store: RecordCache | None,
+        advance: Callable[[harness.Done], None] | None,
+    ) -> None:
+        self.scenarios, self._seeds, self._jobs, self._store = scenarios, seeds, jobs, store
+        self._advance = advance
+        self.lines = {s.name: {name: dict(line) for name, line in lines.items()} for s in scenarios}
+        self._cases: dict[str, dict[str, list[harness.Case]]] = {s.name: {} for s in scenarios}
+
+    def run(self, scenarios: Sequence[Scenario], wanted: Sequence[str]) -> None:
+        """Run some settings on some scenarios; a setting that was run there is not run again."""
+        wanted = [t for t in wanted if any(t not in self._cases[s.name] for s in scenarios)]
+        if not wanted:
+            return
+        for done in harness.run(scenarios, wanted, self._seeds, jobs=self._jobs, store=self._store):
+            for case in done.cases:
+                held = self._cases[case.scenario].setdefault(case.estimator, [])
+                held.append(replace(case, curve=_NOTHING, relative={}))
+            if self._advance:
+                self._advance(done)
+
+    def cases(self, scenario: Scenario, text: str) -> list[harness.Case]:
+        """Return the cases of a setting, in the order of the seeds."""
+        return self._cases[scenario.name][text]
+
+    def faults(self, scenario: Scenario, name: str) -> list[str]:
+        """Return the parameters of an estimator that change."""
+        text = next(iter(self.lines[scenario.name][name]))
+        return [r["parameter"] for r in self.cases(scenario, text)[0].rows if r["changed"]]
+
+    def match(self, scenario: Scenario, name: str, parameter: str, noise: Noise) -> Match | None:
+        """Return an estimator at the noise of the reference; None where that has no such row."""
+        line = self.lines[scenario.name][name]
+        reference_ = self._setting(scenario, reference(), 1.0, parameter)
+        own = [self._setting(scenario, text, factor, parameter) for text, factor in line.items()]
+        return match(reference_, own, noise)
+
+    def _setting(self, scenario: Scenario, text: str, factor: float, parameter: str) -> Setting:
+        cases = self.cases(scenario, text)
+        _, _, biases = excess_runs([case.rows for case in cases], scenario)
+        rows = [next(r for r in case.rows if r["parameter"] == parameter) for case in cases]
+        return Setting(text, factor, rows, biases, information(scenario))
+
+
+_NOTHING = np.empty((0, 0), np.float32)
+
+
+def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
+    """Turn the knobs further of those that do not reach the reference yet, as far as they go."""
+    for name, line in runs.lines[scenario.name].items():
+        how = set()
+        for parameter in runs.faults(scenario, name):
+            for noise in NOISES:
+                found = runs.match(scenario, name, parameter, noise)
+                how |= {found.how} if found else set()
+        for side, turn in ((QUIETER, factor), (NOISIER, 1 / factor)):
+            text = with_knob(name, turn) if side in how else None
+            if text is not None and text != name:
+                try:
+                    runs.run([scenario], [text])
+                except EstimatorError:  # so far the knob does not turn
+                    continue
+                line[text] = turn
+
+
+def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
+    """
+    Return what each estimator is worth at the one setting it was run at, seed by seed.
+
+    Returns
+    -------
+    list of dict
+        One for each fault and estimator: ``scenario, parameter, estimator, lag, std, diverged,
+        seeds`` and ``values`` of lag and std: their logarithms, as the jackknife's values.
+    """
+    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
+    for case in cases:
+        for row in case.rows:
+            if row["changed"] and row["lag"] is not None and row["std"] is not None:
+                key = row["scenario"], row["parameter"], row["estimator"]
+                groups.setdefault(key, []).append(row)
+    found = []
+    for (scenario, parameter, estimator), rows in groups.items():
+        setting = Setting(estimator, 1.0, rows)
+        values = {name: plain(setting, name) for name in ("lag", "std")}
+        found.append(
+            {
+                "scenario": scenario,
+                "parameter": parameter,
+                "estimator": estimator,
+                "seeds": len(rows),
+                **geometric(rows, "lag"),
+                **deviation("bias", "lost_before")(rows, "std"),
+                **count(rows, "diverged"),
+                "values": {name: _listed(each) for name, each in values.items()},
+            }
+        )
+    return found
+
+
+def _matched(runs: _Runs) -> Sweep:
+    points: list[dict[str, Any]] = []
+    at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
+    for scenario in runs.scenarios:
+        for name, line in runs.lines[scenario.name].items():
+            for text, factor in line.items():
+                extra = {"estimator": name, "setting": text, "factor": factor}
+                pooled = pool_group(runs.cases(scenario, text), scenario)
+                points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
+            for parameter in runs.faults(scenario, name):
+                for noise in NOISES:
+                    found = runs.match(scenario, name, parameter, noise)
+                    if found is not None:
+                        at[noise].append(_row(scenario, name, parameter, found))
+    return Sweep(points, mark(at["std"]), at["excess"])
+
+
+NOISES: tuple[Noise, ...] = ("std", "excess")
+_KEPT = (
+    "scenario", "parameter", "lag", "lag_interval", "t10", "std", "std_interval", "std_after",
+    "excess", "diverged", "seeds", "lag_bound", "lag_bound_single",
+)  # fmt: skip
+
+
+def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> dict[str, Any]:
+    """Return what is said of an estimator at equal noise, with the values it rests on."""
+    lag, after, score = (found.at(name) for name in ("lag", "std_after", "score"))
+    rows = found.nearest.rows
+    bounds = {key: mean(rows, key)[key] for key in ("lag_bound", "lag_bound_single")}
+    middle = None if lag is None else float(np.exp(lag.mean()))
+    within = None if lag is None else mean_interval(lag)
+    false = found.false_alarms()
+    return {
+        "scenario": scenario.name,
+        "parameter": parameter,
+        "estimator": estimator,
+        "how": found.how,
+        "settings": list(found.settings),
+        "ratio": found.ratio,
+        "lag": middle,
+        "lag_interval": within and [float(np.exp(end)) for end in within],
+        "bound": bounds["lag_bound"],
+        "bound_single": bounds["lag_bound_single"],
+        "over_bound": _over(middle, bounds["lag_bound"]),
+        "over_single": _over(middle, bounds["lag_bound_single"]),
+        "score": None if score is None else float(score.mean()),
+        "std_after": None if after is None else _exp(after.mean()),
+        "false_alarms_per_1000_s": None if false is None else _rate(found.nearest.rows),
+        "values": {
+            "lag": _listed(lag),
+            "std_after": _listed(after),
+            "score": _listed(score),
+            "false_alarms": _listed(false),
+        },
+    }
+
+
+def _listed(values: Any) -> list[float] | None:
+    return None if values is None else [float(f"{value:.6g}") for value in values]
+
+
+def _rate(rows: Sequence[Mapping[str, Any]]) -> float:
+    """Return the false alarms in 1000 s at the setting nearest to the match."""
+    return float(np.mean([row["detection"]["false_alarms_per_1000_s"] for row in rows]))
+
+
+def _exp(value: float) -> float:
+    """Return a score from its logarithm; on the floor it is none."""
+    return 0.0 if value <= np.log(FLOOR) + 1e-9 else float(np.exp(value))
+
+
+def _over(value: float | None, limit: float | None) -> float | None:
+    return value / limit if value and limit else None
