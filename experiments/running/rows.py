@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from array import array
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from flexaxis.experiments.studies.definition import StudyError
 
 START = b'{"case": "'
 ID = slice(len(START), len(START) + 16)
+FILES = re.compile(r"(scores|rows)(-\d+-of-\d+)?\.jsonl")  # rows: as studies were called once
 SYNC_EVERY = 5.0  # s: what a power failure may cost; a kill costs nothing
 
 
@@ -61,7 +63,7 @@ def blocks(path: Path) -> Iterator[list[bytes]]:
                 yield block
                 block = []
             block.append(line)
-    if block and len(block) == json.loads(block[0])["rows"]:
+    if block and len(block) == _row(path, block[0]).get("rows", len(block)):
         yield block
 
 
@@ -75,8 +77,8 @@ def scan(path: Path) -> Scan:
 
 
 def row_files(folder: Path) -> list[Path]:
-    """Return the files of rows in a folder."""
-    return sorted(folder.glob("*.jsonl"))
+    """Return the files of rows in a folder: the whole, or shares of it."""
+    return sorted(path for path in folder.glob("*.jsonl") if FILES.fullmatch(path.name))
 
 
 def done(folder: Path) -> NDArray[np.uint64]:
@@ -86,9 +88,26 @@ def done(folder: Path) -> NDArray[np.uint64]:
 
 
 def read(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all complete cases of a file."""
+    """Yield the rows of all complete cases of a file.
+
+    Raises
+    ------
+    StudyError
+        If something else than rows stands in it.
+    """
     for block in blocks(path):
-        yield from map(json.loads, block)
+        for line in block:
+            yield _row(path, line)
+
+
+def _row(path: Path, line: bytes) -> dict[str, Any]:
+    try:
+        row: dict[str, Any] = json.loads(line)
+    except ValueError as error:
+        raise StudyError(
+            f"{path}: the row that begins with {line[:60].decode()!r} is damaged: {error}"
+        ) from error
+    return row
 
 
 class RowFile:
