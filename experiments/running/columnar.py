@@ -12,10 +12,11 @@ import json
 import math
 import os
 import tempfile
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import islice
+from functools import cached_property, lru_cache
+from itertools import count, islice
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -24,13 +25,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columns import COLUMNS, axis_kind, column_of
+from flexaxis.experiments.running.columns import COLUMNS, axis_kind, columns_of
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.running.rows import read, row_files
 from flexaxis.experiments.scoring.table import Kind
 
 FILE = ".columns.h5"
-PART = 1 << 14  # rows read and written at a time: some 50 MB while they are dictionaries
+PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
+READ = 1 << 10  # rows of the journal at a time: few, for they are some thousand objects each
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
 CASE = "case"  # 64 bits, and not a text: as many as there are cases
 
@@ -167,45 +169,62 @@ def _written(folder: Path, journal: Sequence[Path], axes: Sequence[str], valid: 
 
 
 def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Table:
-    seen: dict[str, dict[str, int]] = {name: {} for name in axes}
-    seen |= {name: {} for name, kind in COLUMNS.items() if kind == "text" and name != CASE}
+    coded = [*axes, *(name for name, kind in COLUMNS.items() if kind == "text" and name != CASE)]
+    types = {name: _STORED[kind] for name, kind in COLUMNS.items()} | {CASE: np.uint64}
+    types |= dict.fromkeys(coded, np.int32)
     on_disk = {"compression": "lzf", "shuffle": True} if file.driver != "core" else {}
-    kinds = {CASE: np.uint64} | dict.fromkeys(seen, np.int32)
-    for name in (*COLUMNS, *axes):
-        stored = kinds.get(name) or _STORED[COLUMNS[name]]
+    for name, stored in types.items():
         file.create_dataset(_name(name), (0,), stored, maxshape=(None,), chunks=(PART,), **on_disk)
-    count = 0
-    for rows in _parts(row for path in journal for row in read(path)):
-        swept = [row.get("axes", {}) for row in rows]
-        for name in (*COLUMNS, *axes):
-            given = [a.get(name) for a in swept] if name in axes else column_of(rows, name)
-            column = file[_name(name)]
-            column.resize((count + len(rows),))
-            column[count:] = _stored(name, given, seen.get(name))
-        count += len(rows)
-    for name, numbered in seen.items():
-        # As JSON: no character is lost.
-        texts = list(numbered) if name in axes else [json.dumps(text) for text in numbered]
+    numbers: dict[str, dict[Any, int]] = {name: defaultdict(count().__next__) for name in coded}
+    for each in numbers.values():
+        each[None] = -1
+    parts = (
+        {name: _stored(name, given, types[name], numbers.get(name)) for name, given in part.items()}
+        for part in _parts(journal, axes)
+    )
+    while some := list(islice(parts, PART // READ)):
+        for name in types:
+            _append(file[_name(name)], np.concatenate([part[name] for part in some]))
+    for name, each in numbers.items():
+        texts = [text for text in each if text is not None]
+        if name not in axes:  # as JSON, as those are: no character is lost
+            texts = [json.dumps(text) for text in texts]
         file.create_dataset(_name(name, "of "), data=texts, dtype=h5py.string_dtype())
     return Table(tuple(axes), file)
 
 
-def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
-    while part := list(islice(rows, PART)):
-        yield part
+def _parts(journal: Sequence[Path], axes: Sequence[str]) -> Iterator[dict[str, list[Any]]]:
+    rows = (row for path in journal for row in read(path))
+    while part := list(islice(rows, READ)):
+        yield columns_of(part, axes)
 
 
-def _stored(name: str, given: list[Any], seen: dict[str, int] | None) -> NDArray[Any]:
-    """Return a part of a column as it is stored, and number the texts that are new."""
+def _append(column: h5py.Dataset, values: NDArray[Any]) -> None:
+    there = column.shape[0]
+    column.resize((there + len(values),))
+    column[there:] = values
+
+
+def _stored(
+    name: str, given: list[Any], stored: Any, numbers: Mapping[Any, int] | None
+) -> NDArray[Any]:
+    """Return a part of a column as it is stored; `numbers` gives the next one to a new text."""
     if name == CASE:
-        return np.array([int(case, 16) for case in given], np.uint64)
-    if seen is not None:
+        return np.array([int(case, 16) for case in given], stored)
+    if numbers is not None:
         if name not in COLUMNS:  # the values of an axis may be anything
-            given = [None if value is None else json.dumps(value) for value in given]
-        return np.array([-1 if v is None else seen.setdefault(v, len(seen)) for v in given], int)
-    if COLUMNS[name] == "number":
-        return np.array(given, float)
-    return np.array([-1 if value is None else value for value in given], int)
+            given = [v if v is None else _json(v) for v in given]
+        return np.array([numbers[value] for value in given], stored)
+    if stored is np.float64:
+        return np.array(given, stored)
+    return np.array([-1 if value is None else value for value in given], stored)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value) if isinstance(value, list | dict) else _short(value)
+
+
+_short = lru_cache(1 << 10, typed=True)(json.dumps)  # typed: 1 is not true
 
 
 def _name(column: str, prefix: str = "") -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 from flexaxis.experiments.scoring.table import SCORES, Kind, columns, units
@@ -45,28 +46,40 @@ def told(column: str) -> dict[str, str]:
     return found | ({"description": SCORES[score].words} if score in SCORES else {})
 
 
-def column_of(rows: Sequence[Mapping[str, Any]], column: str) -> list[Any]:
-    """Return a column of rows as they stand in the files of rows; None where there is nothing.
+def columns_of(rows: Sequence[Mapping[str, Any]], axes: Sequence[str]) -> dict[str, list[Any]]:
+    """Return rows as they stand in the files of rows column by column, the axes last.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-    column : str
-        One of `COLUMNS`. What has a dot in its name lies in a table inside the row.
+    What has a dot in its name lies in a table inside the row; None is what is not there.
     """
-    outer, _, key = column.partition(".")
-    found = [row.get(outer) for row in rows]
-    if key:
-        return [inner.get(key) if inner else None for inner in found]
-    if column in _ELSE:  # of a run by itself nothing is swept
-        found = [
-            row.get(_ELSE[column]) if v is None else v for v, row in zip(found, rows, strict=True)
-        ]
-    return [v if v is None else json.dumps(v) for v in found] if column in _JSON else found
+    found = dict(_fields(rows, _PLAIN))
+    for table, keys in _TABLES.items():
+        inside = _fields([row.get(table) or {} for row in rows], keys)
+        found |= {f"{table}.{key}": values for key, values in inside.items()}
+    found |= _fields([row.get("axes") or {} for row in rows], axes)
+    found["isolation"] = [v if v is None else json.dumps(v) for v in found["isolation"]]
+    for column, other in (("base", "scenario"), ("method", "estimator")):
+        if None in found[column]:  # of an older run by itself, where nothing is swept
+            found[column] = found[other]
+    return found
 
 
-_ELSE = {"base": "scenario", "method": "estimator"}
-_JSON = {"isolation"}
+_PLAIN = tuple(name for name in COLUMNS if "." not in name)
+_TABLES: dict[str, list[str]] = {}
+for _table, _, _key in (name.partition(".") for name in COLUMNS if "." in name):
+    _TABLES.setdefault(_table, []).append(_key)
+
+
+def _fields(rows: Sequence[Mapping[str, Any]], keys: Sequence[str]) -> dict[str, list[Any]]:
+    """Return the values of some keys, a list a key."""
+    if not keys:
+        return {}
+    give = itemgetter(*keys, keys[0])  # of two keys at least: of one it gives no tuple
+    try:
+        columns = list(zip(*map(give, rows), strict=True))
+    except KeyError:
+        nothing = dict.fromkeys(keys)
+        columns = list(zip(*(give({**nothing, **row}) for row in rows), strict=True))
+    return {key: list(values) for key, values in zip(keys, columns, strict=False)}
 
 
 def axis_kind(values: Iterable[Any]) -> Kind:

@@ -24,7 +24,7 @@ Bins = Mapping[str, Sequence[float]]
 Array = NDArray[np.float64]
 ScenarioOf = Callable[[int], Scenario | None]
 
-HELD = 4  # columns in memory at a time: a score is pooled from one to three
+HELD = 8  # columns in memory at a time: as many as a score is pooled from
 MANY = 1 << 22  # numbers that groups might have, above which those that are there are counted anew
 APART = ("parameter", "changed")  # what is told apart within a case
 
