@@ -73,7 +73,6 @@ def compare_runs(
         looks=1,
         alpha=alpha,
         verdicts=judge(paired, margins, alpha=alpha),
-        cases=[],
         missing=paired.missing,
     )
 

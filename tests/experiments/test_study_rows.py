@@ -24,7 +24,8 @@ from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.studies.definition import StudyError, study_from
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.studies.definition import study_from
 
 HERE = Path(__file__).parent
 STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
