@@ -122,10 +122,12 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     command = command_line([word for word in args.words if word != options.RESUME])
     folder = _output(args)
     how = {"resume": args.resume, "replace": True, "traced": True, "about": {"command": command}}
-    with options.working(args, f"at most {most} cases", most) as (means, _):
-        with Bench(scenarios, folder, means, **how) as bench:
-            found = compare(question, bench)
-            path = write(folder, found, scenarios, sources=sources, command=command)
+    with (
+        options.working(args, f"at most {most} cases", most) as (means, _),
+        Bench(scenarios, folder, means, **how) as bench,
+    ):
+        found = compare(question, bench)
+        path = write(folder, found, scenarios, sources=sources, command=command)
     completed(folder)
     return _told(args, found, path, sources)
 

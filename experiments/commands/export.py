@@ -27,9 +27,9 @@ def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.running import export
     from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.folder import REPORT
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.results import Results
-    from flexaxis.experiments.running.folder import REPORT
     from flexaxis.experiments.studies.results import inputs
 
     forms = {

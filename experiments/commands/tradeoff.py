@@ -56,9 +56,11 @@ def main(args: argparse.Namespace) -> int:
     most = len(texts(settings(estimators))) * len(scenarios) * len(seeds)
     how = {"resume": args.resume, "replace": True, "about": {"command": command}}
     what = f"{most} cases, and more where a match is far"
-    with options.working(args, what, most) as (means, _):
-        with Bench(scenarios, args.output, means, **how) as bench:
-            found = sweep(scenarios, estimators, seeds, bench)
+    with (
+        options.working(args, what, most) as (means, _),
+        Bench(scenarios, args.output, means, **how) as bench,
+    ):
+        found = sweep(scenarios, estimators, seeds, bench)
     content = {
         "command": command,
         "seeds": seeds,

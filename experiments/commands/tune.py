@@ -73,18 +73,20 @@ def main(args: argparse.Namespace) -> int:
     missed: list[str] = []
     scenarios = _scenarios(tasks)
     how = {"resume": args.resume, "replace": True}
-    with options.working(args, f"{len(tasks)} to tune", len(tasks)) as (means, advance):
-        means = replace(means, advance=None)  # how many cases it takes is not known
-        with Bench(scenarios, args.output, means, **how) as bench:
-            for task in tasks:
-                tuned = _tuned(task, bench, path, alone=len(tasks) == 1)
-                advance(1)
-                if tuned is None:
-                    missed.append(task.estimator)
-                    continue
-                found.append(asdict(tuned) | {"estimator": task.estimator})
-                if not args.json:
-                    print(_in_words(task, tuned), flush=True)
+    with (
+        options.working(args, f"{len(tasks)} to tune", len(tasks)) as (means, advance),
+        # How many cases it takes is not known: the progress is that of the settings found.
+        Bench(scenarios, args.output, replace(means, advance=None), **how) as bench,
+    ):
+        for task in tasks:
+            tuned = _tuned(task, bench, path, alone=len(tasks) == 1)
+            advance(1)
+            if tuned is None:
+                missed.append(task.estimator)
+                continue
+            found.append(asdict(tuned) | {"estimator": task.estimator})
+            if not args.json:
+                print(_in_words(task, tuned), flush=True)
     if args.json:
         print(dumps(found if args.all else found[0]))
     if missed:

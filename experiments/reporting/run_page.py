@@ -13,7 +13,7 @@ from flexaxis.experiments.running.files import Results
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 TEMPLATE = "run.html"
 SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
@@ -36,7 +36,7 @@ def render(results: Results) -> str:
     template = environment.from_string((folder / TEMPLATE).read_text(encoding="utf-8"))
     summary = results.summary
     scenarios = {
-        name: scenario_from(entry["definition"], source=name)
+        name: stored_scenario(entry["definition"], source=name)
         for name, entry in summary["scenarios"].items()
     }
     return template.render(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -30,7 +30,7 @@ def spread(
     jobs: int = 1,
     executor: Executor | None = None,
     in_flight: int | None = None,
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     """Yield results as they come, in any order.
 
     Ctrl-C once lets what is at work come in and starts nothing new; twice ends at once. Either way

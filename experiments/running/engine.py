@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ class Means:
 
     def outcomes(
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False
-    ) -> Iterator[Outcome]:
+    ) -> Generator[Outcome, None, None]:
         """Yield the outcomes of what is missing of a plan."""
         work = self.work or partial(run_unit, store=self.store, whole=whole, traced=traced)
         return spread(
@@ -270,7 +270,7 @@ class Bench:
         return np.unique(np.array(ids, np.uint64))
 
 
-def check_failures(found: Iterator[Row]) -> None:
+def check_failures(found: Iterable[Row]) -> None:
     """Raise what the first of some rows that has failed says.
 
     Raises

@@ -20,7 +20,7 @@ from flexaxis.experiments.running.folder import (
     rows_name,
 )
 from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.traces import TRACES
+from flexaxis.experiments.running.traces import trace_files
 from flexaxis.sim.files import atomic
 
 
@@ -108,9 +108,9 @@ def _check_code(
 def _copy(folders: Sequence[Path], target: Path) -> tuple[int, int]:
     seen: set[int] = set()
     doubles = 0
-    for kind in (TRAJECTORIES, TRACES):  # before the rows that they go with
-        for source in (path for folder in folders for path in sorted((folder / kind).glob("*.n*"))):
-            place = target / kind / source.name
+    for folder in folders:  # before the rows that they go with
+        for source in [*(folder / TRAJECTORIES).glob("[!.]*.nc"), *trace_files(folder)]:
+            place = target / source.parent.name / source.name
             with writing(place):
                 place.parent.mkdir(exist_ok=True)
                 with atomic(place) as part:

@@ -70,13 +70,20 @@ def write_traces(folder: Path, traces: Sequence[Trace]) -> None:
         for name in first.relative:
             arrays[f"{number}.{name}"] = np.stack([trace.relative[name] for trace in group])
     buffer = io.BytesIO()
-    np.savez(buffer, meta=np.array(json.dumps(meta)), **arrays)
+    np.savez(buffer, allow_pickle=False, meta=np.array(json.dumps(meta)), **arrays)  # type: ignore[arg-type]
     name = sha256(" ".join(trace.case for trace in traces).encode()).hexdigest()[:16]
     target = folder / TRACES / f"{name}.npz"
     with writing(target):
         target.parent.mkdir(exist_ok=True)
         with atomic(target) as part:
             part.write_bytes(buffer.getvalue())
+
+
+def trace_files(folder: Path) -> list[Path]:
+    """Return the files of traces in the folder of a run."""
+    # a hidden one is what a kill has left of a file
+    found = (folder / TRACES).glob("*.npz")
+    return sorted(path for path in found if not path.name.startswith("."))
 
 
 @dataclass(frozen=True)
@@ -98,7 +105,7 @@ class Traces:
     def of(cls, folder: Path) -> Traces:
         """Return the traces in the folder of a run."""
         places: dict[tuple[str, str], list[tuple[Path, int, dict[str, Any]]]] = {}
-        for path in sorted((folder / TRACES).glob("*.npz")):
+        for path in trace_files(folder):
             with np.load(path, allow_pickle=False) as stored:
                 for number, told in enumerate(json.loads(str(stored["meta"]))):
                     key = told["hash"], told["estimator"]

@@ -17,11 +17,11 @@ from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.folder import SWEEP, completed, read_study
 from flexaxis.experiments.running.plan import Study, make_plan
 from flexaxis.experiments.running.traces import Traces
-from flexaxis.experiments.running.work import Outcome, Row
+from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.pooling import Case, case_of, pool
 from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies import sweep
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 FAILURES = 20  # shown in a report
 
@@ -121,7 +121,7 @@ def finish(
         As for `benchmark`.
     """
     study = read_study(folder)
-    scenarios = [scenario_from(s["definition"], source=str(folder)) for s in study["scenarios"]]
+    scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
     swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
@@ -138,9 +138,7 @@ def finish(
     return found
 
 
-def _cases(
-    study: Mapping[str, Any], folder: Path
-) -> tuple[list[Case], list[dict[str, Any]]]:
+def _cases(study: Mapping[str, Any], folder: Path) -> tuple[list[Case], list[dict[str, Any]]]:
     """Return the cases in the folder of a run in the order of its study, and those that failed."""
     groups: dict[tuple[str, str], dict[int, list[Row]]] = {
         (s["hash"], e): {} for s in study["scenarios"] for e in study["estimators"]
@@ -163,14 +161,12 @@ def _rows(folder: Path) -> Iterator[Row]:
     return (row for path in rows.row_files(folder) for row in rows.read(path))
 
 
-def _sweep(
-    study: Mapping[str, Any], folder: Path, means: Means | None
-) -> dict[str, Any] | None:
+def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[str, Any] | None:
     """Return the points of the trade-off figure, and the lags at equal noise."""
     wanted = study.get("tradeoff") or {"scenarios": []}
     if not wanted["scenarios"]:
         return None
-    scenarios = [scenario_from(s, source=str(folder)) for s in wanted["scenarios"]]
+    scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
     with Bench(scenarios, folder / SWEEP, means, resume=True) as bench:
         found = sweep.sweep(scenarios, wanted["estimators"], study["seeds"], bench)
     return asdict(found) | {

@@ -82,6 +82,7 @@ class StudyFile(Config):
     design: Literal["product", "list", "sobol"] = "product"
     samples: Annotated[int, Field(ge=1)] | None = None
     design_seed: Annotated[int, Field(ge=0)] = 0
+    streams: Literal["common", "own"] = "common"
 
 
 def load_study(path: str | os.PathLike[str]) -> Study:
@@ -141,6 +142,7 @@ def study_from(
         seeds=file.seeds,
         axes=tuple(file.sweep),
         points=tuple(_points(file)),
+        streams=file.streams,
     )
 
 
