@@ -26,7 +26,7 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
-UNITS = 32  # at least that many where there are records enough, so that many processes have work
+UNITS = 16  # at least that many where there are records enough, so that many processes have work
 CASES_PER_UNIT = 256  # at most, where many variants share their records
 SHOWN = 20  # problems told at once
 
