@@ -44,4 +44,4 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
         os.replace(new, path)
     finally:
         with suppress(OSError):  # or it would hide why the writing failed
-            pass
+            new.unlink(missing_ok=True)
