@@ -6,7 +6,6 @@ import json
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from rich.table import Table
@@ -17,8 +16,8 @@ from flexaxis.experiments.gate.lost import SILENT
 from flexaxis.experiments.gate.pairs import LOST, METRICS
 from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
-from flexaxis.experiments.reporting import figures
-from flexaxis.experiments.reporting.run_page import number
+from flexaxis.experiments.reporting import figures, page
+from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.running import files as results
 from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
 from flexaxis.experiments.scoring.theta import true_theta
@@ -157,34 +156,30 @@ def write(
     if found.cases:
         rows = [results.dumps(row) for case in found.cases for row in case.rows]
         results.write_text(folder / results.SCORES, "\n".join(rows) + "\n")
-    page = _page(found, scenarios, sources or {}, command)
-    results.write_text(folder / results.REPORT, page)
+    text = _page(found, scenarios, sources or {}, command)
+    results.write_text(folder / results.REPORT, text)
     return folder / results.REPORT
 
 
 def _page(
     found: Comparison, scenarios: Sequence[Scenario], sources: Mapping[str, str], command: str
 ) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    folder = files("flexaxis.experiments.gate") / "templates"
-    template = environment.from_string((folder / "compare.html").read_text(encoding="utf-8"))
     focus = worst(found)
-    return template.render(
-        found=found,
-        headline=headline(found),
-        meaning=meaning(found),
-        explanation=explanation(found),
-        columns=COLUMNS,
-        rows=[
+    content = {
+        "found": found,
+        "headline": headline(found),
+        "meaning": meaning(found),
+        "explanation": explanation(found),
+        "columns": COLUMNS,
+        "rows": [
             (v.verdict, cells(v), row_command(found, v, sources)) for v in ordered(found.verdicts)
         ],
-        focus=focus,
-        focus_cells=cells(focus),
-        figure=_drawn(found, focus, {s.name: s for s in scenarios}),
-        command=command,
-    )
+        "focus": focus,
+        "focus_cells": cells(focus),
+        "figure": _drawn(found, focus, {s.name: s for s in scenarios}),
+        "command": command,
+    }
+    return page.render("gate/templates/compare.html", content)
 
 
 def _drawn(found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario]) -> str | None:
