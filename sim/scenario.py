@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import tomllib
 from collections.abc import Mapping
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,6 +19,15 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.identity import (
+    CONTENT,
+    PLANT,
+    Streams,
+    content_hash,
+    record_hash,
+    stream_key,
+)
+from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.nonlinear import (
     BacklashConfig,
     CoggingConfig,
@@ -39,8 +45,6 @@ from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
-
-_WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})  # no part of the identity
 
 
 class Scenario(Config):
@@ -75,6 +79,9 @@ class Scenario(Config):
         What the estimators read.
     burn_in : float
         Time from the start that is not to be scored [s].
+    streams : str
+        What the random numbers are keyed by: "plant" (what plant and sensors see of the scenario),
+        "content" (all of it), or the `key` of another scenario, to share its random numbers.
     feedback : {"clean", "measured"}
         Whether the controller sees the true motor angle or the measured one.
     noise, encoder, delay, controller, excitation, fault
@@ -97,6 +104,7 @@ class Scenario(Config):
     told: Annotated[dict[str, Positive], Field(min_length=1)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
+    streams: Streams = PLANT
     feedback: Literal["clean", "measured"] = "clean"
     noise: NoiseConfig = NoiseConfig()
     encoder: EncoderConfig = EncoderConfig()
@@ -179,9 +187,17 @@ class Scenario(Config):
     @cached_property
     def hash(self) -> str:
         """Identity: SHA-256 of the content, that is without the words on it."""
-        content = {k: v for k, v in self.resolved().items() if k not in _WORDS}
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return sha256(text.encode()).hexdigest()
+        return content_hash(self.resolved())
+
+    @cached_property
+    def key(self) -> str:
+        """What `flexaxis.sim.streams.stream` is keyed by: 64 hex digits."""
+        return stream_key(self.resolved())
+
+    @cached_property
+    def record_hash(self) -> str:
+        """SHA-256 of what the signals of a record depend on, but seed and repeat."""
+        return record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
         """Return the definition with all defaults and all twelve parameters written out.
@@ -196,13 +212,16 @@ class Scenario(Config):
         """Return `resolved` as TOML; read again, it is the same scenario."""
         return toml_text(self.resolved())
 
-    def override(self, changes: Mapping[str, Any]) -> Scenario:
+    def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
         """Return the scenario with some keys changed, the changes added to its name.
 
         Parameters
         ----------
         changes : mapping of str to value
             New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
+        inherit : bool
+            Whether to keep the random numbers of this scenario: where the changes would give
+            others, and do not name `streams` themselves, `streams` is this scenario's `key`.
 
         Raises
         ------
@@ -212,13 +231,15 @@ class Scenario(Config):
         content = self.model_dump(mode="json", exclude_none=True)
         for key, value in changes.items():
             try:
-                _set(content, key, value)
+                set_key(content, key, value)
             except (AttributeError, IndexError, KeyError, TypeError, ValueError):
                 raise ScenarioError(f"{self.name}: {key}: no such key to override") from None
         if "name" not in changes:
-            suffix = "".join(f"+{key}={_compact(value)}" for key, value in changes.items())
-            content["name"] = self.name + suffix
-        return scenario_from(content, source=self.name)
+            content["name"] = self.name + suffix(changes)
+        other = scenario_from(content, source=self.name)
+        if not inherit or "streams" in changes or other.key == self.key:
+            return other
+        return scenario_from(content | {"streams": self.key}, source=self.name)
 
     def _value(self, name: str, times: Array) -> Array:
         """Return a parameter, or the level of Coulomb friction, at times (M,)."""
@@ -254,6 +275,15 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
         raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
 
 
+def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
+    """Return a scenario from a definition that a record, a run or a study was stored with.
+
+    Definitions older than the key `streams` lack it, and have random numbers of their content.
+    Arguments and errors as from `scenario_from`.
+    """
+    return scenario_from({"streams": CONTENT} | dict(content), source=source)
+
+
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     """Return a scenario from TOML text; errors as from `scenario_from`."""
     try:
@@ -272,17 +302,3 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}.") from error
     return parse_scenario(text, source=str(path))
-
-
-def _compact(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
-    return re.sub(r"[\s/\\]", "|", text)  # a name is one word, and may become a file name
-
-
-def _set(content: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key such as ``fault[0].factor`` in nested content."""
-    *path, last = [int(i) if i else word for word, i in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)]
-    place: Any = content
-    for step in path:
-        place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
-    place[last] = value

@@ -85,7 +85,7 @@ def _checked(seeds: Sequence[int]) -> list[int]:
 
 
 def _stream(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
-    return stream(scenario.hash, seed, purpose)
+    return stream(scenario.key, seed, purpose)
 
 
 def _white(

@@ -13,7 +13,7 @@ from flexaxis.experiments.running.files import Results
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
 DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
@@ -29,7 +29,7 @@ def render(results: Results) -> str:
     """
     summary = results.summary
     scenarios = {
-        name: scenario_from(entry["definition"], source=name)
+        name: stored_scenario(entry["definition"], source=name)
         for name, entry in summary["scenarios"].items()
     }
     content = {

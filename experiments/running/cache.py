@@ -1,8 +1,9 @@
 """Simulated records kept for the next run, addressed by their content.
 
-A record is known by the hash of its scenario, its seed, the version of the engine and a digest of
-our simulation code, so that a change of any of them simulates anew. Entries are written at once
-or not at all, carry checksums, and the least recently used ones go when the folder is full.
+A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
+the version of the engine and a digest of our simulation code, so that a change of any of them
+simulates anew, and a change of what estimators are told or asked does not. Entries are written at
+once or not at all, carry checksums, and the least recently used ones go when the folder is full.
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ class RecordCache:
 
     def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
         run = f"{seed}.{repeat}" if repeat else f"{seed}"
-        key = f"{scenario.hash} {run} {sorted(versions().items())} {_code()}"
+        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {_code()}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 

@@ -21,7 +21,7 @@ from flexaxis.experiments.running.specs import Spec, build
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 Array = NDArray[np.float64]
 PIECE = 20_000  # samples in memory at a time
@@ -177,4 +177,4 @@ def _own_scenario(record: Record, source: Path) -> Scenario:
             f"{source} does not say its scenario, so the nominal values and the parameters to "
             "identify are unknown: name one with --scenario"
         )
-    return scenario_from(record.scenario, source=f"{source}, attribute scenario")
+    return stored_scenario(record.scenario, source=f"{source}, attribute scenario")

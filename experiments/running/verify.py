@@ -18,7 +18,7 @@ from flexaxis.experiments.running.rows import blocks, row_files
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.experiments.studies.definition import applies
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in a number
 
@@ -77,7 +77,7 @@ def verify(
     """
     content = read_study(folder)
     bases = {
-        entry["definition"]["name"]: scenario_from(entry["definition"], source=str(folder))
+        entry["definition"]["name"]: stored_scenario(entry["definition"], source=str(folder))
         for entry in content["scenarios"]
     }
     chosen = _sample(folder, sample, Random(seed))

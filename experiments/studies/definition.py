@@ -88,6 +88,7 @@ class StudyFile(Config):
     design: Literal["product", "list", "sobol"] = "product"
     samples: Annotated[int, Field(ge=1)] | None = None
     design_seed: Annotated[int, Field(ge=0)] = 0
+    streams: Literal["common", "own"] = "common"
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ class Study:
         Swept keys.
     points : tuple of dict
         Values of these.
+    streams : {"common", "own"}
+        Whether all points have the random numbers of the scenario that they vary, or each its own.
     """
 
     name: str
@@ -114,6 +117,7 @@ class Study:
     seeds: tuple[int, ...]
     axes: tuple[str, ...]
     points: tuple[Point, ...]
+    streams: Literal["common", "own"] = "common"
 
     @property
     def identity(self) -> str:
@@ -182,6 +186,7 @@ def study_from(
         seeds=file.seeds,
         axes=tuple(file.sweep),
         points=tuple(_points(file)),
+        streams=file.streams,
     )
 
 

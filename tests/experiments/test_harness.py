@@ -180,6 +180,17 @@ def test_other_parameters_get_their_P0_from_a_nominal_run(short):
     assert (np.diag(estimator.P) > 0).all()
 
 
+def test_points_of_a_sweep_are_told_the_same_nominal_torque(short):
+    """Which comes from random numbers of its own: neither from those of the records, nor anew."""
+    from flexaxis.experiments.running.nominal import nominal_torque
+
+    torque = nominal_torque(short)
+    for changes in ({"fault[0].factor": 2.0}, {"start": 1.2}):
+        point = short.override(changes, inherit=True)
+        assert point.streams == short.key
+        np.testing.assert_array_equal(nominal_torque(point), torque)
+
+
 def test_start_is_told_through_the_nominal_values(short):
     estimator = build(parse("frozen"), short.override({"start": 1.2}))
     np.testing.assert_allclose(estimator.step(0.0, 0.0), [1.2, 1.2 / 0.8, 0.06], rtol=1e-12)
