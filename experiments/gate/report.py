@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Mapping, Sequence
@@ -150,8 +149,7 @@ def write(
     """
     with results.writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(found.as_dict() | {"command": command}, allow_nan=False, indent=1)
-    results.write_text(folder / JSON, text + "\n")
+    results.write_json(folder / JSON, found.as_dict() | {"command": command})
     results.write_text(folder / MARKDOWN, markdown(found))
     if found.cases:
         rows = [results.dumps(row) for case in found.cases for row in case.rows]

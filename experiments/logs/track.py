@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import inspect
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,7 @@ from flexaxis.experiments.logs.axis import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled
-from flexaxis.experiments.running.estimate import run_on
-from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.record import Record
 
@@ -99,22 +97,20 @@ class Tracked:
 
 
 def save(found: Tracked, path: Path, *, estimator: str) -> None:
-    """Write the estimates as NetCDF-4: time, theta, deviations if claimed, names as coordinate."""
-    import h5netcdf
-    import h5py
+    """Write the estimates as NetCDF-4, with the deviations if it claims any.
 
-    part = path.with_name(f".{path.name}.part")
-    with writing(path):
-        with h5netcdf.File(part, "w") as file:
-            file.dimensions = {"time": len(found.time), "estimate": len(found.names)}
-            file.create_variable("time", ("time",), data=found.time).attrs["units"] = "s"
-            names = file.create_variable("estimate", ("estimate",), h5py.string_dtype())
-            names[:] = np.array(found.names, dtype=object)
-            file.create_variable("theta", ("time", "estimate"), data=found.theta)
-            if found.deviations is not None:
-                file.create_variable("deviation", ("time", "estimate"), data=found.deviations)
-            file.attrs["estimator"] = estimator
-        os.replace(part, path)
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    sure = found.deviations
+    claimed: Literal["deviation"] | None = None if sure is None else "deviation"
+    with estimates_file(path, found.names, len(found.time), claimed=claimed) as file:
+        file["time"][:], file["theta"][:] = found.time, found.theta
+        if claimed:
+            file["deviation"][:] = sure
+        file.attrs["estimator"] = estimator
 
 
 def track(
