@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled
 from flexaxis.experiments.running.estimate import estimates_file, run_on
-from flexaxis.experiments.running.specs import Spec
+from flexaxis.experiments.running.specs import Spec, made
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -190,17 +189,12 @@ def _build(
     for name in identify:
         parameter = name.removeprefix("1/")
         values[parameter] *= start ** (-1.0 if name.startswith("1/") else 1.0)
-    known = inspect.signature(spec.make).parameters
     offered: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
     if axis.noise is not None:
         offered["noise"] = axis.noise
-    given = {k: v for k, v in offered.items() if k in known} | dict(spec.options)
     shipped = spec.make in [entry.factory for entry in REGISTRY.values()]
     first = replace(axis.model, nominal=values) if shipped else values
-    try:
-        estimator = spec.make(first, period, **given)
-    except (EstimatorError, TypeError, KeyError) as error:
-        raise EstimatorError(f"{spec.text}: {error}") from error
+    estimator = made(spec, first, period, offered)
     if estimator.output != output or tuple(estimator.names) != tuple(identify):
         raise EstimatorError(
             f"{spec.text} estimates {', '.join(estimator.names)} from {estimator.output!r}; asked "
