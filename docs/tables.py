@@ -18,7 +18,7 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.gate.selftable import markdown as self_test_table
-from flexaxis.experiments.reporting.run_page import number
+from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 

@@ -14,7 +14,7 @@ from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.demo.axis import Samples
-from flexaxis.experiments.running.specs import Spec, parse
+from flexaxis.experiments.running.specs import Spec, made, parse
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters
@@ -180,18 +180,30 @@ class Racer:
         values = self._nominal.as_dict()
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=True):
             values[parameter] = value ** float(exponent)
-        tuning = self.tuning
+        turned = {key: getattr(self.tuning, key) for key in self.knobs}
+        spec = replace(self.spec, options=dict(self.spec.options) | turned)
         if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
-            drift = np.array([tuning.drift[name] for name in NAMES])
-            scale = float(np.exp(np.mean(np.log(drift / [DRIFT[name] for name in NAMES]))))
-            P0 = known_P(NAMES, forgetting=None, scale=scale)
-            assert P0 is not None  # these are the paper's parameters
-            return Rpem(
-                three_mass(values),
-                identify=NAMES,
-                P0=P0,
-                drift=drift,
-                regularization=tuning.regularization,
-            )
-        options = dict(self.spec.options) | {key: getattr(tuning, key) for key in self.knobs}
-        return self.spec.make(values, PERIOD, **options)
+            spec = replace(spec, make=_with_drift, options=turned)
+        return made(spec, values, PERIOD)
+
+
+def _with_drift(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    drift: Mapping[str, float],
+    regularization: float,
+) -> Estimator:
+    """Return the paper's method with a Δ for each parameter, and the P(0) that goes with them."""
+    diagonal = np.array([drift[name] for name in NAMES])
+    scale = float(np.exp(np.mean(np.log(diagonal / [DRIFT[name] for name in NAMES]))))
+    P0 = known_P(NAMES, forgetting=None, scale=scale)
+    assert P0 is not None  # these are the paper's parameters
+    return Rpem(
+        three_mass(nominal),
+        identify=NAMES,
+        P0=P0,
+        period=period,
+        drift=diagonal,
+        regularization=regularization,
+    )

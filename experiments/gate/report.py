@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from rich.table import Table
@@ -17,8 +15,8 @@ from flexaxis.experiments.gate.lost import SILENT
 from flexaxis.experiments.gate.pairs import LOST, METRICS
 from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
-from flexaxis.experiments.reporting import figures
-from flexaxis.experiments.reporting.run_page import number
+from flexaxis.experiments.reporting import figures, page
+from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.running import files as results
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.traces import Trace, Traces
@@ -153,12 +151,11 @@ def write(
     """
     with results.writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(found.as_dict() | {"command": command}, allow_nan=False, indent=1)
     results.write_text(folder / MARKDOWN, markdown(found))
-    page = _page(found, scenarios, sources or {}, command, Traces.of(folder))
-    results.write_text(folder / results.REPORT, page)
+    text = _page(found, scenarios, sources or {}, command, Traces.of(folder))
+    results.write_text(folder / results.REPORT, text)
     # Last: a folder that has none is not complete.
-    results.write_text(folder / JSON, text + "\n")
+    results.write_json(folder / JSON, found.as_dict() | {"command": command})
     return folder / results.REPORT
 
 
@@ -169,26 +166,22 @@ def _page(
     command: str,
     traces: Traces,
 ) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    folder = files("flexaxis.experiments.gate") / "templates"
-    template = environment.from_string((folder / "compare.html").read_text(encoding="utf-8"))
     focus = worst(found)
-    return template.render(
-        found=found,
-        headline=headline(found),
-        meaning=meaning(found),
-        explanation=explanation(found),
-        columns=COLUMNS,
-        rows=[
+    content = {
+        "found": found,
+        "headline": headline(found),
+        "meaning": meaning(found),
+        "explanation": explanation(found),
+        "columns": COLUMNS,
+        "rows": [
             (v.verdict, cells(v), row_command(found, v, sources)) for v in ordered(found.verdicts)
         ],
-        focus=focus,
-        focus_cells=cells(focus),
-        figure=_drawn(found, focus, {s.name: s for s in scenarios}, traces),
-        command=command,
-    )
+        "focus": focus,
+        "focus_cells": cells(focus),
+        "figure": _drawn(found, focus, {s.name: s for s in scenarios}, traces),
+        "command": command,
+    }
+    return page.render("gate/templates/compare.html", content)
 
 
 def _drawn(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +22,7 @@ from flexaxis.experiments.paper.page import render
 from flexaxis.experiments.paper.style import RC
 from flexaxis.experiments.reporting.figures import svg
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.files import write_text, writing
+from flexaxis.experiments.running.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 
@@ -94,8 +93,7 @@ def reproduce(
     for name in FIGURES:
         drawn[name] = draw(e, name, folder)
         advance(SHARES["figures"] / len(FIGURES))
-    plain = json.dumps([c.as_json() for c in claims], ensure_ascii=False, indent=1, allow_nan=False)
-    write_text(folder / CLAIMS, plain + "\n")
+    write_json(folder / CLAIMS, [claim.as_json() for claim in claims])
     write_text(folder / PAGE, render(e, claims, drawn, command))
     return claims
 
@@ -133,6 +131,6 @@ def draw(e: Evidence, name: str, folder: Path) -> str:
         figure = FIGURES[name](e)
         text = svg(figure)
         write_text(folder / f"{name}.svg", text)
-        with writing(folder / f"{name}.png"):
-            figure.savefig(folder / f"{name}.png", dpi=200)
+        with new_file(folder / f"{name}.png") as part:
+            figure.savefig(part, dpi=200)
     return text

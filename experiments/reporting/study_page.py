@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.resources import files
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting import sweep_figures as figures
 from flexaxis.experiments.reporting.figures import colour, svg
 from flexaxis.experiments.reporting.findings import alarms, confusion
-from flexaxis.experiments.reporting.run_page import number, pair, settled
 from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
@@ -57,26 +56,22 @@ def write_report(results: Results, path: Path | None = None) -> Path:
 
 def render(results: Results) -> str:
     """Return the report as HTML: one file, readable without a network."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"number": number, "pair": pair, "settled": settled}
-    page = files("flexaxis.experiments.reporting") / "templates" / "study.html"
     bins = _bins(results)
     rows = results.pooled(bins=bins)
     failures = results.failures()
-    return environment.from_string(page.read_text(encoding="utf-8")).render(
-        study=results.study,
-        axes=results.axes,
-        rows=rows[:LINES],
-        left_out=max(0, len(rows) - LINES),
-        cases=len(done(results.folder)),
-        failed=len(failures),
-        failures=failures[:10],
-        figures=[(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
-        colour=colour,
-        tell=figures.short,
-    )
+    content = {
+        "study": results.study,
+        "axes": results.axes,
+        "rows": rows[:LINES],
+        "left_out": max(0, len(rows) - LINES),
+        "cases": len(done(results.folder)),
+        "failed": len(failures),
+        "failures": failures[:10],
+        "figures": [(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
+        "colour": colour,
+        "tell": figures.short,
+    }
+    return page.render("reporting/templates/study.html", content)
 
 
 def drawn(

@@ -18,6 +18,7 @@ import numpy as np
 
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import atomic
 
 SCORES, PART, SUMMARY, CURVES, REPORT = (
     "scores.jsonl",
@@ -60,7 +61,7 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(
-            f"{error.filename or path}: cannot be written: {error.strerror or error}. "
+            f"{path}: cannot be written: {error.strerror or error}. "
             "Choose another place with -o, or make room"
         ) from error
 
@@ -97,22 +98,36 @@ class RowWriter:
             os.replace(self.folder / PART, self.folder / SCORES)
 
 
-def save(folder: Path, results: Results) -> None:
-    """Write summary.json and curves.nc, each at once or not at all."""
-    text = json.dumps(results.summary, allow_nan=False, ensure_ascii=False, indent=1)
-    write_text(folder / SUMMARY, text + "\n")
-    with writing(folder / CURVES):
-        part = folder / (CURVES + ".part")
-        _save_curves(part, results.curves)
-        os.replace(part, folder / CURVES)
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """Give a path to write to; what is there at the end takes the place of `path` at once.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; whatever was at `path` is still there.
+    """
+    with writing(path), atomic(path) as part:
+        yield part
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file at once or not at all."""
-    with writing(path):
-        part = path.with_name(path.name + ".part")
+    """Write a text file at once or not at all; errors as from `new_file`."""
+    with new_file(path) as part:
         part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write strict JSON to be read by people too; errors as from `new_file`."""
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
+    write_text(path, text + "\n")
+
+
+def save(folder: Path, results: Results) -> None:
+    """Write summary.json and curves.nc, each at once or not at all."""
+    write_json(folder / SUMMARY, results.summary)
+    with writing(folder / CURVES):
+        _save_curves(folder / CURVES, results.curves)
 
 
 def load(folder: Path) -> Results:
@@ -137,19 +152,18 @@ _ARRAYS = ("truth", "low", "median", "high")
 
 
 def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
-    import h5netcdf
+    from flexaxis.sim.netcdf import add, new_netcdf
 
-    with h5netcdf.File(path, "w") as file:
+    with new_netcdf(path) as file:
         for number, curve in enumerate(curves):
             group = file.create_group(str(number))
             group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
             group.attrs["names"] = json.dumps(curve.names)
             group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
-            group.dimensions = {"time": len(curve.time), "estimate": len(curve.names)}
-            group.create_variable("time", ("time",), data=curve.time)
+            add(group, "time", ("time",), curve.time, units="s")
             for name in _ARRAYS:
                 values = np.asarray(getattr(curve, name), np.float32)
-                group.create_variable(name, ("time", "estimate"), data=values)
+                add(group, name, ("time", "estimate"), values)
 
 
 def _load_curves(path: Path) -> list[Curve]:

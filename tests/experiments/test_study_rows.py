@@ -21,10 +21,10 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import dispatch as spread
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.studies.definition import study_from
 
 HERE = Path(__file__).parent
