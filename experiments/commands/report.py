@@ -45,7 +45,8 @@ def _of_study(args: argparse.Namespace, path: Path) -> int:
 def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.run_page import render
     from flexaxis.experiments.reporting.terminal import score_table, show
-    from flexaxis.experiments.running.files import dumps, load, write_text
+    from flexaxis.experiments.running.files import dumps, write_text
+    from flexaxis.experiments.running.pooled import load
 
     found = load(args.folder)
     write_text(path, render(found))

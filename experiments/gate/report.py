@@ -17,8 +17,9 @@ from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
 from flexaxis.experiments.reporting import figures, page
 from flexaxis.experiments.reporting.cells import number
-from flexaxis.experiments.running import files as results
 from flexaxis.experiments.running.case import case_id
+from flexaxis.experiments.running.files import write_json, write_text, writing
+from flexaxis.experiments.running.folder import REPORT
 from flexaxis.experiments.running.traces import Trace, Traces
 from flexaxis.experiments.scoring.pooling import CURVE_STEP, Curve
 from flexaxis.experiments.scoring.theta import true_theta
@@ -149,14 +150,14 @@ def write(
     Path
         The report.
     """
-    with results.writing(folder):
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    results.write_text(folder / MARKDOWN, markdown(found))
+    write_text(folder / MARKDOWN, markdown(found))
     text = _page(found, scenarios, sources or {}, command, Traces.of(folder))
-    results.write_text(folder / results.REPORT, text)
+    write_text(folder / REPORT, text)
     # Last: a folder that has none is not complete.
-    results.write_json(folder / JSON, found.as_dict() | {"command": command})
-    return folder / results.REPORT
+    write_json(folder / JSON, found.as_dict() | {"command": command})
+    return folder / REPORT
 
 
 def _page(

@@ -24,7 +24,8 @@ from flexaxis.experiments.running.rows import row_files, share_of
 from flexaxis.experiments.running.traces import TRACES
 from flexaxis.experiments.running.work import made_with
 
-STUDY, LOCK, REPORT, TRAJECTORIES = "study.json", ".lock", "report.html", "trajectories"
+STUDY, SCORES, LOCK, TRAJECTORIES = "study.json", "scores.jsonl", ".lock", "trajectories"
+REPORT = "report.html"
 SUMMARY, CURVES, PREVIOUS, SWEEP = "summary.json", "curves.nc", "previous", "sweep"
 COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
 """What is written last: a folder without any of these is not complete."""
@@ -34,7 +35,7 @@ MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg")
 def rows_name(shard: tuple[int, int] = (1, 1)) -> str:
     """Return the name of a share's file of rows."""
     mine, shares = shard
-    return "scores.jsonl" if shares == 1 else f"scores-{mine}-of-{shares}.jsonl"
+    return SCORES if shares == 1 else f"scores-{mine}-of-{shares}.jsonl"
 
 
 @contextmanager

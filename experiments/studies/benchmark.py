@@ -12,10 +12,12 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.reporting.run_page import render
-from flexaxis.experiments.running import files, rows
+from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import Bench, Means, run_study
-from flexaxis.experiments.running.folder import SWEEP, completed, read_study
+from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
 from flexaxis.experiments.running.plan import Study, make_plan
+from flexaxis.experiments.running.pooled import Pooled, save
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.pooling import Case, case_of, pool
@@ -65,7 +67,7 @@ def benchmark(
     shard: tuple[int, int] = (1, 1),
     resume: bool = False,
     say: Callable[[str], None] | None = None,
-) -> files.Results | None:
+) -> Pooled | None:
     """Run what is missing, and write summary.json, curves.nc and report.html to the folder.
 
     Parameters
@@ -109,7 +111,7 @@ def benchmark(
 
 def finish(
     folder: Path, means: Means | None = None, *, say: Callable[[str], None] | None = None
-) -> files.Results:
+) -> Pooled:
     """Sweep what is still to be swept, pool the rows in the folder of a run, write its report.
 
     Parameters
@@ -132,9 +134,9 @@ def finish(
         "as_set": sweep.as_set(cases),
         "tradeoff": swept,
     }
-    found = files.Results(summary, curves)
-    files.write_text(folder / files.REPORT, render(found))
-    files.save(folder, found)  # the summary last: a folder without one is not complete
+    found = Pooled(summary, curves)
+    write_text(folder / REPORT, render(found))
+    save(folder, found)  # the summary last: a folder without one is not complete
     return found
 
 
