@@ -144,7 +144,8 @@ def pool(
     curves = []
     for (key, _), group in groups.items():
         pooled += pool_group(group, by_hash[key])
-        curves.append(_curve(group, by_hash[key]))
+        if drawn := [case for case in group if case.curve.size]:
+            curves.append(_curve(drawn, by_hash[key]))
     return pooled, curves
 
 

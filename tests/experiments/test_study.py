@@ -131,7 +131,8 @@ def cases(made):
     return [
         (unit.variant.scenario().hash, entry.text, seed)
         for unit in made.units()
-        for entry in unit.entries
+        for variant in unit.variants
+        for entry in variant.entries
         for seed in unit.seeds
     ]
 
@@ -206,7 +207,7 @@ def test_the_folder_of_a_study(finished):
     assert status == 0
     rows = rows_of(folder)
     assert len(rows) == 2 * 2 * (2 + 1) * 3
-    assert [f.name for f in folder.glob("*.jsonl")] == ["rows.jsonl"]
+    assert [f.name for f in folder.glob("*.jsonl")] == ["scores.jsonl"]
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 3 and "src=" not in page and "rpem-forgetting" in page
     one = next(row for row in rows.values() if row["method"] == "rpem-forgetting")
@@ -214,12 +215,15 @@ def test_the_folder_of_a_study(finished):
 
 
 def test_rows_are_those_of_a_run(finished, short):
-    """The study adds columns; the scores are what the harness gives for the same definition."""
-    from flexaxis.experiments.running.harness import run
+    """The study adds columns; the scores are those of the same definition by itself."""
+    from flexaxis.experiments.running.case import run_case
+    from flexaxis.experiments.running.specs import parse
+    from flexaxis.sim.simulate import simulate
 
-    scenario = short.override({"duration": 4.0, "fault[0].at": 2.5, "fault[0].factor": 2.0})
-    text = "rpem-forgetting[forgetting=0.99]"
-    case = next(iter(run([scenario], [text], [1001]))).cases[0]
+    base = short.override({"duration": 4.0, "fault[0].at": 2.5})
+    scenario = base.override({"fault[0].factor": 2.0}, inherit=True)
+    spec = parse("rpem-forgetting[forgetting=0.99]")
+    case = run_case(scenario, simulate(scenario, [1001])[0], spec)
     rows = rows_of(finished[0])
     for row in json.loads(json.dumps(case.rows)):
         there = rows[row["case"], row["parameter"]]
@@ -287,7 +291,7 @@ def test_shares_merge_to_what_one_process_gives(finished, capsys, tmp_path):
     status, out, _ = flexaxis(capsys, *words)
     assert status == 0 and out.splitlines()[-1] == str(parts[0])
     run_study(make_plan(load_study(source), shard=(2, 2)), parts[1])
-    assert [f.name for f in parts[1].glob("*.jsonl")] == ["rows-2-of-2.jsonl"]
+    assert [f.name for f in parts[1].glob("*.jsonl")] == ["scores-2-of-2.jsonl"]
     status, out, _ = flexaxis(capsys, "merge", *parts, parts[0], "-o", tmp_path / "all", "--json")
     assert json.loads(out)["doubles"] == len(rows_of(parts[0])) // 3
     assert rows_of(tmp_path / "all") == rows_of(folder)
@@ -302,7 +306,7 @@ def test_verify_finds_a_row_that_was_changed(finished, capsys, tmp_path):
     shutil.copytree(finished[0], folder)
     status, out, _ = flexaxis(capsys, "verify", folder, "--sample", 2)
     assert status == 0 and "2 of 2 cases agree; 2 had to be identical" in out
-    path = folder / "rows.jsonl"
+    path = folder / "scores.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     for row in rows:
         row["std"] *= 1 + 1e-12  # far less than what another machine may change
