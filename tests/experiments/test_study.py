@@ -326,8 +326,8 @@ def test_verify_finds_a_row_that_was_changed(finished, capsys, tmp_path):
 def test_results_in_python(finished):
     results = Results.load(finished[0])
     some = results.select({"method": "rpem-forgetting", "fault[0].factor": [2.0], "changed": True})
-    lags = [row["lag"] for row in some.rows()]
-    assert len(lags) == 2 * 2
+    lags = [row["lag"] for row in some.rows]
+    assert len(lags) == len(some.rows) == 2 * 2
     pooled = some.pooled(["method"])
     assert len(pooled) == 1 and pooled[0]["lag"] == pytest.approx(
         np.exp(np.log(lags).mean()), rel=1e-12
@@ -340,21 +340,21 @@ def test_results_in_python(finished):
     assert not results.failures()
     with pytest.raises(StudyError, match="Did you mean 'method'"):
         results.select({"metod": "x"})
+    with pytest.raises(StudyError, match="Did you mean 'lag'"):
+        results.pooled(scores=["lagg"])
 
 
 def test_tables_hold_the_same_numbers(finished):
     pandas = pytest.importorskip("pandas", reason="an optional package")
     pytest.importorskip("xarray", reason="an optional package")
     results = Results.load(finished[0])
-    table = results.table()
+    table = results.to_dataframe()
     assert list(table.columns) == [*COLUMNS, "fault[0].factor", "rpem-forgetting.forgetting"]
     found = results.to_xarray()
     for line in table[table["changed"].astype(bool)].to_dict("records"):
         there = found.sel(
-            {
-                key: line[key]
-                for key in ("base", "estimator", "seed", "parameter", "fault[0].factor")
-            }
+            {key: line[key] for key in ("estimator", "seed", "parameter", "fault[0].factor")}
+            | {"scenario": line["base"]}
         )
         assert float(there["lag"]) == line["lag"]
         option = float(there["rpem-forgetting.forgetting"])
@@ -365,7 +365,7 @@ def test_exports_hold_the_same_rows(finished, capsys, tmp_path):
     import h5netcdf
 
     folder, _ = finished
-    lines = list(Results.load(folder).lines())
+    lines = list(Results.load(folder).rows)
     target = tmp_path / "rows.csv"
     assert flexaxis(capsys, "export", folder, "--csv", target)[0] == 0
     with target.open(newline="", encoding="utf-8") as file:
@@ -375,8 +375,15 @@ def test_exports_hold_the_same_rows(finished, capsys, tmp_path):
     target = tmp_path / "rows.nc"
     assert flexaxis(capsys, "export", folder, "--netcdf", target)[0] == 0
     with h5netcdf.File(target, decode_vlen_strings=True) as file:
-        assert list(file["case"][:]) == [line["case"] for line in lines]
-        np.testing.assert_array_equal(file["std"][:], [line["std"] for line in lines])
+        names = list(file["std"].dimensions)
+        assert names == ["scenario", "estimator", "fault[0].factor", "seed", "parameter"]
+        assert file["std"].attrs["units"] == "%" and file["lag"].attrs["units"] == "s"
+        along = {name: list(file[name][:]) for name in names}
+        for line in lines:
+            keys = [line["base"], *(line[name] for name in names[1:])]
+            place = tuple(along[name].index(key) for name, key in zip(names, keys, strict=True))
+            assert file["std"][place] == line["std"]
+        assert np.isfinite(file["std"][:]).sum() == len(lines)
     parquet = pytest.importorskip("pyarrow.parquet", reason="the extra `parquet`")
     target = tmp_path / "rows.parquet"
     assert flexaxis(capsys, "export", folder, "--parquet", target)[0] == 0
@@ -388,7 +395,7 @@ def test_a_missing_package_is_named_with_the_line_that_installs_it(finished, mon
 
     monkeypatch.setitem(sys.modules, "pandas", None)  # import then fails
     with pytest.raises(StudyError, match="pip install pandas"):
-        Results.load(finished[0]).table()
+        Results.load(finished[0]).to_dataframe()
 
 
 def test_no_axis_can_take_the_name_of_a_column():
