@@ -175,7 +175,7 @@ class _Flight(Generic[Task, Result]):
 
 
 def _given_up(task: object, error: BaseException) -> StudyError:
-    return StudyError(
-        f"given up after {ATTEMPTS} attempts on {task}: {type(error).__name__}: {error}. "
-        "A worker that dies is often one that runs out of memory"
-    )
+    why = f"{type(error).__name__}: {error}"
+    if isinstance(error, BrokenExecutor):
+        why = "a worker process died: its code ended it, memory ran out, or it was killed"
+    return StudyError(f"given up after {ATTEMPTS} attempts on {task}: {why}")

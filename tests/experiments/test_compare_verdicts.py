@@ -104,7 +104,7 @@ def test_a_word_for_each_metric():
 
 def comparison(base, candidate):
     found = list(verdicts(base, candidate).values())
-    return Comparison("mine", "yours", list(range(8)), 1, 1, 0.01, found, [])
+    return Comparison("mine", "yours", list(range(8)), 1, 1, 0.01, found)
 
 
 def test_the_headline_is_a_sentence_for_each_word():
@@ -202,7 +202,8 @@ def test_a_comparison_end_to_end(short, tmp_path):
     """On simulated records: 8 s with a fault at 6 s; λ = .98 is four times as fast and noisier."""
     fast = "rpem-forgetting[forgetting=0.98]"
     question = Question("rpem-forgetting", fast, [short], range(6), MARGINS)
-    found = compare(question, Bench([short]))
+    with Bench([short], tmp_path, traced=True) as bench:
+        found = compare(question, bench)
     words = by_metric(found.verdicts)
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
     page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
@@ -217,7 +218,9 @@ def test_a_comparison_end_to_end(short, tmp_path):
 
 
 def test_an_estimator_is_the_same_as_itself(short):
-    found = compare(Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS))
+    found = compare(
+        Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), Bench([short])
+    )
     assert found.verdict == "same" and "rpem-drift" in markdown(found)
 
 
@@ -266,7 +269,7 @@ def test_who_does_not_estimate_what_changes_is_not_better():
     for rest, missing in (([], (("s", "f_m"),)), (of("f_m", 1.0, True), ())):
         paired = pair(base, table([*of("k_T", 0.5, False), *rest]), MARGINS)
         assert paired.missing == missing
-        found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS), [],
+        found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS),
                            paired.missing)  # fmt: skip
         assert found.verdict == ("undecided" if missing else "better")
         assert ("f_m of s is not estimated" in headline(found)) == bool(missing)

@@ -70,7 +70,10 @@ def score_rows(name: str) -> list[dict[str, Any]]:
     by_seed = zip(*found.values(), strict=True)
     rows = [without(row) for runs in by_seed for run in runs for row in run]
     # what a run costs is another number every time; that it is told is not
-    return [flat(json.loads(json.dumps(row | {"cost": sorted(row["cost"])}))) for row in rows]
+    return [
+        flat(json.loads(json.dumps(row | {"cost": sorted(row["cost"].keys() - {"versions"})})))
+        for row in rows
+    ]
 
 
 def without(row: dict[str, Any]) -> dict[str, Any]:
