@@ -53,7 +53,8 @@ def wrong(table, scenario=Scenario):
 
 @pytest.mark.parametrize("table", declared(), ids=lambda table: table.__name__)
 def test_what_is_declared_is_used(table):
-    assert not list(wrong(table))
+    lines = list(wrong(table))
+    assert not lines, "\n".join(lines)
 
 
 def test_all_tables_are_found():
