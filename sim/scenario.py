@@ -7,26 +7,19 @@ import tomllib
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
-from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim import identity
+from flexaxis.sim.config import Config, NotNegative, Positive, Table
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import COULOMB, Fault
-from flexaxis.sim.identity import (
-    CONTENT,
-    PLANT,
-    Streams,
-    content_hash,
-    record_hash,
-    stream_key,
-)
 from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.nonlinear import (
     BacklashConfig,
@@ -39,7 +32,7 @@ from flexaxis.sim.nonlinear import (
 )
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
-from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig
+from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, sample_index, sample_times
 from flexaxis.sim.toml_text import toml_text
 
@@ -84,7 +77,7 @@ class Scenario(Config):
         "content" (all of it), or the `key` of another scenario, to share its random numbers.
     feedback : {"clean", "measured"}
         Whether the controller sees the true motor angle or the measured one.
-    noise, encoder, delay, controller, excitation, fault
+    delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
@@ -104,13 +97,14 @@ class Scenario(Config):
     told: Annotated[dict[str, Positive], Field(min_length=1)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
-    streams: Streams = PLANT
+    streams: identity.Streams = identity.PLANT
     feedback: Literal["clean", "measured"] = "clean"
+    # sensors in the order in which a signal meets them
+    delay: DelayConfig = DelayConfig()
     noise: NoiseConfig = NoiseConfig()
     encoder: EncoderConfig = EncoderConfig()
-    delay: DelayConfig = DelayConfig()
-    controller: ControllerConfig = ControllerConfig()
     filter: FilterConfig | None = None
+    controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
     cogging: CoggingConfig | None = None
@@ -149,16 +143,26 @@ class Scenario(Config):
         return preset(self.preset).replace(**self.parameters)
 
     @property
+    def tables(self) -> dict[str, Table]:
+        """The tables of axis, loop and sensors that are not off, by key."""
+        fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
+        tables = {key: value for key, value in fields.items() if isinstance(value, Config)}
+        return cast("dict[str, Table]", tables)
+
+    @property
     def nonlinear(self) -> dict[str, Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        tables = {key: getattr(self, key) for key in type(self).model_fields}
-        return {key: table for key, table in tables.items() if isinstance(table, Nonlinearity)}
+        return {k: table for k, table in self.tables.items() if isinstance(table, Nonlinearity)}
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """What lies between axis and log, by key, in the order in which a signal meets it."""
+        return {k: table for k, table in self.tables.items() if isinstance(table, Sensor)}
 
     @property
     def linear(self) -> bool:
         """Whether the linear model, with what estimators are told, describes the records."""
-        late = self.delay.measurement or self.delay.torque
-        return not (self.nonlinear or self.filter or late or self.controller.rate or self.told)
+        return not self.told and all(table.exact for table in self.tables.values())
 
     def true_parameters(self) -> Array:
         """Return the parameters (N, 12) that act from each sample to the next."""
@@ -187,17 +191,17 @@ class Scenario(Config):
     @cached_property
     def hash(self) -> str:
         """Identity: SHA-256 of the content, that is without the words on it."""
-        return content_hash(self.resolved())
+        return identity.content_hash(self.resolved())
 
     @cached_property
     def key(self) -> str:
         """What `flexaxis.sim.streams.stream` is keyed by: 64 hex digits."""
-        return stream_key(self.resolved())
+        return identity.stream_key(self.resolved())
 
     @cached_property
     def record_hash(self) -> str:
         """SHA-256 of what the signals of a record depend on, but seed and repeat."""
-        return record_hash(self.resolved())
+        return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
         """Return the definition with all defaults and all twelve parameters written out.
@@ -281,7 +285,7 @@ def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
     Definitions older than the key `streams` lack it, and have random numbers of their content.
     Arguments and errors as from `scenario_from`.
     """
-    return scenario_from({"streams": CONTENT} | dict(content), source=source)
+    return scenario_from({"streams": identity.CONTENT} | dict(content), source=source)
 
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:

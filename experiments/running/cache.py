@@ -18,11 +18,11 @@ from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
@@ -73,15 +73,10 @@ class RecordCache:
     def put(self, scenario: Scenario, record: Record, *, repeat: int = 0) -> None:
         """Keep a record; a folder that is full or cannot be written is no error."""
         path = self._path(scenario, record.seed or 0, repeat)
-        part = path.with_name(f"{path.name}.{uuid4().hex}.part")
         with suppress(OSError):
-            try:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                with part.open("wb") as file:
-                    np.savez(file, **{name: getattr(record, name) for name in SIGNALS})
-                os.replace(part, path)
-            finally:
-                part.unlink(missing_ok=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with atomic(path) as new:
+                np.savez(new, **{name: getattr(record, name) for name in SIGNALS})
 
     def entries(self) -> list[Path]:
         """Return the files, the least recently used first."""
