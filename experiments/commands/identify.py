@@ -57,7 +57,7 @@ def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
 
-    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identify import identify
     from flexaxis.experiments.logs.importing import read_any
@@ -143,8 +143,8 @@ def _print(found: Identification) -> None:
 
 
 def _write_page(found: Identification, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.logs.figures import bode_figure
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import bode_figure
+    from flexaxis.experiments.logs.log_page import Page, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in _rows(found)]

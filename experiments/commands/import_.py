@@ -34,10 +34,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
-    from flexaxis.experiments.logs.axis import find_axis
-    from flexaxis.experiments.logs.figures import log_figure, visibility_figure
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.importing import expected_deviations, import_log
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
+    from flexaxis.experiments.logs.log_page import Page, write_page
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line

@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.track import save, track
@@ -129,8 +129,8 @@ def _print(found: Tracked) -> None:
 
 
 def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.logs.figures import estimates_figure, load_figure, residual_figure
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
+    from flexaxis.experiments.logs.log_page import Page, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     figures = [

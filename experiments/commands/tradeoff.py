@@ -37,7 +37,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.reporting.figures import svg
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.reporting.tradeoff import figure
+    from flexaxis.experiments.reporting.tradeoff_figure import figure
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps, write_text, writing
     from flexaxis.experiments.running.progress import progress

@@ -79,9 +79,9 @@ def gate(
         Processes.
     """
     from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.gate.comparison_report import markdown
     from flexaxis.experiments.gate.gate import Question, compare, default_seeds
     from flexaxis.experiments.gate.pairs import MARGINS
-    from flexaxis.experiments.gate.report import markdown
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.seeds import parse_seeds
 

@@ -9,8 +9,8 @@ from math import log10
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.demo.axis import EXCITATION
 from flexaxis.experiments.demo.charts import COLOURS, Charts
+from flexaxis.experiments.demo.live_axis import EXCITATION
 from flexaxis.experiments.demo.offers import Offers
 from flexaxis.experiments.demo.racer import NAMES, Tuning
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession

@@ -13,7 +13,7 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
-from flexaxis.experiments.demo.axis import Samples
+from flexaxis.experiments.demo.live_axis import Samples
 from flexaxis.experiments.running.specs import Spec, made, parse
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError

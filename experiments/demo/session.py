@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.demo.axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.dots import Dot, Scorer
+from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, Racer, Tuning
 from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.errors import FlexaxisError

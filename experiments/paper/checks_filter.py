@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.adaptation import estimate_covariance, steady_P
-from flexaxis.experiments.paper.answers import Windup
 from flexaxis.experiments.paper.claims import Evidence, Measured, by_name, check
 from flexaxis.experiments.paper.convergence import (
     FORGETTING,
@@ -23,6 +22,7 @@ from flexaxis.experiments.paper.convergence import (
     times,
 )
 from flexaxis.experiments.paper.filters import Runs
+from flexaxis.experiments.paper.further_work import Windup
 
 Array = NDArray[np.float64]
 Finding = tuple[Measured, bool]

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.paper.answers import Answers
 from flexaxis.experiments.paper.convergence import Convergence
 from flexaxis.experiments.paper.data import Data
+from flexaxis.experiments.paper.further_work import Answers
 from flexaxis.experiments.paper.offline import Offline
 
 Measured = float | Mapping[str, float]

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexaxis.experiments.paper.answers import Design, Windup
 from flexaxis.experiments.paper.claims import Evidence, Measured, by_name, check
+from flexaxis.experiments.paper.further_work import Design, Windup
 
 Finding = tuple[Measured, bool]
 

@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.paper.answers import RESETS, WANTED, Windup
-from flexaxis.experiments.paper.checks_answers import price
+from flexaxis.experiments.paper.checks_further import price
 from flexaxis.experiments.paper.claims import Evidence
 from flexaxis.experiments.paper.convergence import FORGETTING
 from flexaxis.experiments.paper.data import PAUSE
 from flexaxis.experiments.paper.filters import STRIDE
+from flexaxis.experiments.paper.further_work import RESETS, WANTED, Windup
 from flexaxis.experiments.paper.style import COLOURS, GREY, WIDTH, note
 from flexaxis.experiments.reporting.figures import colour, symbol
 
