@@ -144,11 +144,11 @@ def _print(found: Identification) -> None:
 
 def _write_page(found: Identification, period: float, path: Path, args: argparse.Namespace) -> None:
     from flexaxis.experiments.logs.log_figures import bode_figure
-    from flexaxis.experiments.logs.log_page import Page, write_page
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in _rows(found)]
-    page = Page(
+    page = LogPage(
         title=f"{found.axis.model.name} from {args.log.name}",
         command=command_line(args.words),
         remarks=[("note", text) for text in found.warnings],

@@ -37,7 +37,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.importing import expected_deviations, import_log
     from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
-    from flexaxis.experiments.logs.log_page import Page, write_page
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
@@ -68,7 +68,7 @@ def main(args: argparse.Namespace) -> int:
                 "From the spectrum of the torque alone; orange is not seen.",
             )
         )
-    page = Page(
+    page = LogPage(
         title=f"Import of {args.log.name}",
         command=command_line(args.words),
         remarks=[(c.verdict, f"{c.name}: {c.text}") for c in found.checks if c.verdict != "ok"],

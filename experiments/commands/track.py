@@ -130,7 +130,7 @@ def _print(found: Tracked) -> None:
 
 def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
     from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
-    from flexaxis.experiments.logs.log_page import Page, write_page
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     figures = [
@@ -152,7 +152,7 @@ def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namesp
         (name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
         for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True)
     ]
-    page = Page(
+    page = LogPage(
         title=f"{args.estimator} on {args.log.name}",
         command=command_line(args.words),
         remarks=[("note" if found.changes else "ok", text) for text in _in_words(found)],

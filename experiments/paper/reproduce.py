@@ -16,7 +16,7 @@ from flexaxis.experiments.paper import (
 from flexaxis.experiments.paper.claims import Claim, Evidence, checks_in
 from flexaxis.experiments.paper.convergence import converge
 from flexaxis.experiments.paper.data import Size, collect
-from flexaxis.experiments.paper.further_work import answer
+from flexaxis.experiments.paper.further_work import further_work
 from flexaxis.experiments.paper.offline import identify_offline
 from flexaxis.experiments.paper.paper_page import render
 from flexaxis.experiments.paper.style import RC
@@ -43,7 +43,7 @@ FIGURES = {
 }
 """All figures, by the name of their files."""
 
-SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "answers": 0.2, "figures": 0.1}
+SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "further": 0.2, "figures": 0.1}
 """What part of the time a stage takes."""
 
 Advance = Callable[[float], None]
@@ -113,9 +113,9 @@ def evidence(
     advance(SHARES["offline"])
     convergence = converge(data)
     advance(SHARES["convergence"])
-    answers = answer(data, convergence.Q)
-    advance(SHARES["answers"])
-    return Evidence(data=data, convergence=convergence, offline=offline, answers=answers)
+    further = further_work(data, convergence.Q)
+    advance(SHARES["further"])
+    return Evidence(data=data, convergence=convergence, offline=offline, further=further)
 
 
 def decide(e: Evidence) -> list[Claim]:
