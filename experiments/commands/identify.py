@@ -19,7 +19,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of
+from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.identify import Identification
@@ -75,13 +75,7 @@ def main(args: argparse.Namespace) -> int:
     axis = axis.having(values)
     if starts:
         axis = replace(axis, known=True)
-    record = read_any(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    record = read_any(args.log, tables_of(args), **treatment(args))
     found = identify(
         record, axis, free=args.free, fix=tuple(fixed), delay=args.delay, whiten=not args.white
     )

@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.logs.options import add_log_options, tables_of
+from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 HELP = "make a record of your own log, with a plausibility report"
 
@@ -46,13 +46,7 @@ def main(args: argparse.Namespace) -> int:
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model), path, report)
     axis = find_axis(args.model) if args.model else None
-    found = import_log(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    found = import_log(args.log, tables_of(args), **treatment(args))
     seen = expected_deviations(found.record, axis) if axis else {}
     found.record.save(path)
     rows = [

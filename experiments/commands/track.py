@@ -16,7 +16,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.logs.options import add_log_options, tables_of
+from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -65,13 +65,7 @@ def main(args: argparse.Namespace) -> int:
             f"--model {args.model}: has no nominal values; give the file that "
             "`flexaxis identify` wrote"
         )
-    record = read_any(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    record = read_any(args.log, tables_of(args), **treatment(args))
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator)
     found = track(record, axis, spec, identify=names, start=args.start)
