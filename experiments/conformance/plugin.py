@@ -83,6 +83,7 @@ def gate(
     from flexaxis.experiments.gate.gate import Question, compare, default_seeds
     from flexaxis.experiments.gate.pairs import MARGINS
     from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Bench, Means
     from flexaxis.experiments.running.seeds import parse_seeds
 
     question = Question(
@@ -92,7 +93,9 @@ def gate(
         seeds=parse_seeds(str(seeds or default_seeds(names))),
         margins=dict(MARGINS) | dict(margins or {}),
     )
-    found = compare(question, jobs=jobs, store=default_cache())
+    means = Means(jobs=jobs, store=default_cache())
+    with Bench(question.scenarios, means=means) as bench:
+        found = compare(question, bench)
     if found.status(strict=strict):
         pytest.fail(markdown(found), pytrace=False)
     return found

@@ -17,8 +17,11 @@ from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
 from flexaxis.experiments.reporting import figures, page
 from flexaxis.experiments.reporting.cells import number
-from flexaxis.experiments.running import files as results
-from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
+from flexaxis.experiments.running.case import case_id
+from flexaxis.experiments.running.files import write_json, write_text, writing
+from flexaxis.experiments.running.folder import REPORT
+from flexaxis.experiments.running.traces import Trace, Traces
+from flexaxis.experiments.scoring.pooling import CURVE_STEP, Curve
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.scenario import Scenario
 
@@ -128,7 +131,7 @@ def write(
     sources: Mapping[str, str] | None = None,
     command: str = "",
 ) -> Path:
-    """Write compare.json, verdict.md, report.html and scores.jsonl to a folder.
+    """Write compare.json, verdict.md and report.html to a folder.
 
     Parameters
     ----------
@@ -147,20 +150,22 @@ def write(
     Path
         The report.
     """
-    with results.writing(folder):
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    results.write_json(folder / JSON, found.as_dict() | {"command": command})
-    results.write_text(folder / MARKDOWN, markdown(found))
-    if found.cases:
-        rows = [results.dumps(row) for case in found.cases for row in case.rows]
-        results.write_text(folder / results.SCORES, "\n".join(rows) + "\n")
-    text = _page(found, scenarios, sources or {}, command)
-    results.write_text(folder / results.REPORT, text)
-    return folder / results.REPORT
+    write_text(folder / MARKDOWN, markdown(found))
+    text = _page(found, scenarios, sources or {}, command, Traces.of(folder))
+    write_text(folder / REPORT, text)
+    # Last: a folder that has none is not complete.
+    write_json(folder / JSON, found.as_dict() | {"command": command})
+    return folder / REPORT
 
 
 def _page(
-    found: Comparison, scenarios: Sequence[Scenario], sources: Mapping[str, str], command: str
+    found: Comparison,
+    scenarios: Sequence[Scenario],
+    sources: Mapping[str, str],
+    command: str,
+    traces: Traces,
 ) -> str:
     focus = worst(found)
     content = {
@@ -174,29 +179,32 @@ def _page(
         ],
         "focus": focus,
         "focus_cells": cells(focus),
-        "figure": _drawn(found, focus, {s.name: s for s in scenarios}),
+        "figure": _drawn(found, focus, {s.name: s for s in scenarios}, traces),
         "command": command,
     }
     return page.render("gate/templates/compare.html", content)
 
 
-def _drawn(found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario]) -> str | None:
+def _drawn(
+    found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario], traces: Traces
+) -> str | None:
     """Return the figure of both runs on the worst seed as SVG."""
     scenario = scenarios.get(focus.worst_scenario)
     if scenario is None:
         return None
-    cases = {
-        case.estimator: case
-        for case in found.cases
-        if (case.scenario, case.seed) == (focus.worst_scenario, focus.worst_seed)
-    }
     sides = {"base": found.base, "candidate": found.candidate}
-    curves = [_curve(cases[text], side, scenario) for side, text in sides.items()]
+    curves = []
+    for side, text in sides.items():
+        case = case_id(scenario.hash, text, focus.worst_seed)
+        trace = traces.find(scenario.hash, text, [case]).get(case)
+        if trace is None:
+            return None
+        curves.append(_curve(trace, side, scenario))
     labels = {side: f"{side}: {text}" for side, text in sides.items()}
     return figures.svg(figures.trajectories(curves, scenario, labels=labels))
 
 
-def _curve(case: Case, side: str, scenario: Scenario) -> Curve:
+def _curve(case: Trace, side: str, scenario: Scenario) -> Curve:
     nominal = true_theta(case.names, scenario.nominal.as_array())
     truth = true_theta(case.names, scenario.true_parameters()) / nominal
     run = case.curve.astype(float)

@@ -9,7 +9,7 @@ from typing import Any
 from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.reporting import figures, page, tradeoff_figure
 from flexaxis.experiments.reporting.cells import number, pair, settled
-from flexaxis.experiments.running.files import Results
+from flexaxis.experiments.running.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
@@ -19,12 +19,12 @@ SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as d
 DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
 
 
-def render(results: Results) -> str:
+def render(results: Pooled) -> str:
     """Return the report as HTML.
 
     Parameters
     ----------
-    results : Results
+    results : Pooled
         As from `flexaxis.experiments.running.files.load`.
     """
     summary = results.summary
@@ -101,7 +101,7 @@ def _mismatch(
     }
 
 
-def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
+def _section(name: str, scenario: Scenario, results: Pooled) -> dict[str, Any]:
     curves = [curve for curve in results.curves if curve.scenario == name]
     drawn = figures.svg if len(results.summary["scenarios"]) <= SHARP else figures.img
     return {
@@ -115,7 +115,7 @@ def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
     }
 
 
-def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
+def _drawn(curves: Sequence[Curve], results: Pooled) -> list[Curve]:
     """Return the trajectories to draw: where there are many, the reference and the fastest."""
     if len(curves) <= DRAWN:
         return list(curves)

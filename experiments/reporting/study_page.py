@@ -41,15 +41,15 @@ HEAT = (
 )
 
 
-def write_report(results: Results) -> Path:
-    """Write report.html into the folder of a study and return its path.
+def write_report(results: Results, path: Path | None = None) -> Path:
+    """Write the report of a study, by default into its folder, and return its path.
 
     Raises
     ------
     OutputError
         If it cannot be written.
     """
-    path = results.folder / REPORT
+    path = path or results.folder / REPORT
     write_text(path, render(results))
     return path
 

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from flexaxis.experiments.running import rows as files
+from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind, flat
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.scoring.pooling import pool_rows
 from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.scoring.theory import ALARMS
-from flexaxis.experiments.studies.definition import StudyError, is_option
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.timing import PERIOD
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from array import array
 from collections.abc import Iterator
@@ -18,8 +19,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.studies.definition import StudyError
 
 START = b'{"case": "'
 ID = slice(len(START), len(START) + 16)
@@ -76,7 +77,17 @@ def scan(path: Path) -> Scan:
 
 def row_files(folder: Path) -> list[Path]:
     """Return the files of rows in a folder."""
-    return sorted(folder.glob("*.jsonl"))
+    return sorted(path for path in folder.glob("*.jsonl") if _NAME.fullmatch(path.name))
+
+
+def share_of(path: Path) -> int | None:
+    """Return of how many shares a file of rows is one, None if it is of no share."""
+    found = _NAME.fullmatch(path.name)
+    return int(found[2]) if found and found[2] else None
+
+
+# Files were called rows before runs and studies had the same.
+_NAME = re.compile(r"(?:scores|rows)(?:-(\d+)-of-(\d+))?\.jsonl")
 
 
 def done(folder: Path) -> NDArray[np.uint64]:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.plan import Entry, Unit, Variant
+from flexaxis.experiments.running.plan import Entry, Unit, Variant, varied
 from flexaxis.experiments.running.rows import blocks, row_files
 from flexaxis.experiments.running.work import made_with, run_unit
-from flexaxis.experiments.studies.definition import applies
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
@@ -76,15 +76,14 @@ def verify(
         If a row names code that may not be run; then nothing is.
     """
     content = read_study(folder)
-    bases = {
-        entry["definition"]["name"]: stored_scenario(entry["definition"], source=str(folder))
-        for entry in content["scenarios"]
-    }
+    bases = [
+        stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
+    ]
     chosen = _sample(folder, sample, Random(seed))
     named = (row["estimator"] for rows in chosen for row in rows)
     require(run_code, named, source=str(folder), command=command)
     for rows in chosen:
-        yield _again(rows, bases[rows[0]["base"]])
+        yield _again(rows, bases)
 
 
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
@@ -99,13 +98,13 @@ def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, An
     return [[json.loads(line) for line in block] for block in chosen]
 
 
-def _again(rows: list[dict[str, Any]], base: Scenario) -> Repeated:
+def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
     first = rows[0]
     what = f"{first['scenario']}, {first['estimator']}, seed {first['seed']}"
     cost = first["cost"]
     exact = cost["versions"] == made_with() and cost["host"] in {platform.node(), None}
     try:
-        made = _run(first, base)
+        made = _run(first, bases)
     except ScenarioError as error:
         return Repeated(first["case"], what, exact, (str(error),))
     if len(made) != len(rows):
@@ -118,13 +117,20 @@ def _again(rows: list[dict[str, Any]], base: Scenario) -> Repeated:
     return Repeated(first["case"], what, exact, tuple(told))
 
 
-def _run(row: Mapping[str, Any], base: Scenario) -> list[dict[str, Any]]:
+def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:
     axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
-    scenario = base.override(axes) if axes else base
     entry = Entry(row["method"], row["estimator"], {})
-    variant = Variant(base, axes, scenario.hash, scenario.duration, (entry,))
-    made = run_unit(Unit(variant, (entry,), (row["seed"],)))
-    return [json.loads(line) for line in made.lines.splitlines()]
+    for base in bases:
+        for common in (True, False):
+            try:
+                scenario = varied(base, axes, common=common)
+            except ScenarioError:  # of another scenario of the study
+                continue
+            if scenario.hash == row["hash"]:
+                variant = Variant(base, axes, row["hash"], scenario.duration, (entry,), common)
+                made = run_unit(Unit((variant,), (row["seed"],)))
+                return [json.loads(line) for line in made.lines.splitlines()]
+    raise ScenarioError(f"no scenario of the study gives the hash {row['hash'][:12]} of this row")
 
 
 def differences(row: Any, other: Any, *, exact: bool, key: str = "") -> Iterator[str]:

@@ -91,6 +91,20 @@ def scored(
         )
 
 
+def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
+    """Return a case from its rows, without trajectories unless there is a trace."""
+    first = own[0]
+    return Case(
+        scenario=first["scenario"],
+        estimator=first["estimator"],
+        seed=first["seed"],
+        names=tuple(row["parameter"] for row in own),
+        rows=list(own),
+        curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
+        relative={} if trace is None else dict(trace.relative),
+    )
+
+
 @dataclass(frozen=True)
 class Curve:
     """Trajectories of one estimator on one scenario, over all seeds, over nominal.

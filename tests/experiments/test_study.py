@@ -10,9 +10,10 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.columns import COLUMNS
 from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.studies.definition import StudyError, load_study, study_from
+from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
 
 FILE = """\

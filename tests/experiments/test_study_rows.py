@@ -21,10 +21,11 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import dispatch as spread
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.studies.definition import StudyError, study_from
+from flexaxis.experiments.studies.definition import study_from
 
 HERE = Path(__file__).parent
 STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
