@@ -157,16 +157,10 @@ def go_on(args: argparse.Namespace, done: int) -> str:
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
     from flexaxis.experiments.cli import say
+    from flexaxis.experiments.reporting.failures import in_words
 
-    told: dict[tuple[str, str], list[str]] = {}
-    for row in failures:
-        reason = row["error"].replace(f"on {row['scenario']}, seed {row['seed']}", "")
-        told.setdefault((row["estimator"], reason[:60]), []).append(
-            f"{row['scenario']}, seed {row['seed']}: {row['error']}"
-        )
-    for (estimator, _), places in told.items():
-        more = f" (and {len(places) - 1} cases more)" if places[1:] else ""
-        say(f"{estimator} failed on {places[0]}{more}")
+    for text, count in in_words(failures):
+        say(f"{text} (and {count - 1} like it)" if count > 1 else text)
     if failures:
         say(f"{len(failures)} cases could not be run: `error` in their rows says why")
 

@@ -55,8 +55,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     options.add_jobs(parser, what="the settings do")
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", default=Path("results/tune"),
-        help="where its runs are kept (default: results/tune)",
+        "-o", "--output", type=Path, metavar="DIR",
+        help="where its runs are kept (default: results/tune/ESTIMATOR)",
     )  # fmt: skip
     options.add_resume(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
@@ -72,11 +72,12 @@ def main(args: argparse.Namespace) -> int:
     found: list[dict[str, Any]] = []
     missed: list[str] = []
     scenarios = _scenarios(tasks)
+    folder = args.output or Path("results") / "tune" / (args.estimator or "all")
     how = {"resume": args.resume, "replace": True}
     with (
         options.working(args, f"{len(tasks)} to tune", len(tasks)) as (means, advance),
         # How many cases it takes is not known: the progress is that of the settings found.
-        Bench(scenarios, args.output, replace(means, advance=None), **how) as bench,
+        Bench(scenarios, folder, replace(means, advance=None), **how) as bench,
     ):
         for task in tasks:
             tuned = _tuned(task, bench, path, alone=len(tasks) == 1)

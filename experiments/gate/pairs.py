@@ -13,7 +13,7 @@ from flexaxis.experiments.scoring import statistics
 from flexaxis.experiments.scoring import table as scores
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
-METRICS: Mapping[str, str] = {name: scores.SCORES[name].unit for name in scores.METRICS}
+METRICS: Mapping[str, str] = {name: scores.SCORES[name].unit or "" for name in scores.METRICS}
 """Scores that can be compared, with their units; of each, less is better."""
 
 MARGINS: Mapping[str, float] = scores.MARGINS

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.pairs import Table, pair, table
+from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.folder import SCORES, SUMMARY
+from flexaxis.experiments.running.results import Results, Rows
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+
+KEYS = ("scenario", "hash", "seed", "parameter", "changed")
 
 
 def is_run(name: str) -> bool:
@@ -53,10 +56,8 @@ def compare_runs(
     _check_versions(base, candidate, old[0], new[0])
     first = _chosen(base, estimators[0], old[1])
     second = _chosen(candidate, estimators[1], new[1])
-    before, after = (
-        table(r for r in rows if r["estimator"] == name and (seeds is None or r["seed"] in seeds))
-        for rows, name in ((old[1], first), (new[1], second))
-    )
+    before = _rows(old[1], first, seeds, margins)
+    after = _rows(new[1], second, seeds, margins)
     _check_hashes(base, candidate, before, after)
     common = sorted({seed for _, seed, _ in before} & {seed for _, seed, _ in after})
     if len(common) < 2:
@@ -78,15 +79,26 @@ def compare_runs(
     )
 
 
-def _load(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _load(folder: Path) -> tuple[dict[str, Any], Results]:
+    results = Results(folder, {"axes": ()})
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        lines = (folder / SCORES).read_text(encoding="utf-8").splitlines()
-        return summary, [json.loads(line) for line in lines]
+        results.table.texts("estimator")  # damaged rows are found here
+        return summary, results
     except (OSError, ValueError) as error:
         raise OutputError(
             f"{folder} holds no complete result ({SCORES} and {SUMMARY} are needed): {error}"
         ) from error
+
+
+def _rows(
+    results: Results, estimator: str, seeds: Sequence[int] | None, metrics: Iterable[str]
+) -> Table:
+    """Return what is compared of one estimator."""
+    where: dict[str, Any] = {"estimator": estimator, "error": None}
+    if seeds is not None:
+        where["seed"] = list(seeds)
+    return table(Rows(results.select(where), (*KEYS, *LOST, *metrics)))
 
 
 def _check_versions(
@@ -112,8 +124,8 @@ def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
             )
 
 
-def _chosen(folder: Path, given: str | None, rows: list[dict[str, Any]]) -> str:
-    names = list(dict.fromkeys(row["estimator"] for row in rows))
+def _chosen(folder: Path, given: str | None, results: Results) -> str:
+    names = results.table.texts("estimator")
     if given in names:
         return str(given)
     if given is None and len(names) == 1:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.scoring.intervals import mean_interval
+from flexaxis.experiments.scoring.pools import Columns, values
 
-Row = Mapping[str, Any]
 MISSED, UNMODELLED, SEVERAL = "missed", "unmodelled", "several"
 
 
@@ -40,69 +41,41 @@ class Alarms:
     false_per_hour: float
 
 
-@dataclass
-class _Count:
-    delays: list[float] = field(default_factory=list)
-    missed: int = 0
-    faults: int = 0
-    false: int = 0
-    seconds: float = 0.0
-
-
-def alarms(rows: Iterable[Row]) -> list[Alarms]:
-    """Return the alarms of each estimator that reports findings.
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        From `Results.rows`.
-    """
-    counts: dict[tuple[str, str], _Count] = {}
-    for row in _cases(rows):
-        count = counts.setdefault((row["method"], row["estimator"]), _Count())
-        found = row["detection"]
-        if found["delay"] is not None:
-            count.delays.append(found["delay"])
-        count.missed += found["missed"]
-        count.faults += len(row["isolation"])
-        count.false += found["false_alarms"]
-        count.seconds += row["seconds"]
+def alarms(results: Results) -> list[Alarms]:
+    """Return the alarms of each estimator that reports findings."""
+    groups = results.grouped(["method", "estimator"], cases=True)
+    each = ((key, groups.columns(i)) for i, key in enumerate(groups.keys))
     return [
-        Alarms(
-            method,
-            estimator,
-            delay=float(np.mean(count.delays)) if count.delays else None,
-            delay_interval=mean_interval(count.delays),
-            missed=count.missed / max(1, count.faults),
-            false_per_hour=3600 * count.false / count.seconds,
-        )
-        for (method, estimator), count in counts.items()
+        _alarms(columns, **key) for key, columns in each if values(columns, "detection.alarms").size
     ]
 
 
-def confusion(rows: Iterable[Row]) -> dict[str, Counter[tuple[str, str]]]:
-    """Count for each method what each fault was taken for, by (fault, named).
+def _alarms(columns: Columns, *, method: str, estimator: str) -> Alarms:
+    delays = values(columns, "detection.delay")
+    missed, faults, false, seconds = (
+        float(np.nansum(columns[name]))
+        for name in ("detection.missed", "detection.faults", "detection.false_alarms", "seconds")
+    )
+    return Alarms(
+        method,
+        estimator,
+        delay=float(delays.mean()) if delays.size else None,
+        delay_interval=mean_interval(delays),
+        missed=missed / max(1.0, faults),
+        false_per_hour=3600 * false / seconds,
+    )
 
-    Parameters
-    ----------
-    rows : iterable of mapping
-        From `Results.rows`.
-    """
+
+def confusion(results: Results) -> dict[str, Counter[tuple[str, str]]]:
+    """Count for each method what each fault was taken for, by (fault, named)."""
     found: dict[str, Counter[tuple[str, str]]] = {}
-    for row in _cases(rows):
-        pairs = [(entry["fault"], _named(entry["named"])) for entry in row["isolation"]]
-        if pairs:
-            found.setdefault(row["method"], Counter()).update(pairs)
+    groups = results.grouped(["method", "isolation"], cases=True)
+    for i, key in enumerate(groups.keys):
+        span = groups.span(i)
+        for entry in json.loads(key["isolation"] or "[]"):
+            counter = found.setdefault(key["method"], Counter())
+            counter[entry["fault"], _named(entry["named"])] += span.stop - span.start
     return found
-
-
-def _cases(rows: Iterable[Row]) -> Iterator[Row]:
-    """Yield one row of each case with findings: they stand in all its rows."""
-    last = None
-    for row in rows:
-        if row["case"] != last and row["detection"] is not None:
-            yield row
-        last = row["case"]
 
 
 def _named(names: Sequence[str] | None) -> str:

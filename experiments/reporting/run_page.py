@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
-from flexaxis.experiments.reporting import figures, page, tradeoff_figure
+from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
 from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.running.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
@@ -25,7 +25,7 @@ def render(results: Pooled) -> str:
     Parameters
     ----------
     results : Pooled
-        As from `flexaxis.experiments.running.files.load`.
+        As from `flexaxis.experiments.running.pooled.load`.
     """
     summary = results.summary
     scenarios = {
@@ -34,6 +34,8 @@ def render(results: Pooled) -> str:
     }
     content = {
         "summary": summary,
+        "failed": len(summary.get("failures", [])),
+        "failures": failures.in_words(summary.get("failures", [])),
         "sections": [_section(name, scenarios[name], results) for name in scenarios],
         "figure": _tradeoff_figure(summary),
         "swept": summary.get("tradeoff"),
@@ -110,7 +112,7 @@ def _section(name: str, scenario: Scenario, results: Pooled) -> dict[str, Any]:
         "faults": in_a_line(scenario),
         "hash": results.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
-        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)),
+        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)) if curves else "",
         "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
     }
 

@@ -18,12 +18,15 @@ from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.running.rows import done
+from flexaxis.experiments.studies.definition import is_option
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
 LINES = 300  # of the table
 MAPS = 3  # heat maps
+SHOWN = ("lag", "lag_bound", "t10", "std", "bias", "score", "diverged", "never_settled",
+         "detection")  # fmt: skip
+DRAWN = ("lag", "lag_bound", "std", "bias")
 
 DEGRADATION = (
     "Left, where something changes: the lag, the area under the remaining error after the fault "
@@ -57,14 +60,14 @@ def write_report(results: Results, path: Path | None = None) -> Path:
 def render(results: Results) -> str:
     """Return the report as HTML: one file, readable without a network."""
     bins = _bins(results)
-    rows = results.pooled(bins=bins)
+    groups = results.grouped(_lines(results), bins=bins)
     failures = results.failures()
     content = {
         "study": results.study,
         "axes": results.axes,
-        "rows": rows[:LINES],
-        "left_out": max(0, len(rows) - LINES),
-        "cases": len(done(results.folder)),
+        "rows": groups.first(LINES).pooled(SHOWN, results.scenario),
+        "left_out": max(0, len(groups) - LINES),
+        "cases": results.cases,
         "failed": len(failures),
         "failures": failures[:10],
         "figures": [(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
@@ -82,13 +85,13 @@ def drawn(
     values = results.values()
     numbers = [axis for axis in values if len(values[axis]) > 1 and _is_number(values[axis])]
     for axis in numbers:
-        rows = results.pooled(["method", axis], bins=_only(bins, axis))
+        rows = results.pooled(["method", axis], bins=_only(bins, axis), scores=DRAWN)
         if any(row[axis] is not None for row in rows):
             yield f"Over {axis}", DEGRADATION, figures.degradation(rows, axis)
     yield from _maps(results, values, bins)
-    if found := alarms(results.rows()):
+    if found := alarms(results):
         yield "Detection", DETECTION, figures.detection(found)
-    if counts := confusion(results.rows()):
+    if counts := confusion(results):
         yield "Isolation", ISOLATION, figures.isolation(counts)
 
 
@@ -99,10 +102,16 @@ def _maps(
     wide = [axis for axis in values if len(values[axis]) > 1]
     wide.sort(key=lambda axis: not axis.startswith("fault"))
     for y, x in list(combinations(wide, 2))[:MAPS]:
-        rows = results.pooled(["method", x, y], bins=_only(bins, x, y))
+        rows = results.pooled(["method", x, y], bins=_only(bins, x, y), scores=["lag"])
         rows = [row for row in rows if row[x] is not None and row[y] is not None]
         if any(row["changed"] and row["lag"] is not None for row in rows):
             yield f"{y} × {x}", HEAT, figures.heat_map(rows, x, y)
+
+
+def _lines(results: Results) -> list[str]:
+    """Return what a line of the table is of: the estimators of a point follow each other."""
+    options = [axis for axis in results.axes if is_option(axis, tuple(results.study["estimators"]))]
+    return ["base", *(a for a in results.axes if a not in options), "method", *options]
 
 
 def _bins(results: Results) -> dict[str, list[float]]:

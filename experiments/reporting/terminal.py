@@ -41,7 +41,8 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
     for heading in ("estimator", "θ"):
         table.add_column(heading, no_wrap=True)
-    headings = [f"{s.short} [{s.unit}]" if s.unit == "s" else f"{s.short} {s.unit}" for s in SHOWN]
+    units = ["[s]" if score.unit == "s" else score.unit or "" for score in SHOWN]
+    headings = [f"{score.short} {unit}" for score, unit in zip(SHOWN, units, strict=True)]
     for heading in (*headings, "x-talk", "µs"):
         table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}

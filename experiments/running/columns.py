@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from flexaxis.experiments.scoring.table import Kind, columns
+from flexaxis.experiments.scoring.table import SCORES, Kind, columns, units
 
 COLUMNS: Mapping[str, Kind] = {
     **dict.fromkeys(("case", "hash", "scenario", "base", "estimator", "method"), "text"),
@@ -22,25 +22,51 @@ COLUMNS: Mapping[str, Kind] = {
 }
 """Every column but those of the axes, which are named by the keys that are swept."""
 
+UNITS: Mapping[str, str] = units() | {
+    "seconds": "s",
+    "cost.us_per_sample": "us",
+    "cost.seconds": "s",
+}
+"""Units of the columns that are numbers; empty for a plain number."""
 
-def flat(row: Mapping[str, Any], axes: Sequence[str]) -> dict[str, Any]:
-    """Return a row as a line of a table: tables inside it as dotted columns, the axes last.
+
+def told(column: str) -> dict[str, str]:
+    """Return what is said of a column of numbers in a file: `units`, `long_name`, `description`.
+
+    Examples
+    --------
+    >>> told("cost.seconds")
+    {'units': 's', 'long_name': 'cost seconds'}
+    """
+    score, _, part = column.partition(".")
+    heading = SCORES[score].heading if score in SCORES else ""
+    words = f"{heading or score} {part}".strip().replace("_", " ")
+    found = {"units": UNITS.get(column) or "1", "long_name": words}
+    return found | ({"description": SCORES[score].words} if score in SCORES else {})
+
+
+def column_of(rows: Sequence[Mapping[str, Any]], column: str) -> list[Any]:
+    """Return a column of rows as they stand in the files of rows; None where there is nothing.
 
     Parameters
     ----------
-    row : mapping
-        As in the files of rows.
-    axes : sequence of str
-        Swept keys; None where one does not apply to the row's estimator.
+    rows : sequence of mapping
+    column : str
+        One of `COLUMNS`. What has a dot in its name lies in a table inside the row.
     """
-    line: dict[str, Any] = {}
-    for column in COLUMNS:
-        table, _, key = column.partition(".")
-        value = row.get(table)
-        line[column] = (value or {}).get(key) if key else value
-    if line["isolation"] is not None:
-        line["isolation"] = json.dumps(line["isolation"])
-    return line | {axis: row["axes"].get(axis) for axis in axes}
+    outer, _, key = column.partition(".")
+    found = [row.get(outer) for row in rows]
+    if key:
+        return [inner.get(key) if inner else None for inner in found]
+    if column in _ELSE:  # of a run by itself nothing is swept
+        found = [
+            row.get(_ELSE[column]) if v is None else v for v, row in zip(found, rows, strict=True)
+        ]
+    return [v if v is None else json.dumps(v) for v in found] if column in _JSON else found
+
+
+_ELSE = {"base": "scenario", "method": "estimator"}
+_JSON = {"isolation"}
 
 
 def axis_kind(values: Iterable[Any]) -> Kind:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -208,13 +208,19 @@ class Bench:
     def __enter__(self) -> Bench:
         """Take the folder, and read what it holds."""
         if self._folder is not None:
-            plan = make_plan(self._study)
-            path = self._stack.enter_context(opened(plan, self._folder, **self._how))
-            self._file = self._stack.enter_context(rows.RowFile(path))
-            for row in (r for file in rows.row_files(self._folder) for r in rows.read(file)):
-                check_code(row["estimator"], row.get("code"), self._folder)
-                self._learn(row)
+            with ExitStack() as stack:
+                self._file = stack.enter_context(self._opened(self._folder))
+                self._stack = stack.pop_all()  # kept, where nothing went wrong
         return self
+
+    @contextmanager
+    def _opened(self, folder: Path) -> Iterator[rows.RowFile]:
+        with opened(make_plan(self._study), folder, **self._how) as path:
+            for row in (r for file in rows.row_files(folder) for r in rows.read(file)):
+                check_code(row["estimator"], row.get("code"), folder)
+                self._learn(row)
+            with rows.RowFile(path) as file:
+                yield file
 
     def __exit__(self, *error: object) -> None:
         """Leave the folder to others."""

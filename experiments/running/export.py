@@ -1,22 +1,24 @@
-"""The rows of a study as one table: CSV, Parquet or NetCDF, a part at a time."""
+"""Results as files for other programs: a flat table as CSV or Parquet, a labelled cube: NetCDF."""
 
 from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
-from itertools import islice
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis.experiments.running.columns import COLUMNS, Kind, as_text, axis_kind
+from flexaxis.experiments.running.columnar import Index, Table
+from flexaxis.experiments.running.columns import Kind, as_text, told
+from flexaxis.experiments.running.cube import Cube, cube_of
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.running.results import Results, needed
 
-PART = 10_000  # rows in memory at a time
-Line = dict[str, Any]
+if TYPE_CHECKING:
+    import h5netcdf
 
 
 def export_csv(results: Results, target: Path) -> int:
@@ -27,14 +29,15 @@ def export_csv(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written; then nothing is left of it.
     """
-    kinds, count = _kinds(results), 0
-    with writing(target), _part(target).open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, list(kinds))
-        table.writeheader()
-        for lines in _parts(results, kinds):
-            table.writerows(lines)
-            count += len(lines)
-    return _finish(target, count)
+    table = results.table
+    kinds = table.kinds
+    with _whole(target) as part, part.open("w", newline="", encoding="utf-8") as file:
+        lines = csv.writer(file)
+        lines.writerow(kinds)
+        for rows in results.parts():
+            columns = [_plain(table, name, kind, rows) for name, kind in kinds.items()]
+            lines.writerows(zip(*columns, strict=True))
+    return len(results.rows)
 
 
 def export_parquet(results: Results, target: Path) -> int:
@@ -47,83 +50,102 @@ def export_parquet(results: Results, target: Path) -> int:
     StudyError
         If pyarrow is not installed.
     """
-    pa = needed("pyarrow")
-    parquet = needed("pyarrow.parquet")
-    kinds, count = _kinds(results), 0
+    pa, parquet = needed("pyarrow"), needed("pyarrow.parquet")
+    table = results.table
+    kinds = table.kinds
     types = {
         "text": pa.string(),
         "number": pa.float64(),
         "integer": pa.int64(),
         "truth": pa.bool_(),
     }
-    schema = pa.schema([(name, types[kind]) for name, kind in kinds.items()])
-    with writing(target), parquet.ParquetWriter(_part(target), schema, compression="zstd") as file:
-        for lines in _parts(results, kinds):
-            file.write_table(pa.Table.from_pylist(lines, schema=schema))
-            count += len(lines)
-    return _finish(target, count)
+    fields = [
+        pa.field(name, types[kind], metadata=told(name) if kind == "number" else None)
+        for name, kind in kinds.items()
+    ]
+    schema = pa.schema(fields)
+    with (
+        _whole(target) as part,
+        parquet.ParquetWriter(part, schema, compression="zstd") as file,
+    ):
+        for rows in results.parts():
+            columns = [
+                pa.array(table.numbers(name, rows), from_pandas=True)  # NaN is null
+                if kind == "number"
+                else pa.array(_plain(table, name, kind, rows), types[kind])
+                for name, kind in kinds.items()
+            ]
+            file.write_batch(pa.record_batch(columns, schema=schema))
+    return len(results.rows)
 
 
 def export_netcdf(results: Results, target: Path) -> int:
-    """Write a NetCDF-4 file: a variable a column, over the dimension `row`; return their number.
+    """Write a NetCDF-4 file, the cube of `Results.to_xarray`; return the number of rows in it.
 
-    Numbers that are not defined are NaN, texts are empty, truths are 1, 0 or −1 for not defined.
+    A variable at a time is in memory. What was not run, or is not defined, is NaN, or the fill
+    value −1 where it is a truth.
 
     Raises
     ------
     OutputError
         If it cannot be written.
+    StudyError
+        If there is nothing to write.
     """
     import h5netcdf
+
+    cube = cube_of(results)
+    with _whole(target) as part, h5netcdf.File(part, "w") as file:
+        file.attrs.update(cube.attributes)
+        file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
+        _write_coordinates(file, cube)
+        for name, kind in cube.variables.items():
+            _write_variable(file, cube, name, kind)
+    return cube.rows
+
+
+def _write_coordinates(file: h5netcdf.File, cube: Cube) -> None:
     import h5py
 
-    kinds, count = _kinds(results), 0
-    total = sum(1 for _ in results.rows())
-    types = {"text": h5py.string_dtype(), "number": float, "integer": np.int64, "truth": np.int8}
-    with writing(target), h5netcdf.File(_part(target), "w") as file:
-        file.dimensions = {"row": total}
-        for name, kind in kinds.items():
-            # A slash would be a group to NetCDF.
-            file.create_variable(name.replace("/", "|"), ("row",), types[kind])
-        for lines in _parts(results, kinds):
-            for name, kind in kinds.items():
-                column = np.array([_plain(line[name], kind) for line in lines],
-                                  object if kind == "text" else types[kind])  # fmt: skip
-                file[name.replace("/", "|")][count : count + len(lines)] = column
-            count += len(lines)
-    return _finish(target, count)
+    for name, dimension, values, said in cube.coordinates():
+        dtype = h5py.string_dtype() if values.dtype == object else values.dtype
+        variable = file.create_variable(_name(name), (_name(dimension),), dtype, data=values)
+        variable.attrs.update(said)
 
 
-def _kinds(results: Results) -> Mapping[str, Kind]:
-    """Return the kind of each column, the axes among them."""
-    return {**COLUMNS, **{axis: axis_kind(seen) for axis, seen in results.values().items()}}
+def _write_variable(file: h5netcdf.File, cube: Cube, name: str, kind: str) -> None:
+    values = cube.values(name)
+    packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    if kind == "truth":
+        values, packed["fillvalue"] = np.where(np.isnan(values), -1, values).astype(np.int8), -1
+    variable = file.create_variable(
+        _name(name), tuple(map(_name, cube.dimensions)), values.dtype, data=values, **packed
+    )
+    variable.attrs.update(told(name))
+    along = [_name(other) for other in cube.along]
+    if along:
+        variable.attrs["coordinates"] = " ".join(along)
 
 
-def _parts(results: Results, kinds: Mapping[str, Kind]) -> Iterator[list[Line]]:
-    """Yield lists of lines in which every value is of the kind of its column."""
-    lines = results.lines()
-    while part := list(islice(lines, PART)):
-        for line in part:
-            for axis in results.axes:
-                value = line[axis]
-                if kinds[axis] == "text":
-                    line[axis] = as_text(value)
-                else:
-                    line[axis] = None if value is None else float(value)
-        yield part
+def _plain(table: Table, name: str, kind: Kind, rows: Index) -> list[Any]:
+    """Return a column as values of its kind; None where it is not defined."""
+    found = table.values(name, rows)
+    if name in table.axes:
+        return [as_text(v) if kind == "text" or v is None else float(v) for v in found]
+    return found
 
 
-def _plain(value: Any, kind: Kind) -> Any:
-    if value is not None:
-        return value
-    return {"text": "", "number": np.nan, "integer": -1, "truth": -1}[kind]
+def _name(column: str) -> str:
+    return column.replace("/", "|")  # a slash would be a group to NetCDF
 
 
-def _part(target: Path) -> Path:
-    return target.with_name(f".{target.name}.part")
-
-
-def _finish(target: Path, count: int) -> int:
-    with writing(target):
-        os.replace(_part(target), target)
-    return count
+@contextmanager
+def _whole(target: Path) -> Iterator[Path]:
+    """Give a file to write to that becomes the target when it is complete, or is gone."""
+    part = target.with_name(f".{target.name}.part")
+    try:
+        with writing(target):
+            yield part
+            os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)

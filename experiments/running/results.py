@@ -1,44 +1,35 @@
-"""The results of a study in Python: rows, selections, pooled scores, tables."""
+"""The results in a folder, in Python: rows, selections, pooled scores, tables, a labelled cube."""
 
 from __future__ import annotations
 
-import math
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.experiments.running import rows as files
 from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind, flat
+from flexaxis.experiments.running.columnar import PART, Index, Table, open_table
+from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.scoring.pooling import pool_rows
-from flexaxis.experiments.scoring.table import SCORES
-from flexaxis.experiments.scoring.theory import ALARMS
+from flexaxis.experiments.running.groups import APART, Bins, Groups, grouped
+from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-# What a pooled row is made of, held as eight bytes each: a study may have millions of rows.
-_PLAIN = tuple(s.name for s in SCORES.values() if s.kind in {"number", "truth"} and not s.parts)
-_TRUTHS = tuple(name for name in _PLAIN if SCORES[name].kind == "truth")
-# What takes whole trajectories, or all parameters of a case at once, is not pooled here.
-_LEFT_OUT = (
-    "t63", "t90", "rmse", "efficiency", "excess", "excess_interval",
-    "scenario", "hash", "estimator", "seeds",
-)  # fmt: skip
+Line = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Results:
-    """The rows of a study, all or some of them; read from the folder whenever they are asked for.
+    """The rows in a folder, all or some of them; read when they are first asked for.
 
     Attributes
     ----------
@@ -52,15 +43,16 @@ class Results:
     folder: Path
     study: Mapping[str, Any]
     where: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    _held: dict[str, Table] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
-        """Return all results in a folder, of a study that is finished or not.
+        """Return all results in a folder, of what is finished or not.
 
         Raises
         ------
         StudyError
-            If it is not the folder of a study.
+            If it holds none.
         """
         return cls(Path(folder), read_study(Path(folder)))
 
@@ -68,6 +60,21 @@ class Results:
     def axes(self) -> tuple[str, ...]:
         """Swept keys."""
         return tuple(self.study["axes"])
+
+    @property
+    def table(self) -> Table:
+        """The columns of the folder, as they were when they were first asked for."""
+        if "table" not in self._held:
+            self._held["table"] = open_table(self.folder, self.axes)
+        return self._held["table"]
+
+    @property
+    def rows(self) -> Rows:
+        """The rows as lines of a table: dicts, with the columns of docs/studies.md and the axes.
+
+        They can be gone through again and again, and ``len(results.rows)`` is their number.
+        """
+        return Rows(self)
 
     def select(self, where: Mapping[str, Any]) -> Results:
         """Return those rows whose columns have these values; a list means one of them.
@@ -79,48 +86,73 @@ class Results:
         StudyError
             If there is no such column.
         """
-        known = [*COLUMNS, *self.axes]
-        for column in where:
-            if column not in known:
-                raise StudyError(unknown("column", column, known))
+        self._check(where)
         wanted = {
             column: tuple(value) if isinstance(value, list | tuple | set) else (value,)
             for column, value in where.items()
         }
         return replace(self, where={**self.where, **wanted})
 
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows as they were written."""
-        for path in files.row_files(self.folder):
-            for row in files.read(path):
-                if not self.where or self._chosen(row):
-                    yield row
+    def chosen(self) -> NDArray[np.bool_]:
+        """Return which rows of the table are selected (n,)."""
+        found = np.ones(len(self.table), bool)
+        for column, values in self.where.items():
+            found &= _among(self.table, column, values)
+        return found
 
-    def lines(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows as lines of a table, with the columns of docs/studies.md and the axes."""
-        return (flat(row, self.axes) for row in self.rows())
+    def ran(self) -> NDArray[np.bool_]:
+        """Return which of them are of cases that could be run (n,)."""
+        return self.chosen() & (self.table.raw("error") < 0)
 
-    def failures(self) -> list[dict[str, Any]]:
+    def failures(self) -> list[Line]:
         """Return the rows of the cases that could not be run; `error` says why."""
-        return [row for row in self.rows() if row["error"] is not None]
+        return list(self.lines(np.flatnonzero(self.chosen() & (self.table.raw("error") >= 0))))
+
+    @property
+    def cases(self) -> int:
+        """Number of cases, those that could not be run among them."""
+        return len(np.unique(self.table.raw("case")[self.chosen()]))
 
     def values(self) -> dict[str, list[Any]]:
-        """Return the values found on each axis, in order."""
-        found: dict[str, dict[str, Any]] = {axis: {} for axis in self.axes}
-        for row in self.rows():
-            for axis, value in row["axes"].items():
-                found[axis].setdefault(repr(value), value)
-        ordered: dict[str, list[Any]] = {}
-        for axis, seen in found.items():
-            number = axis_kind(seen.values()) == "number"
-            ordered[axis] = sorted(seen.values()) if number else list(seen.values())
-        return ordered
+        """Return the values found on each axis: numbers in order, others as they came."""
+        chosen, found = self.chosen(), {}
+        for axis in self.axes:
+            there = np.unique(self.table.raw(axis)[chosen])
+            seen = [self.table.texts(axis)[code] for code in there if code >= 0]
+            found[axis] = sorted(seen) if axis_kind(seen) == "number" else seen
+        return found
+
+    def grouped(
+        self,
+        by: Sequence[str] | None = None,
+        *,
+        bins: Bins | None = None,
+        cases: bool = False,
+    ) -> Groups:
+        """Return the rows of what could be run, group by group, as `pooled` pools them.
+
+        With `cases` they are one of each case, and no parameters are told apart: for what is the
+        same in all rows of a case.
+        """
+        by = ["base", "method", *self.axes] if by is None else by
+        self._check(by)
+        order = {
+            "base": [entry["definition"]["name"] for entry in self.study.get("scenarios", ())],
+            "method": list(self.study.get("estimators", ())),
+        }
+        names, chosen = list(dict.fromkeys([*by, *([] if cases else APART)])), self.ran()
+        if cases:
+            rows = np.flatnonzero(chosen)
+            case = self.table.raw("case")[rows]  # rows of a case follow each other
+            chosen[rows[1:][case[1:] == case[:-1]]] = False
+        return grouped(self.table, names, chosen=chosen, bins=bins, order=order)
 
     def pooled(
         self,
         by: Sequence[str] | None = None,
         *,
-        bins: Mapping[str, Sequence[float]] | None = None,
+        bins: Bins | None = None,
+        scores: Sequence[str] | None = None,
     ) -> list[dict[str, Any]]:
         """Return scores over all rows that agree in some columns, with 95 % intervals.
 
@@ -132,25 +164,42 @@ class Results:
             told apart.
         bins : mapping of str to sequence of float, optional
             Edges between which the values of an axis count as one, the middle of the two.
+        scores : sequence of str, optional
+            Which scores to pool; all by default.
 
         Returns
         -------
         list of dict
-            The columns of `by`, and the scores as in a summary.json; `cases` is their number,
-            `lag_bound` the mean of the bound, `hours` how long the simulated axis moved, and
-            `false_alarms_per_hour` is of the findings.
-        """
-        by = ["base", "method", *self.axes] if by is None else list(by)
-        held: dict[str, tuple[dict[str, Any], array[float]]] = {}
-        for row in self.rows():
-            if row["error"] is None:
-                key = {c: _value(row, c) for c in (*by, "parameter", "changed")}
-                key |= {axis: _middle(key[axis], edges) for axis, edges in (bins or {}).items()}
-                _, values = held.setdefault(repr(key), (key, array("d")))
-                values.extend(_numbers(row))
-        return [_pooled(key, values) for key, values in held.values()]
+            The columns of `by`, in the order of their values, and the scores as in a summary.json;
+            `cases` is their number, `lag_bound` the mean of the bound, `hours` how long the
+            simulated axis moved, and `false_alarms_per_hour` is of the findings. The excess error
+            is that of one scenario: where rows of several are pooled it is None.
 
-    def table(self) -> pandas.DataFrame:
+        Raises
+        ------
+        StudyError
+            If there is no such column or score.
+        """
+        for score in scores or ():
+            if score not in POOLED:
+                raise StudyError(unknown("score", score, POOLED))
+        groups = self.grouped(by, bins=bins)
+        return groups.pooled(POOLED if scores is None else scores, self.scenario)
+
+    def scenario(self, row: int) -> Scenario | None:
+        """Return the scenario of a row of the table; None where study.json does not tell it."""
+        names = ("base", "hash", *self.axes)
+        line = {name: self.table.values(name, np.array([row]))[0] for name in names}
+        for entry in self.study.get("scenarios", ()):
+            if entry["definition"]["name"] == line["base"]:
+                base = stored_scenario(entry["definition"], source=line["base"])
+                swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
+                found = base.override(swept) if swept else base
+                if found.hash == line["hash"]:
+                    return found
+        return None
+
+    def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame: a line a row, columns as in docs/studies.md, then the axes.
 
         Raises
@@ -159,47 +208,84 @@ class Results:
             If pandas is not installed.
         """
         pd = needed("pandas")
-        lines = pd.DataFrame(list(self.lines()), columns=[*COLUMNS, *self.axes])
-        for axis in self.axes:
-            if axis_kind(v for v in lines[axis] if v is not None) != "number":
-                lines[axis] = lines[axis].map(as_text)
-        return lines
+        rows, found = np.flatnonzero(self.chosen()), {}
+        for name, kind in self.table.kinds.items():
+            if kind == "number":
+                found[name] = self.table.numbers(name, rows)
+            else:
+                values = self.table.values(name, rows)
+                if kind == "text":
+                    values = [as_text(value) for value in values]
+                dtype = {"text": object, "truth": "boolean", "integer": "Int64"}[kind]
+                found[name] = pd.array(values, dtype=dtype)
+        return pd.DataFrame(found)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return an xarray Dataset of the numbers over base, estimator, axes, seed and parameter.
+        """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        Swept options of estimators are coordinates on `estimator`. Where the axes are not a
-        product (design list or sobol), the dimensions are base, method, point, seed and
-        parameter, and all axes are coordinates on `point`. What was not run is NaN.
+        It is the cube of `flexaxis.experiments.running.cube`, as `flexaxis export --netcdf` writes
+        it.
 
         Raises
         ------
         StudyError
-            If xarray or pandas is not installed.
+            If xarray is not installed.
         """
-        needed("xarray")
-        table = self.table()
-        table = table[table["error"].isna()]
-        options = [a for a in self.axes if is_option(a, tuple(self.study["estimators"]))]
-        inner = [a for a in self.axes if a not in options]
-        runs = table[["estimator", *inner]].drop_duplicates()
-        if math.prod(runs[column].nunique() for column in runs) <= 2 * len(runs):  # a product
-            told = table[["estimator", "method", *options]].drop_duplicates("estimator")
-            return _cube(table, ["base", "estimator", *inner], told)
-        told = table[list(self.axes)].drop_duplicates().assign(point=lambda t: range(len(t)))
-        return _cube(table.merge(told, on=list(self.axes)), ["base", "method", "point"], told)
+        from flexaxis.experiments.running.cube import cube_of
 
-    def _chosen(self, row: Mapping[str, Any]) -> bool:
-        return all(_value(row, column) in values for column, values in self.where.items())
+        return cube_of(self).to_xarray(needed("xarray"))
+
+    def parts(self) -> Iterator[Index]:
+        """Yield the selected rows of the table, as many at a time as are held in memory."""
+        chosen = self.chosen()
+        for start in range(0, len(chosen), PART):
+            rows = start + np.flatnonzero(chosen[start : start + PART])
+            if rows.size:
+                yield rows
+
+    def lines(self, rows: Index, columns: Sequence[str] = ()) -> Iterator[Line]:
+        """Yield some rows of the table, in increasing order, with all or some columns."""
+        names = columns or [*COLUMNS, *self.axes]
+        values = [self.table.values(name, rows) for name in names]
+        return (dict(zip(names, line, strict=True)) for line in zip(*values, strict=True))
+
+    def _is_option(self, axis: str) -> bool:
+        return is_option(axis, tuple(self.study.get("estimators", ())))
+
+    def _check(self, columns: Iterator[str] | Sequence[str] | Mapping[str, Any]) -> None:
+        known = [*COLUMNS, *self.axes]
+        for column in columns:
+            if column not in known:
+                raise StudyError(unknown("column", column, known))
 
 
-def _cube(table: pandas.DataFrame, keys: list[str], told: pandas.DataFrame) -> xarray.Dataset:
-    """Return the numbers of a table over some of its columns, and what is told of one of them."""
-    numbers = [c for c, kind in COLUMNS.items() if kind in {"number", "truth"}]
-    found = table.set_index([*keys, "seed", "parameter"])[numbers].astype(float).to_xarray()
-    along = next(key for key in keys if key in told)
-    told = told.set_index(along).loc[found[along].to_numpy()]
-    return found.assign_coords({name: (along, told[name].to_numpy()) for name in told})
+@dataclass(frozen=True)
+class Rows:
+    """The selected rows of results, one at a time."""
+
+    results: Results
+    columns: Sequence[str] = ()  # all where none are named
+
+    def __iter__(self) -> Iterator[Line]:
+        """Yield the rows."""
+        for rows in self.results.parts():
+            yield from self.results.lines(rows, self.columns)
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return int(self.results.chosen().sum())
+
+
+def _among(table: Table, column: str, values: Sequence[Any]) -> NDArray[np.bool_]:
+    """Return in which rows (n,) a column has one of some values."""
+    raw = table.raw(column)
+    if table.coded(column):
+        codes = [code for code, value in enumerate(table.texts(column)) if value in values]
+        return np.isin(raw, [*codes, -1] if None in values else codes)
+    if column == "case":
+        return np.isin(raw, np.array([int(value, 16) for value in values], np.uint64))
+    found = np.isin(table.numbers(column), [float(v) for v in values if v is not None])
+    return found | np.isnan(table.numbers(column)) if None in values else found
 
 
 def needed(package: str) -> Any:
@@ -216,58 +302,3 @@ def needed(package: str) -> Any:
         return import_module(package)
     except ImportError as error:
         raise StudyError(f"this needs {package}: python -m pip install {package}") from error
-
-
-def _value(row: Mapping[str, Any], column: str) -> Any:
-    if column in row["axes"]:
-        return row["axes"][column]
-    table, _, key = column.partition(".")
-    value = row.get(table)
-    return value.get(key) if key and isinstance(value, dict) else value
-
-
-def _numbers(row: Mapping[str, Any]) -> Iterator[float]:
-    alarms = row["detection"] or {}
-    given = [row[name] for name in _PLAIN] + [alarms.get(name) for name in ALARMS]
-    given += [row["cost"]["us_per_sample"], row["seconds"]]
-    return (math.nan if value is None else float(value) for value in given)
-
-
-def _pooled(key: Mapping[str, Any], values: array[float]) -> dict[str, Any]:
-    width = len(_PLAIN) + len(ALARMS) + 2
-    table = np.frombuffer(values).reshape(-1, width)
-    rows = [_row(key, [None if np.isnan(v) else v for v in line.tolist()]) for line in table]
-    scores = {k: v for k, v in pool_rows(rows, period=PERIOD).items() if k not in _LEFT_OUT}
-    found = [row["detection"] for row in rows if row["detection"]]
-    hours = float(table[:, -1].sum() / 3600)
-    return {
-        **key,
-        "cases": len(rows),
-        **scores,
-        "false_alarms_per_hour": sum(f["false_alarms"] for f in found) / hours if found else None,
-        "hours": hours,
-    }
-
-
-def _middle(value: float | None, edges: Sequence[float]) -> float | None:
-    """Return the middle of the two edges between which a value lies."""
-    if value is None:
-        return None
-    place = min(max(int(np.searchsorted(edges, value, side="right")), 1), len(edges) - 1)
-    return float((edges[place - 1] + edges[place]) / 2)
-
-
-def _row(key: Mapping[str, Any], line: Sequence[float | None]) -> dict[str, Any]:
-    """Return a row as `pool_rows` reads it."""
-    alarms = dict(zip(ALARMS, line[len(_PLAIN) :], strict=False))
-    plain = dict(zip(_PLAIN, line, strict=False))
-    return {
-        "scenario": None,
-        "hash": None,
-        "estimator": None,
-        **key,
-        **plain,
-        **{name: None if plain[name] is None else bool(plain[name]) for name in _TRUTHS},
-        "detection": None if alarms["alarms"] is None else alarms,
-        "cost": {"us_per_sample": line[-2]},
-    }

@@ -62,7 +62,7 @@ def blocks(path: Path) -> Iterator[list[bytes]]:
                 yield block
                 block = []
             block.append(line)
-    if block and len(block) == json.loads(block[0])["rows"]:
+    if block and len(block) == _row(path, block[0]).get("rows", len(block)):
         yield block
 
 
@@ -97,9 +97,26 @@ def done(folder: Path) -> NDArray[np.uint64]:
 
 
 def read(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all complete cases of a file."""
+    """Yield the rows of all complete cases of a file.
+
+    Raises
+    ------
+    StudyError
+        If something else than rows stands in it.
+    """
     for block in blocks(path):
-        yield from map(json.loads, block)
+        for line in block:
+            yield _row(path, line)
+
+
+def _row(path: Path, line: bytes) -> dict[str, Any]:
+    try:
+        row: dict[str, Any] = json.loads(line)
+    except ValueError as error:
+        raise StudyError(
+            f"{path}: the row that begins with {line[:60].decode()!r} is damaged: {error}"
+        ) from error
+    return row
 
 
 class RowFile:

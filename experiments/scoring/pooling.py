@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.intervals import mean_interval, pseudo_values
+from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.table import SCORES, rows
+from flexaxis.experiments.scoring.table import columns as kinds
 from flexaxis.experiments.scoring.theory import RMSE_AT
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.scenario import Scenario
@@ -22,6 +23,15 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 
 BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
+IDENTITY = ("scenario", "hash", "estimator", "parameter", "changed")
+POOLED = tuple(score.name for score in SCORES.values() if score.pool is not None)
+NUMBERS = (
+    "changed",
+    *(name for name, kind in kinds().items() if kind != "text"),
+    "cost.us_per_sample",
+)
+"""Columns that pools may ask for."""
+
 CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
 
 
@@ -144,85 +154,133 @@ def pool(
     curves = []
     for (key, _), group in groups.items():
         pooled += pool_group(group, by_hash[key])
-        curves.append(_curve(group, by_hash[key]))
+        if drawn := [case for case in group if case.curve.size]:
+            curves.append(_curve(drawn, by_hash[key]))
     return pooled, curves
 
 
 def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
     """Return the pooled rows of one estimator on one scenario, one for each parameter."""
+    group = sorted(group, key=lambda case: case.seed)  # whatever the order in which they came
+    by_name = {name: columns_of([case.rows[i] for case in group])
+               for i, name in enumerate(group[0].names)}  # fmt: skip
+    shared = excess(by_name, scenario)
     found = []
-    for i, name in enumerate(group[0].names):
+    for i, (name, columns) in enumerate(by_name.items()):
+        identity = {key: group[0].rows[i][key] for key in IDENTITY}
+        scores = pool_columns(columns) | shared | cost(columns)
         errors = [case.relative[name] for case in group if name in case.relative]
-        found.append(pool_rows([c.rows[i] for c in group], errors, period=scenario.period))
-    excess = _excess(group, scenario)
-    return [row | excess for row in found]
+        curve = of_trajectories(errors, scores["bound"], period=scenario.period)
+        found.append(identity | {"seeds": len(group)} | scores | curve)
+    return found
 
 
-def _excess(group: Sequence[Case], scenario: Scenario) -> dict[str, Any]:
-    """Return the pooled excess error with its interval, the same for all parameters."""
-    each, lost, biases = excess_runs([case.rows for case in group], scenario)
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """Return the numbers of rows as columns: tables inside them as dotted names, NaN for null.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        As in scores.jsonl, all of one parameter.
+    """
+    found: dict[str, Array] = {}
+    for name in NUMBERS:
+        score, _, part = name.partition(".")
+        given = [row.get(score) for row in rows]
+        found[name] = np.array([v and v.get(part) for v in given] if part else given, float)
+    return found
+
+
+def pool_columns(columns: pools.Columns, names: Iterable[str] | None = None) -> dict[str, Any]:
+    """Return the pooled scores of the rows of one parameter.
+
+    The excess error is not among them, which takes all parameters of a case: see `excess`.
+
+    Parameters
+    ----------
+    columns : mapping of str to ndarray (n,)
+        As `flexaxis.experiments.scoring.pools` takes them; only those that are needed are asked
+        for.
+    names : iterable of str, optional
+        Scores to pool, all by default.
+    """
+    found: dict[str, Any] = {}
+    with np.errstate(over="ignore", invalid="ignore"):
+        for name in POOLED if names is None else names:
+            pool = SCORES[name].pool
+            if pool is not None and name != "excess":
+                found |= pool(columns, name)
+    return found
+
+
+def cost(columns: pools.Columns) -> dict[str, Any]:
+    """Return the median of what a sample takes."""
+    us = pools.by(np.median)(columns, "cost.us_per_sample")["cost.us_per_sample"]
+    return {"cost": {"us_per_sample": us}}
+
+
+def excess(by_name: Mapping[str, pools.Columns], scenario: Scenario) -> dict[str, Any]:
+    """Return the pooled excess error with its interval, the same for all parameters.
+
+    Parameters
+    ----------
+    by_name : mapping of str to columns
+        Of each estimated parameter, over the same runs on one scenario.
+    scenario : Scenario
+        The biases that count are those of its `identify`; whoever does not estimate one of these
+        has none in it.
+    """
+    first = next(iter(by_name.values()))
+    each, lost = first["excess"], first["lost_before"] > 0
     M = information(scenario)
     if M is None or np.isnan(each).any():
         return {"excess": None, "excess_interval": None}
-
-    def statistic(index: NDArray[np.intp]) -> float:
-        return pools.excess(each[index], lost[index], biases[index], M)
-
-    every = np.arange(len(each))
-    within = None if lost.any() else mean_interval(pseudo_values(statistic, len(each)))
+    none = np.zeros(len(each))
+    biases = np.column_stack(
+        [np.nan_to_num(by_name[n]["bias"]) if n in by_name else none for n in scenario.identify]
+    )
+    values = None if lost.any() else pools.excess_values(each, biases, M)
+    within = None if values is None else mean_interval(values)
     return {
-        "excess": finite(max(0.0, statistic(every))),
+        "excess": finite(max(0.0, pools.excess(each, lost, biases, M))),
         "excess_interval": within and [max(0.0, end) for end in within],
     }
 
 
-def excess_runs(
-    runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario
-) -> tuple[Array, NDArray[np.bool_], Array]:
-    """Return of each run (n) its excess error, whether it was lost by then, and its biases (n, p).
+def biases_of(runs: Sequence[Sequence[Mapping[str, Any]]], scenario: Scenario) -> Array:
+    """Return the biases (n, p) of runs in the scenario's `identify` [% of nominal].
 
     Parameters
     ----------
     runs : sequence of sequence of mapping
         The rows of each run, one for each parameter.
     scenario : Scenario
-        The biases are those of its `identify` [% of nominal].
     """
-    each = [np.nan if rows[0]["excess"] is None else rows[0]["excess"] for rows in runs]
-    lost = [bool(rows[0]["lost_before"]) for rows in runs]
     by_name = [{row["parameter"]: row["bias"] or 0.0 for row in rows} for rows in runs]
-    biases = [[found.get(name, 0.0) for name in scenario.identify] for found in by_name]
-    return np.array(each, float), np.array(lost, bool), np.array(biases, float)
+    return np.array([[found.get(name, 0.0) for name in scenario.identify] for found in by_name])
 
 
-def pool_rows(
-    rows: Sequence[dict[str, Any]], relative: Sequence[NDArray[np.float32]] = (), *, period: float
+def of_trajectories(
+    relative: Sequence[NDArray[np.float32]], bound: Mapping[str, float] | None, *, period: float
 ) -> dict[str, Any]:
-    """Return one pooled row, as from `pool`, of the rows of one parameter over seeds.
+    """Return what is pooled of whole trajectories: `t63`, `t90`, `rmse`, `efficiency`.
 
     Parameters
     ----------
-    rows : sequence of dict
-        As in scores.jsonl.
     relative : sequence of ndarray
-        θ̃/D of the runs; `t63`, `t90`, `rmse` and `efficiency` are made of it.
+        θ̃/D of the runs.
+    bound : mapping of str to float, optional
+        The pooled bound, by samples after onset.
     period : float
         Sampling period [s].
     """
-    first = rows[0]
-    identity = ("scenario", "hash", "estimator", "parameter", "changed")
-    found: dict[str, Any] = {key: first[key] for key in identity} | {"seeds": len(rows)}
     with np.errstate(over="ignore", invalid="ignore"):
-        for score in SCORES.values():
-            if score.pool is not None:
-                found |= score.pool(rows, score.name)
         errors = pools.rmse(relative, RMSE_AT)
-    return found | {
+    return {
         "t63": pools.settles(relative, 0.37, period),
         "t90": pools.settles(relative, 0.10, period),
         "rmse": errors,
-        "efficiency": pools.efficiency(errors, rows),
-        "cost": {"us_per_sample": finite(np.median([r["cost"]["us_per_sample"] for r in rows]))},
+        "efficiency": pools.efficiency(errors, bound),
     }
 
 

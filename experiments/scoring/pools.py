@@ -1,13 +1,14 @@
 """How the rows of many seeds become one number, with its interval; a function a kind of score.
 
-Each takes rows as in scores.jsonl, all of one parameter of one estimator on one scenario, and the
-name of a score; each returns what goes into the pooled row. Lost runs count in all of them but the
-consistency of the claim: of an estimate that is not there nothing was claimed.
+Each takes columns, all of one parameter of one estimator on one scenario, and the name of a score;
+each returns what goes into the pooled row. A column is an array with a number for each run, in the
+order of the seeds: NaN is what is not defined, 1 and 0 are true and false. Lost runs count in all
+of them but the consistency of the claim: of an estimate that is not there nothing was claimed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,37 +23,45 @@ from flexaxis.experiments.scoring.intervals import (
     spread_interval,
 )
 
-Row = Mapping[str, Any]
-Pooled = dict[str, Any]
 Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+Pooled = dict[str, Any]
+Pool = Callable[[Columns, str], Pooled]
 
 
-def values(rows: Sequence[Row], name: str) -> Array:
+def values(columns: Columns, name: str) -> Array:
     """Return the values of a score where it is defined."""
-    return np.array([row[name] for row in rows if row.get(name) is not None], float)
+    x = columns[name]
+    return x[~np.isnan(x)]
 
 
-def geometric(rows: Sequence[Row], name: str) -> Pooled:
+def by(statistic: Callable[[Array], float]) -> Pool:
+    """Return the pool that takes a statistic of the defined values, such as ``by(np.max)``."""
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        x = values(columns, name)
+        return {name: finite(float(statistic(x))) if x.size else None}
+
+    return pooled
+
+
+def geometric(columns: Columns, name: str) -> Pooled:
     """Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
-    x = values(rows, name)
+    x = values(columns, name)
     if not x.size:
         return {name: None, f"{name}_interval": None}
     centre = float(np.exp(np.log(np.maximum(x, FLOOR)).mean()))
     return {name: finite(centre), f"{name}_interval": log_interval(x)}
 
 
-def mean(rows: Sequence[Row], name: str) -> Pooled:
+def mean(columns: Columns, name: str) -> Pooled:
     """Pool by the mean."""
-    x = values(rows, name)
-    return {
-        name: finite(x.mean()) if x.size else None,
-        f"{name}_interval": mean_interval(x),
-    }
+    return by(np.mean)(columns, name) | {f"{name}_interval": mean_interval(values(columns, name))}
 
 
-def root_mean_square(rows: Sequence[Row], name: str) -> Pooled:
+def root_mean_square(columns: Columns, name: str) -> Pooled:
     """Pool by the root of the mean square."""
-    x = values(rows, name)
+    x = values(columns, name)
     within = mean_interval(x**2)
     return {
         name: finite(np.sqrt(np.mean(x**2))) if x.size else None,
@@ -60,27 +69,28 @@ def root_mean_square(rows: Sequence[Row], name: str) -> Pooled:
     }
 
 
-def median(rows: Sequence[Row], name: str) -> Pooled:
+def median(columns: Columns, name: str) -> Pooled:
     """Pool by the median; a run without the score counts as never, if it could have had it."""
-    if not any(row["changed"] and row["never_settled"] is not None for row in rows):
+    could = (columns["changed"] > 0) & ~np.isnan(columns["never_settled"])
+    if not could.any():
         return {name: None, f"{name}_interval": None}
-    x = np.array([np.inf if row[name] is None else row[name] for row in rows], float)
+    x = np.where(np.isnan(columns[name]), np.inf, columns[name])
     with np.errstate(invalid="ignore"):  # the mean of a number and never is never
         middle = finite(float(np.median(x)))
     return {name: middle, f"{name}_interval": median_interval(x)}
 
 
-def count(rows: Sequence[Row], name: str) -> Pooled:
+def count(columns: Columns, name: str) -> Pooled:
     """Count the runs in which it is so."""
-    return {name: sum(bool(row[name]) for row in rows)}
+    return {name: int(np.sum(columns[name] > 0))}
 
 
-def count_kept(rows: Sequence[Row], name: str) -> Pooled:
+def count_kept(columns: Columns, name: str) -> Pooled:
     """Count the runs in which it is so, lost ones aside: they are counted already."""
-    return {name: sum(bool(row[name]) and not row["diverged"] for row in rows)}
+    return {name: int(np.sum((columns[name] > 0) & ~(columns["diverged"] > 0)))}
 
 
-def deviation(bias: str, lost: str) -> Any:
+def deviation(bias: str, lost: str) -> Pool:
     """Return the pool of a standard deviation.
 
     Parameters
@@ -91,14 +101,38 @@ def deviation(bias: str, lost: str) -> Any:
         Score that says whether the run was lost by then.
     """
 
-    def pooled(rows: Sequence[Row], name: str) -> Pooled:
-        here = [row for row in rows if row[name] is not None]
-        std, mean = values(here, name), values(here, bias)
-        gone = np.array([bool(row.get(lost)) for row in here])
+    def pooled(columns: Columns, name: str) -> Pooled:
+        here = ~np.isnan(columns[name])
+        std, mean, gone = columns[name][here], columns[bias][here], columns[lost][here] > 0
         return {
-            name: finite(scatter(std, mean, gone)) if here else None,
+            name: finite(scatter(std, mean, gone)) if here.any() else None,
             f"{name}_interval": None if gone.any() else spread_interval(std, mean),
         }
+
+    return pooled
+
+
+def parts(names: Sequence[str], statistic: Callable[[Array], float]) -> Pool:
+    """Return the pool of a score that is a table: a statistic of each part that is defined."""
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        each = {part: values(columns, f"{name}.{part}") for part in names}
+        found = {part: finite(float(statistic(x))) for part, x in each.items() if x.size}
+        return {name: found or None}
+
+    return pooled
+
+
+def found(names: Sequence[str]) -> Pool:
+    """Return the pool of what findings are worth: the mean of each part, missed of all faults."""
+
+    def pooled(columns: Columns, name: str) -> Pooled:
+        part = {key: values(columns, f"{name}.{key}") for key in names}
+        if not part["alarms"].size:
+            return {name: None}
+        means = {key: finite(float(x.mean())) if x.size else None for key, x in part.items()}
+        faults = part["faults"].sum()
+        return {name: means | {"missed": float(part["missed"].sum() / faults) if faults else 0.0}}
 
     return pooled
 
@@ -150,47 +184,46 @@ def excess(each: Array, lost: NDArray[np.bool_], biases: Array, information: Arr
     return float(each.mean() - whole.mean() * (common @ information @ common))
 
 
+def excess_values(each: Array, biases: Array, information: Array) -> Array:
+    """Return what each of n runs says of the excess error: the jackknife's values (n,).
+
+    As `flexaxis.experiments.scoring.intervals.pseudo_values` of `excess` where no run was lost,
+    in one pass instead of n.
+    """
+    n = len(each)
+    whole = excess(each, np.zeros(n, bool), biases, information)
+    if n < 2:
+        return np.full(n, whole)
+    common = (biases.sum(axis=0) - biases) / (n - 1)
+    without = (each.sum() - each) / (n - 1) - np.einsum("ni,ij,nj->n", common, information, common)
+    return n * whole - (n - 1) * without
+
+
 def spread_at_a_time(theta: ArrayLike) -> Array:
     """Return the standard deviation (…) of runs (S, M, …) at one time, pooled over the M times."""
     return np.sqrt(np.var(np.asarray(theta), axis=0, ddof=1).mean(axis=0))
 
 
-def found(rows: Sequence[Row], name: str) -> Pooled:
-    """Pool what findings are worth: the mean over the runs of each part, missed of all faults."""
-    parts = [row[name] for row in rows if row.get(name)]
-    if not parts:
-        return {name: None}
-    pooled = {key: mean(parts, key)[key] for key in parts[0]}
-    faults = sum(part["faults"] for part in parts)
-    missed = sum(part["missed"] for part in parts) / faults if faults else 0.0
-    return {name: pooled | {"missed": missed}}
-
-
-def first(rows: Sequence[Row], name: str) -> Pooled:
-    """Keep what is the same in all rows."""
-    return {name: rows[0].get(name)}
-
-
 def settles(relative: Sequence[NDArray[np.float32]], level: float, period: float) -> float | None:
     """Return when the median run comes inside ±level of θ̃/D and stays [s], or None."""
-    if not relative:
+    if not len(relative):
         return None
     return settling(np.median(np.stack(relative).astype(float), axis=0), level, period)
 
 
 def rmse(relative: Sequence[NDArray[np.float32]], at: Sequence[int]) -> dict[str, float]:
     """Return the root mean square of θ̃/D over the runs, n samples after onset, by n."""
-    if not relative:
+    if not len(relative):
         return {}
     runs = np.stack(relative).astype(float)
     return {str(n): float(np.sqrt(np.mean(runs[:, n] ** 2))) for n in at if n < runs.shape[1]}
 
 
-def efficiency(errors: Mapping[str, float], rows: Sequence[Row]) -> dict[str, float]:
-    """Return rmse over the oracle bound with all unknown, n samples after onset; 1 is on it."""
-    limits = [row["bound"] for row in rows if row.get("bound")]
-    return {
-        n: value / float(np.sqrt(np.mean([limit[n] ** 2 for limit in limits])))
-        for n, value in errors.items()
-        if limits and n in limits[0]
-    }
+def efficiency(errors: Mapping[str, float], bound: Mapping[str, float] | None) -> dict[str, float]:
+    """Return rmse over the pooled bound with all unknown, n samples after onset; 1 is on it."""
+    return {n: error / bound[n] for n, error in errors.items() if bound and n in bound}
+
+
+def rms(x: Array) -> float:
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(x**2)))

@@ -6,15 +6,14 @@ that a new score is one entry.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from flexaxis.experiments.scoring import case, excess, pools, theory
 from flexaxis.experiments.scoring.case import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
-Pool = Callable[[Sequence[Mapping[str, Any]], str], dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -30,19 +29,21 @@ class Score:
     words : str
         What it is, in a sentence.
     unit : str
-        Empty for a plain number.
+        Empty for a plain number; every number must say which.
     better : {"less", "more"}, optional
         Which way is better; None for what is neither.
     pool : callable, optional
-        ``pool(rows, name)``, what stands in the pooled row; None for what is of one run only.
+        ``pool(columns, name)``, what stands in the pooled row, as those of
+        `flexaxis.experiments.scoring.pools`: ``pools.mean``, ``pools.by(np.max)``. None for what is
+        of one run only.
     heading : str
         Of its column in the report; one without has none.
     short : str
         Of its column in the terminal; one without has none.
     kind : {"number", "integer", "truth", "text"}
         What its column holds.
-    parts : tuple of str
-        Keys of a score that is a table; each is a column of its own.
+    parts : mapping of str to str
+        Keys of a score that is a table, with their units; each is a column of its own.
     margin : float, optional
         A change smaller than this share does not matter to `compare`, which leaves out scores
         without one unless told.
@@ -51,13 +52,13 @@ class Score:
     name: str
     of: Callable[[Track, int], Any]
     words: str
-    unit: str = ""
+    unit: str | None = None
     better: Literal["less", "more"] | None = None
-    pool: Pool | None = None
+    pool: pools.Pool | None = None
     heading: str = ""
     short: str = ""
     kind: Kind = "number"
-    parts: tuple[str, ...] = ()
+    parts: Mapping[str, str] = field(default_factory=dict)
     margin: float | None = None
 
     @property
@@ -65,6 +66,8 @@ class Score:
         """Whether `compare` can take ratios of it: a positive number of which less is better."""
         return self.better == "less" and self.kind == "number"
 
+
+AFTER = tuple(map(str, theory.RMSE_AT))  # samples after onset
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -144,6 +147,7 @@ SCORES: Mapping[str, Score] = {
             excess.excess_of,
             "What the errors of all estimated parameters add to the prediction error before the "
             "fault, θ̃ᵀQθ̃/σ²: one number for all of them, whatever their units.",
+            unit="",
             better="less",
             pool=pools.mean,
             heading="excess error",
@@ -208,13 +212,15 @@ SCORES: Mapping[str, Score] = {
             "bound",
             lambda track, i: theory.limits_of(track, i).bound,
             "Standard deviation on the bound with all unknown over D, by samples after onset.",
-            parts=tuple(map(str, theory.RMSE_AT)),
+            pool=pools.parts(AFTER, pools.rms),
+            parts=dict.fromkeys(AFTER, ""),
         ),
         Score(
             "score",
             theory.score_of,
             "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
             "scale; for steps on an axis that the linear model describes.",
+            unit="",
             better="more",
             pool=pools.mean,
             heading="score",
@@ -225,6 +231,7 @@ SCORES: Mapping[str, Score] = {
             theory.nees_of,
             "Squared error before the fault in units of the claimed covariance; the number of "
             "estimated parameters for an honest claim.",
+            unit="",
             pool=pools.mean,
             heading="NEES",
         ),
@@ -233,8 +240,9 @@ SCORES: Mapping[str, Score] = {
             theory.detection_of,
             "Changes that the estimator says it found: alarms and false ones a run, false ones in "
             "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
-            pool=pools.found,
-            parts=theory.ALARMS,
+            pool=pools.found(theory.ALARMS),
+            parts=dict.fromkeys(theory.ALARMS, "")
+            | {"delay": "s", "false_alarms_per_1000_s": "1/(1000 s)"},
         ),
         Score(
             "isolation", theory.isolation_of, "What each fault was taken for.", kind="text"
@@ -269,6 +277,16 @@ def columns() -> dict[str, Kind]:
     for score in SCORES.values():
         names = [f"{score.name}.{part}" for part in score.parts] or [score.name]
         found |= dict.fromkeys(names, score.kind)
+    return found
+
+
+def units() -> dict[str, str]:
+    """Return the unit of each number among them; empty for a plain number."""
+    found: dict[str, str] = {}
+    for score in SCORES.values():
+        if score.kind in {"number", "integer"}:
+            parts = {f"{score.name}.{part}": unit for part, unit in score.parts.items()}
+            found |= parts or {score.name: score.unit or ""}
     return found
 
 

@@ -179,8 +179,8 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
 
 def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:
     return {
-        "title": study["title"],
-        "command": study["command"],
+        "title": study.get("title", study["name"]),
+        "command": study.get("command", ""),
         "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "numba")},
         "seeds": list(study["seeds"]),
         "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},

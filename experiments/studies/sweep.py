@@ -27,7 +27,7 @@ from flexaxis.experiments.scoring.matching import (
     match,
     plain,
 )
-from flexaxis.experiments.scoring.pooling import Case, case_of, excess_runs, pool_group
+from flexaxis.experiments.scoring.pooling import Case, biases_of, case_of, columns_of, pool_group
 from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.experiments.scoring.windows import windows
@@ -168,7 +168,7 @@ class _Runs:
 
     def _setting(self, scenario: Scenario, text: str, factor: float, parameter: str) -> Setting:
         runs = self.of(scenario, text)
-        _, _, biases = excess_runs(runs, scenario)
+        biases = biases_of(runs, scenario)
         rows = [next(row for row in run if row["parameter"] == parameter) for run in runs]
         return Setting(text, factor, rows, biases, information(scenario))
 
@@ -211,15 +211,16 @@ def as_set(cases: Sequence[Case]) -> list[dict[str, Any]]:
     for (scenario, parameter, estimator), rows in groups.items():
         setting = Setting(estimator, 1.0, rows)
         values = {name: plain(setting, name) for name in ("lag", "std")}
+        columns = columns_of(rows)
         found.append(
             {
                 "scenario": scenario,
                 "parameter": parameter,
                 "estimator": estimator,
                 "seeds": len(rows),
-                **geometric(rows, "lag"),
-                **deviation("bias", "lost_before")(rows, "std"),
-                **count(rows, "diverged"),
+                **geometric(columns, "lag"),
+                **deviation("bias", "lost_before")(columns, "std"),
+                **count(columns, "diverged"),
                 "values": {name: _listed(each) for name, each in values.items()},
             }
         )
@@ -254,8 +255,8 @@ _KEPT = (
 def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> dict[str, Any]:
     """Return what is said of an estimator at equal noise, with the values it rests on."""
     lag, after, score = (found.at(name) for name in ("lag", "std_after", "score"))
-    rows = found.nearest.rows
-    bounds = {key: mean(rows, key)[key] for key in ("lag_bound", "lag_bound_single")}
+    columns = columns_of(found.nearest.rows)
+    bounds = {key: mean(columns, key)[key] for key in ("lag_bound", "lag_bound_single")}
     middle = None if lag is None else float(np.exp(lag.mean()))
     within = None if lag is None else mean_interval(lag)
     false = found.false_alarms()

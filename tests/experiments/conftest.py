@@ -30,3 +30,31 @@ def short_toml(short, tmp_path):
     path = tmp_path / "short.toml"
     path.write_text(short.to_toml(), encoding="utf-8")
     return path
+
+
+@pytest.fixture
+def stored():
+    """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.scoring.table import undefined
+
+    def write(folder, rows, axes=(), **study):
+        folder.mkdir(exist_ok=True)
+        each = {
+            "case": "0", "hash": "h", "scenario": "s", "estimator": "e", "seed": 0,
+            **undefined(), "parameter": "f_m", "changed": True, "diverged": False,
+            "never_settled": False, "cost": {"us_per_sample": 1.0},
+            "base": "s", "method": "e", "axes": {}, "seconds": 20.0, "rows": 1, "error": None,
+        }  # fmt: skip
+        known = {row["case"]: 0 for row in rows}
+        for row in rows:
+            known[row["case"]] += 1
+        lines = [each | row | {"rows": known[row["case"]]} for row in rows]
+        for line in lines:
+            line["case"] = f"{int.from_bytes(line['case'].encode()):016x}"
+        text = "".join(dumps(line) + "\n" for line in lines)
+        (folder / "scores.jsonl").write_text(text, encoding="utf-8")
+        return Results(folder, {"axes": list(axes), "estimators": [], "scenarios": []} | study)
+
+    return write

@@ -37,7 +37,7 @@ def stored_run(tmp_path):
         one = {"scenario": name, "hash": "h", "estimator": estimator, "parameter": name}
         one |= {"lag": 1.0, "std": 1.0, "diverged": False, "never_settled": False}
         (tmp_path / folder).mkdir()
-        lines = [json.dumps(one | {"seed": seed}) for seed in range(8)]
+        lines = [json.dumps({"case": f"{s:016x}", **one, "seed": s}) for s in range(8)]
         (tmp_path / folder / results.SCORES).write_text("\n".join(lines) + "\n")
         (tmp_path / folder / results.SUMMARY).write_text(json.dumps({"versions": {}}))
         return tmp_path / folder

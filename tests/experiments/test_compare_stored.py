@@ -17,6 +17,7 @@ def rows(scale=1.0, *, seeds=8):
     noise = np.random.default_rng(0).normal(0, 0.005, seeds)
     return [
         {
+            "case": f"{k:016x}",
             "scenario": "s",
             "hash": "h",
             "estimator": "e",

@@ -7,7 +7,7 @@ from scipy.stats import halfnorm
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import bounds
-from flexaxis.experiments.scoring.pooling import pool_rows
+from flexaxis.experiments.scoring.pooling import columns_of, of_trajectories, pool_columns
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.experiments.scoring.theory import limits
 from flexaxis.experiments.scoring.windows import windows
@@ -128,7 +128,8 @@ def row(bound):
 def test_efficiency_is_a_ratio_of_deviations():
     """Errors .2 and .4 are .1 in the mean square; bounds .1 and .3 are .05: the ratio is √2."""
     errors = [np.full(30, error, np.float32) for error in (0.2, -0.4)]
-    pooled = pool_rows([row(0.1), row(0.3)], errors, period=T)
+    bound = pool_columns(columns_of([row(0.1), row(0.3)]))["bound"]
+    pooled = of_trajectories(errors, bound, period=T)
     assert pooled["rmse"]["20"] == pytest.approx(np.sqrt(0.1), rel=1e-6)
     assert pooled["efficiency"] == {"20": pytest.approx(np.sqrt(2), rel=1e-6)}
 

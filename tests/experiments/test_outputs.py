@@ -75,7 +75,7 @@ REFUSED = {
     "report": ["report", "run", "-o", "run/summary.json"],
     "report, rows": ["report", "run", "-o", "run/scores.jsonl"],
     "report, curves": ["report", "run", "-o", "run/curves.nc"],
-    "export": ["export", "share", "--csv", "share/rows.jsonl"],
+    "export": ["export", "share", "--csv", "share/scores.jsonl"],
     "export, study": ["export", "share", "--netcdf", "share/study.json"],
     "merge": ["merge", "share", "-o", "share"],
     "study": ["study", "study.toml", "-o", "study.toml"],

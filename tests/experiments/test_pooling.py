@@ -1,14 +1,16 @@
 """Pooling over seeds: what is averaged how, and that losing a run never pays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.harness import Case, run_case
+from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.pooling import pool, pool_rows
+from flexaxis.experiments.scoring.pooling import Case, pool, pool_group
 from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.theta import true_theta
@@ -289,18 +291,49 @@ def test_losing_the_hard_runs_does_not_raise_the_score(short):
     assert loser["lag"] > honest["lag"]
 
 
+def complaints(scores):
+    """Return what is missing in a table of scores, each with what to do."""
+    for score in scores:
+        here = f"{score.name} in experiments/scoring/table.py"
+        if not score.words.strip().endswith("."):
+            yield f"{here}: say in `words` what it is, in a sentence with a full stop"
+        if score.kind in {"number", "integer"} and not score.parts and score.unit is None:
+            yield f'{here}: give its `unit`, or unit="" for a plain number'
+        if score.unit not in (None, "", "s", "%"):
+            yield f'{here}: `unit` is {score.unit!r}; tables know "", s and %'
+        if (score.heading or score.short) and score.pool is None:
+            yield f"{here}: a heading over nothing: give a `pool` (see pools.py), or no heading"
+        for kind in ("heading", "short"):
+            same = [other.name for other in scores if getattr(other, kind) == getattr(score, kind)]
+            if getattr(score, kind) and len(same) > 1:
+                yield f"{here}: `{kind}` is that of {', '.join(same)}: choose another"
+
+
 def test_every_score_has_what_a_table_needs():
-    for score in SCORES.values():
-        assert score.words.endswith(".") and score.unit in ("", "s", "%"), score.name
-        assert score.pool is None or callable(score.pool)
-        assert not (score.heading and score.pool is None), "a heading over nothing"
+    assert list(complaints(list(SCORES.values()))) == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "advice"),
+    [
+        ({"words": "no sentence"}, "say in `words`"),
+        ({"unit": None}, 'unit="" for a plain number'),
+        ({"unit": "furlong"}, "tables know"),
+        ({"pool": None}, "a heading over nothing"),
+        ({"heading": "std"}, "is that of std, lag: choose another"),
+        ({"short": "std"}, "is that of std, lag: choose another"),
+    ],
+)
+def test_what_a_score_lacks_is_said_with_what_to_do(changes, advice):
+    found = list(complaints([SCORES["std"], replace(SCORES["lag"], **changes)]))
+    assert found and all(advice in text for text in found)
 
 
 def test_a_row_has_all_scores_and_a_pooled_one_those_that_pool(short):
     (record,) = simulate(short, [0])
     found = run_case(short, record, parse("frozen"))
     assert list(found.rows[0])[5:-1] == ["parameter", "changed", *SCORES]
-    whole = pool_rows([r.rows[2] for r in [found]], period=0.005)
+    whole = pool_group([found], short)[2]
     assert {s.name for s in SCORES.values() if s.pool} <= set(whole)
 
 

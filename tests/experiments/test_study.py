@@ -131,7 +131,8 @@ def cases(made):
     return [
         (unit.variant.scenario().hash, entry.text, seed)
         for unit in made.units()
-        for entry in unit.entries
+        for variant in unit.variants
+        for entry in variant.entries
         for seed in unit.seeds
     ]
 
@@ -206,7 +207,7 @@ def test_the_folder_of_a_study(finished):
     assert status == 0
     rows = rows_of(folder)
     assert len(rows) == 2 * 2 * (2 + 1) * 3
-    assert [f.name for f in folder.glob("*.jsonl")] == ["rows.jsonl"]
+    assert [f.name for f in folder.glob("*.jsonl")] == ["scores.jsonl"]
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 3 and "src=" not in page and "rpem-forgetting" in page
     one = next(row for row in rows.values() if row["method"] == "rpem-forgetting")
@@ -214,12 +215,15 @@ def test_the_folder_of_a_study(finished):
 
 
 def test_rows_are_those_of_a_run(finished, short):
-    """The study adds columns; the scores are what the harness gives for the same definition."""
-    from flexaxis.experiments.running.harness import run
+    """The study adds columns; the scores are those of the same definition by itself."""
+    from flexaxis.experiments.running.case import run_case
+    from flexaxis.experiments.running.specs import parse
+    from flexaxis.sim.simulate import simulate
 
-    scenario = short.override({"duration": 4.0, "fault[0].at": 2.5, "fault[0].factor": 2.0})
-    text = "rpem-forgetting[forgetting=0.99]"
-    case = next(iter(run([scenario], [text], [1001]))).cases[0]
+    base = short.override({"duration": 4.0, "fault[0].at": 2.5})
+    scenario = base.override({"fault[0].factor": 2.0}, inherit=True)
+    spec = parse("rpem-forgetting[forgetting=0.99]")
+    case = run_case(scenario, simulate(scenario, [1001])[0], spec)
     rows = rows_of(finished[0])
     for row in json.loads(json.dumps(case.rows)):
         there = rows[row["case"], row["parameter"]]
@@ -287,7 +291,7 @@ def test_shares_merge_to_what_one_process_gives(finished, capsys, tmp_path):
     status, out, _ = flexaxis(capsys, *words)
     assert status == 0 and out.splitlines()[-1] == str(parts[0])
     run_study(make_plan(load_study(source), shard=(2, 2)), parts[1])
-    assert [f.name for f in parts[1].glob("*.jsonl")] == ["rows-2-of-2.jsonl"]
+    assert [f.name for f in parts[1].glob("*.jsonl")] == ["scores-2-of-2.jsonl"]
     status, out, _ = flexaxis(capsys, "merge", *parts, parts[0], "-o", tmp_path / "all", "--json")
     assert json.loads(out)["doubles"] == len(rows_of(parts[0])) // 3
     assert rows_of(tmp_path / "all") == rows_of(folder)
@@ -302,7 +306,7 @@ def test_verify_finds_a_row_that_was_changed(finished, capsys, tmp_path):
     shutil.copytree(finished[0], folder)
     status, out, _ = flexaxis(capsys, "verify", folder, "--sample", 2)
     assert status == 0 and "2 of 2 cases agree; 2 had to be identical" in out
-    path = folder / "rows.jsonl"
+    path = folder / "scores.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     for row in rows:
         row["std"] *= 1 + 1e-12  # far less than what another machine may change
@@ -322,8 +326,8 @@ def test_verify_finds_a_row_that_was_changed(finished, capsys, tmp_path):
 def test_results_in_python(finished):
     results = Results.load(finished[0])
     some = results.select({"method": "rpem-forgetting", "fault[0].factor": [2.0], "changed": True})
-    lags = [row["lag"] for row in some.rows()]
-    assert len(lags) == 2 * 2
+    lags = [row["lag"] for row in some.rows]
+    assert len(lags) == len(some.rows) == 2 * 2
     pooled = some.pooled(["method"])
     assert len(pooled) == 1 and pooled[0]["lag"] == pytest.approx(
         np.exp(np.log(lags).mean()), rel=1e-12
@@ -336,21 +340,21 @@ def test_results_in_python(finished):
     assert not results.failures()
     with pytest.raises(StudyError, match="Did you mean 'method'"):
         results.select({"metod": "x"})
+    with pytest.raises(StudyError, match="Did you mean 'lag'"):
+        results.pooled(scores=["lagg"])
 
 
 def test_tables_hold_the_same_numbers(finished):
     pandas = pytest.importorskip("pandas", reason="an optional package")
     pytest.importorskip("xarray", reason="an optional package")
     results = Results.load(finished[0])
-    table = results.table()
+    table = results.to_dataframe()
     assert list(table.columns) == [*COLUMNS, "fault[0].factor", "rpem-forgetting.forgetting"]
     found = results.to_xarray()
     for line in table[table["changed"].astype(bool)].to_dict("records"):
         there = found.sel(
-            {
-                key: line[key]
-                for key in ("base", "estimator", "seed", "parameter", "fault[0].factor")
-            }
+            {key: line[key] for key in ("estimator", "seed", "parameter", "fault[0].factor")}
+            | {"scenario": line["base"]}
         )
         assert float(there["lag"]) == line["lag"]
         option = float(there["rpem-forgetting.forgetting"])
@@ -361,7 +365,7 @@ def test_exports_hold_the_same_rows(finished, capsys, tmp_path):
     import h5netcdf
 
     folder, _ = finished
-    lines = list(Results.load(folder).lines())
+    lines = list(Results.load(folder).rows)
     target = tmp_path / "rows.csv"
     assert flexaxis(capsys, "export", folder, "--csv", target)[0] == 0
     with target.open(newline="", encoding="utf-8") as file:
@@ -371,8 +375,15 @@ def test_exports_hold_the_same_rows(finished, capsys, tmp_path):
     target = tmp_path / "rows.nc"
     assert flexaxis(capsys, "export", folder, "--netcdf", target)[0] == 0
     with h5netcdf.File(target, decode_vlen_strings=True) as file:
-        assert list(file["case"][:]) == [line["case"] for line in lines]
-        np.testing.assert_array_equal(file["std"][:], [line["std"] for line in lines])
+        names = list(file["std"].dimensions)
+        assert names == ["scenario", "estimator", "fault[0].factor", "seed", "parameter"]
+        assert file["std"].attrs["units"] == "%" and file["lag"].attrs["units"] == "s"
+        along = {name: list(file[name][:]) for name in names}
+        for line in lines:
+            keys = [line["base"], *(line[name] for name in names[1:])]
+            place = tuple(along[name].index(key) for name, key in zip(names, keys, strict=True))
+            assert file["std"][place] == line["std"]
+        assert np.isfinite(file["std"][:]).sum() == len(lines)
     parquet = pytest.importorskip("pyarrow.parquet", reason="the extra `parquet`")
     target = tmp_path / "rows.parquet"
     assert flexaxis(capsys, "export", folder, "--parquet", target)[0] == 0
@@ -384,7 +395,7 @@ def test_a_missing_package_is_named_with_the_line_that_installs_it(finished, mon
 
     monkeypatch.setitem(sys.modules, "pandas", None)  # import then fails
     with pytest.raises(StudyError, match="pip install pandas"):
-        Results.load(finished[0]).table()
+        Results.load(finished[0]).to_dataframe()
 
 
 def test_no_axis_can_take_the_name_of_a_column():

@@ -42,16 +42,16 @@ def test_degradation_draws_lags_with_intervals_and_errors():
 
 
 def told(case, estimator, delay, missed, false, *, parameters=("k_T", "f_m")):
-    detection = {"delay": delay, "missed": missed, "false_alarms": false}
+    detection = {"alarms": 1, "delay": delay, "faults": 2, "missed": missed, "false_alarms": false}
     row = {"case": case, "method": "m", "estimator": estimator, "detection": detection,
            "isolation": [{"fault": "f_m", "named": None}] * 2, "seconds": 36.0}  # fmt: skip
     return [row | {"parameter": name} for name in parameters]
 
 
-def test_alarms_are_counted_once_a_case_whatever_changed():
+def test_alarms_are_counted_once_a_case_whatever_changed(stored, tmp_path):
     rows = [*told("a", "m[t=1]", 0.1, 0, 1), *told("b", "m[t=1]", None, 2, 0)]
-    rows += [*told("c", "m[t=9]", 0.3, 1, 0), {"case": "d", "detection": None}]
-    first, second = alarms(rows)
+    rows += [*told("c", "m[t=9]", 0.3, 1, 0), {"case": "d", "method": "m", "detection": None}]
+    first, second = alarms(stored(tmp_path, rows))
     assert (first.estimator, first.delay, first.missed) == ("m[t=1]", 0.1, 0.5)
     assert first.false_per_hour == pytest.approx(1 / (72 / 3600))
     assert (second.delay, second.missed, second.false_per_hour) == (0.3, 0.5, 0.0)
@@ -90,14 +90,14 @@ def test_what_each_fault_was_taken_for():
         assert [entry["named"] for entry in found] == expected
 
 
-def test_confusion_counts_each_case_once():
+def test_confusion_counts_each_case_once(stored, tmp_path):
     told = [{"fault": "f_m", "named": ["f_m"]}, {"fault": "J_a", "named": None}]
     other = [{"fault": "f_m", "named": []}, {"fault": "J_a", "named": ["k_T", "f_m"]}]
     rows = [{"case": "a", "method": "m", "isolation": told, "detection": {}}] * 3
     rows += [{"case": "b", "method": "m", "isolation": other, "detection": {}}] * 3
     rows += [{"case": "c", "method": "n", "isolation": None, "detection": None}]
     rows += [{"case": "d", "method": "n", "isolation": [], "detection": {}}]
-    counts = confusion(rows)
+    counts = confusion(stored(tmp_path, rows))
     assert counts == {
         "m": Counter({("f_m", "f_m"): 1, ("J_a", "missed"): 1, ("f_m", "unmodelled"): 1,
                       ("J_a", "several"): 1})

@@ -1,0 +1,212 @@
+"""The rows of a folder column by column: a file beside the journal, made of it when first read.
+
+The journal (*.jsonl) survives whatever happens to the process and is slow to read; the columns are
+quick to read and can be made again at any time. They hold as long as the journal is the same: its
+files, their sizes and times, the columns and the axes. Where the journal is small the columns stay
+in memory, and where nothing can be written beside it in a temporary file.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.running.columns import COLUMNS, axis_kind, column_of
+from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.rows import read, row_files
+from flexaxis.experiments.scoring.table import Kind
+
+FILE = ".columns.h5"
+PART = 1 << 14  # rows read and written at a time: some 50 MB while they are dictionaries
+SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
+CASE = "case"  # 64 bits, and not a text: as many as there are cases
+
+Index = NDArray[np.signedinteger[Any]]
+_STORED: Mapping[str, Any] = {
+    "text": np.int32, "number": np.float64, "integer": np.int64, "truth": np.int8
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """The columns of a folder.
+
+    Attributes
+    ----------
+    axes : tuple of str
+        Swept keys; each is a column too.
+    """
+
+    axes: tuple[str, ...]
+    _file: h5py.File = field(repr=False)
+    _seen: dict[str, list[Any]] = field(default_factory=dict, repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return int(self._file[CASE].shape[0])
+
+    @property
+    def kinds(self) -> dict[str, Kind]:
+        """The kind of each column, the axes last."""
+        axes = {axis: axis_kind(v for v in self.texts(axis) if v is not None) for axis in self.axes}
+        return {**COLUMNS, **axes}
+
+    @cached_property
+    def order(self) -> NDArray[np.int32]:
+        """The rows in the order of seeds, and of one seed in that of the cases."""
+        return np.lexsort((self.raw(CASE), self.raw("seed"))).astype(np.int32)
+
+    def raw(self, column: str, rows: Index | None = None) -> NDArray[Any]:
+        """Return a column as it is stored: numbers of texts, −1 for what is not defined.
+
+        Parameters
+        ----------
+        column : str
+        rows : ndarray of int, optional
+            Which, in increasing order; all by default.
+        """
+        stored = self._file[_name(column)]
+        if rows is None:
+            return np.asarray(stored[:])
+        if not rows.size:
+            return np.empty(0, stored.dtype)
+        return np.asarray(stored[rows[0] : rows[-1] + 1])[rows - rows[0]]
+
+    def texts(self, column: str) -> list[Any]:
+        """Return the values of a column of texts, or of an axis, by their number."""
+        if column not in self._seen:
+            self._seen[column] = [json.loads(t) for t in self._file[_name(column, "of ")].asstr()]
+        return self._seen[column]
+
+    def numbers(self, column: str, rows: Index | None = None) -> NDArray[np.float64]:
+        """Return a column of numbers or truths (n,); NaN where it is not defined."""
+        found = self.raw(column, rows)
+        if self.coded(column):
+            values = np.array([*self.texts(column), None], float)
+            return np.asarray(values[found])
+        if found.dtype == np.float64:
+            return found
+        return np.where(found < 0, np.nan, found)
+
+    def values(self, column: str, rows: Index | None = None) -> list[Any]:
+        """Return a column as Python values; None where it is not defined."""
+        found = self.raw(column, rows)
+        if column == CASE:
+            return [f"{case:016x}" for case in found.tolist()]
+        if self.coded(column):
+            texts = [*self.texts(column), None]
+            return [texts[i] for i in found.tolist()]
+        if found.dtype == np.float64:
+            return [None if math.isnan(v) else v for v in found.tolist()]
+        if found.dtype == np.int8:
+            return [None if v < 0 else v > 0 for v in found.tolist()]
+        return [None if v < 0 else v for v in found.tolist()]
+
+    def coded(self, column: str) -> bool:
+        """Whether a column is stored as numbers of texts."""
+        return column in self.axes or (COLUMNS[column] == "text" and column != CASE)
+
+
+def open_table(folder: Path, axes: Sequence[str]) -> Table:
+    """Return the columns of the rows in a folder; make them where the journal is newer.
+
+    Parameters
+    ----------
+    folder : Path
+    axes : sequence of str
+        Swept keys.
+
+    Raises
+    ------
+    StudyError
+        If something else than rows stands in the journal.
+    OutputError
+        If the columns cannot be written.
+    """
+    journal = row_files(folder)
+    stats = [(path.name, path.stat()) for path in journal]
+    valid = json.dumps([[(n, s.st_size, s.st_mtime_ns) for n, s in stats], list(axes), [*COLUMNS]])
+    if sum(s.st_size for _, s in stats) <= SMALL:
+        memory = h5py.File(f"{FILE} {uuid4()}", "w", driver="core", backing_store=False)
+        return _filled(memory, journal, axes)
+    try:
+        there = h5py.File(folder / FILE, "r", locking=False)
+        if there.attrs.get("valid") == valid:
+            return Table(tuple(axes), there)
+        there.close()
+    except OSError:  # none yet, or damaged
+        pass
+    return _written(folder, journal, axes, valid)
+
+
+def _written(folder: Path, journal: Sequence[Path], axes: Sequence[str], valid: str) -> Table:
+    kept = os.access(folder, os.W_OK)
+    part = (folder if kept else Path(tempfile.gettempdir())) / f"{FILE}.{os.getpid()}.part"
+    try:
+        with writing(part), h5py.File(part, "w", libver="latest", locking=False) as file:
+            _filled(file, journal, axes)
+            file.attrs["valid"] = valid
+        if kept:
+            os.replace(part, folder / FILE)
+        return Table(tuple(axes), h5py.File(folder / FILE if kept else part, "r", locking=False))
+    finally:
+        part.unlink(missing_ok=True)  # what is open stays readable
+
+
+def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Table:
+    seen: dict[str, dict[str, int]] = {name: {} for name in axes}
+    seen |= {name: {} for name, kind in COLUMNS.items() if kind == "text" and name != CASE}
+    on_disk = {"compression": "lzf", "shuffle": True} if file.driver != "core" else {}
+    kinds = {CASE: np.uint64} | dict.fromkeys(seen, np.int32)
+    for name in (*COLUMNS, *axes):
+        stored = kinds.get(name) or _STORED[COLUMNS[name]]
+        file.create_dataset(_name(name), (0,), stored, maxshape=(None,), chunks=(PART,), **on_disk)
+    count = 0
+    for rows in _parts(row for path in journal for row in read(path)):
+        swept = [row.get("axes", {}) for row in rows]
+        for name in (*COLUMNS, *axes):
+            given = [a.get(name) for a in swept] if name in axes else column_of(rows, name)
+            column = file[_name(name)]
+            column.resize((count + len(rows),))
+            column[count:] = _stored(name, given, seen.get(name))
+        count += len(rows)
+    for name, numbered in seen.items():
+        # As JSON: no character is lost.
+        texts = list(numbered) if name in axes else [json.dumps(text) for text in numbered]
+        file.create_dataset(_name(name, "of "), data=texts, dtype=h5py.string_dtype())
+    return Table(tuple(axes), file)
+
+
+def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+    while part := list(islice(rows, PART)):
+        yield part
+
+
+def _stored(name: str, given: list[Any], seen: dict[str, int] | None) -> NDArray[Any]:
+    """Return a part of a column as it is stored, and number the texts that are new."""
+    if name == CASE:
+        return np.array([int(case, 16) for case in given], np.uint64)
+    if seen is not None:
+        if name not in COLUMNS:  # the values of an axis may be anything
+            given = [None if value is None else json.dumps(value) for value in given]
+        return np.array([-1 if v is None else seen.setdefault(v, len(seen)) for v in given], int)
+    if COLUMNS[name] == "number":
+        return np.array(given, float)
+    return np.array([-1 if value is None else value for value in given], int)
+
+
+def _name(column: str, prefix: str = "") -> str:
+    return prefix + column.replace("/", "|")  # a slash would be a group

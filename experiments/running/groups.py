@@ -1,0 +1,237 @@
+"""Rows that agree in some columns, as one: put in order, and pooled column by column.
+
+The order of the groups is that of their values, and within a group that of seeds and cases: neither
+depends on the order in which rows came. A column is read when it is asked for, so that a few of
+them are in memory and not the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.running.columnar import CASE, Index, Table
+from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.theta import physical
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.scenario import Scenario
+
+Bins = Mapping[str, Sequence[float]]
+Array = NDArray[np.float64]
+ScenarioOf = Callable[[int], Scenario | None]
+
+HELD = 4  # columns in memory at a time: a score is pooled from one to three
+MANY = 1 << 22  # numbers that groups might have, above which those that are there are counted anew
+APART = ("parameter", "changed")  # what is told apart within a case
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """The rows of each group.
+
+    Attributes
+    ----------
+    keys : list of dict
+        What the rows of each group have in common.
+    rows : ndarray of int
+        Rows of the table, group by group.
+    ends : ndarray of int
+        Where in them each group ends.
+    """
+
+    keys: list[dict[str, Any]]
+    rows: Index
+    ends: NDArray[np.intp]
+    _table: Table = field(repr=False)
+    _held: dict[str, Array] = field(default_factory=dict, repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of groups."""
+        return len(self.keys)
+
+    def first(self, number: int) -> Groups:
+        """Return only so many of them."""
+        ends = self.ends[:number]
+        return Groups(self.keys[:number], self.rows[: ends[-1]] if ends.size else self.rows[:0],
+                      ends, self._table)  # fmt: skip
+
+    def span(self, group: int) -> slice:
+        """Return where the rows of a group are."""
+        return slice(int(self.ends[group - 1]) if group else 0, int(self.ends[group]))
+
+    def columns(self, group: int) -> Mapping[str, Array]:
+        """Return the columns of a group, each read when it is asked for."""
+        return _Columns(self, self.span(group))
+
+    def column(self, name: str) -> Array:
+        """Return a column of numbers over all rows, group by group."""
+        if name not in self._held:
+            while len(self._held) >= HELD:
+                del self._held[next(iter(self._held))]
+            self._held[name] = self._table.numbers(name)[self.rows]
+        return self._held[name]
+
+    def pooled(self, scores: Sequence[str], scenario: ScenarioOf) -> list[dict[str, Any]]:
+        """Return a pooled row a group: its key, how many cases it has, and the scores.
+
+        Parameters
+        ----------
+        scores : sequence of str
+            Which to pool.
+        scenario : callable
+            Gives the scenario of a row of the table, which the excess error needs.
+        """
+        spans = [self.span(group) for group in range(len(self))]
+        found = [key | {"cases": s.stop - s.start} for key, s in zip(self.keys, spans, strict=True)]
+        for name in scores:  # a score at a time: so a column is read once
+            each = self._excess(scenario) if name == "excess" else self._each(name)
+            found = [row | pooled for row, pooled in zip(found, each, strict=True)]
+        found = [row | pooling.cost(self.columns(group)) for group, row in enumerate(found)]
+        return [row | _alarms(self.columns(group), row) for group, row in enumerate(found)]
+
+    def _each(self, score: str) -> Iterator[dict[str, Any]]:
+        return (pooling.pool_columns(self.columns(i), [score]) for i in range(len(self)))
+
+    def _excess(self, scenario: ScenarioOf) -> list[dict[str, Any]]:
+        """Return the excess error of each group, the same for all parameters of its cases.
+
+        It is that of one scenario; where a group has rows of several it is not defined.
+        """
+        hashes, cases = self._table.raw("hash")[self.rows], self._table.raw(CASE)[self.rows]
+        alike: dict[str, list[int]] = {}
+        for group, key in enumerate(self.keys):
+            rest = {name: value for name, value in key.items() if name not in APART}
+            alike.setdefault(repr(rest), []).append(group)
+        found: list[dict[str, Any]] = [{"excess": None, "excess_interval": None}] * len(self)
+        for groups in alike.values():
+            first = self.span(groups[0])
+            same = all(np.array_equal(cases[self.span(g)], cases[first]) for g in groups)
+            if same and np.all(hashes[first] == hashes[first.start]):
+                of = scenario(int(self.rows[first.start]))
+                by_name = {self.keys[g]["parameter"]: self.columns(g) for g in groups}
+                shared = found[groups[0]] if of is None else pooling.excess(by_name, of)
+                for group in groups:
+                    found[group] = shared
+        return found
+
+
+class _Columns(Mapping[str, Array]):
+    """The columns of some rows of groups that follow each other."""
+
+    def __init__(self, groups: Groups, span: slice) -> None:
+        self._groups, self._span = groups, span
+
+    def __getitem__(self, name: str) -> Array:
+        return self._groups.column(name)[self._span]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(pooling.NUMBERS)
+
+    def __len__(self) -> int:
+        return len(pooling.NUMBERS)
+
+
+def _alarms(columns: Mapping[str, Array], pooled: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how long the axis moved, and how many false alarms that is in an hour."""
+    hours = float(np.nansum(columns["seconds"]) / 3600)
+    if not pooled.get("detection") or not hours:
+        return {"false_alarms_per_hour": None, "hours": hours}
+    alarms = float(np.nansum(columns["detection.false_alarms"]))
+    return {"false_alarms_per_hour": alarms / hours, "hours": hours}
+
+
+def grouped(
+    table: Table,
+    by: Sequence[str],
+    *,
+    chosen: NDArray[np.bool_],
+    bins: Bins | None = None,
+    order: Mapping[str, Sequence[Any]] | None = None,
+) -> Groups:
+    """Return the rows that agree in some columns, group by group.
+
+    Parameters
+    ----------
+    table : Table
+    by : sequence of str
+        Columns to tell apart.
+    chosen : ndarray (n,) of bool
+        Rows to take.
+    bins : mapping of str to sequence of float, optional
+        Edges between which the values of a column count as one, the middle of the two.
+    order : mapping of str to sequence, optional
+        Values of a column in the order that groups are to have.
+    """
+    rows: NDArray[np.int32] = table.order[chosen[table.order]]
+    numbers, count = np.zeros(len(rows), np.int64), 1
+    for name in by:
+        places, size = ranks(
+            table, name, rows, edges=(bins or {}).get(name), order=(order or {}).get(name, ())
+        )
+        numbers, count = numbers * size + places, count * size
+        if count > MANY:
+            there, numbers = np.unique(numbers, return_inverse=True)
+            count = len(there)
+    sizes = np.bincount(numbers, minlength=1)
+    small = numbers.astype(np.uint16) if count <= 1 << 16 else numbers.astype(np.int32)
+    rows = rows[np.argsort(small, kind="stable")]
+    ends = np.cumsum(sizes[sizes > 0])
+    firsts = rows[np.concatenate([[0], ends[:-1]])] if ends.size else rows[:0]
+    values = [_at(table, name, firsts, (bins or {}).get(name)) for name in by]
+    keys = [dict(zip(by, each, strict=True)) for each in zip(*values, strict=True)]
+    return Groups(keys if by else [{}] * len(ends), rows, ends, table)
+
+
+def ranks(
+    table: Table,
+    name: str,
+    rows: Index,
+    *,
+    edges: Sequence[float] | None = None,
+    order: Sequence[Any] = (),
+) -> tuple[NDArray[np.int64], int]:
+    """Return the place of the value of each row among those of a column, and how many there are.
+
+    Numbers and parameters are in their order, other texts in that of the alphabet, unless another
+    `order` is given; what is not defined comes first.
+    """
+    if not table.coded(name):
+        there, places = np.unique(table.raw(name)[rows], return_inverse=True)
+        return places, max(1, len(there))
+    texts = [_middle(value, edges) for value in table.texts(name)]
+    values = {repr(value): value for value in texts}
+    ordered = sorted(values, key=lambda text: _place(name, values[text], order))
+    number = {text: i for i, text in enumerate(ordered, 1)}
+    lookup = np.array([*(number[repr(value)] for value in texts), 0])  # the last: not defined
+    return lookup[table.raw(name)[rows]], len(ordered) + 1
+
+
+def _place(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str]:
+    """Return what sorts the values of a column."""
+    if value in order:
+        return 0, order.index(value), ""
+    if name == "parameter" and physical(value)[0] in PARAMETER_NAMES:
+        return 1, PARAMETER_NAMES.index(physical(value)[0]), value
+    number = isinstance(value, int | float)
+    return 2, value if number else 0.0, str(value)
+
+
+def _at(table: Table, name: str, rows: Index, edges: Sequence[float] | None) -> list[Any]:
+    """Return the values of a column in some rows, in any order."""
+    order = np.argsort(rows, kind="stable")
+    found: list[Any] = [None] * len(rows)
+    for place, value in zip(order, table.values(name, rows[order]), strict=True):
+        found[place] = _middle(value, edges)
+    return found
+
+
+def _middle(value: Any, edges: Sequence[float] | None) -> Any:
+    """Return the middle of the two edges between which a value lies."""
+    if value is None or edges is None:
+        return value
+    place = min(max(int(np.searchsorted(edges, value, side="right")), 1), len(edges) - 1)
+    return float((edges[place - 1] + edges[place]) / 2)
