@@ -100,8 +100,8 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
+    from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
-    from flexaxis.experiments.gate.report import write
     from flexaxis.experiments.running.engine import Bench
     from flexaxis.experiments.running.folder import completed
     from flexaxis.experiments.running.seeds import parse_seeds
@@ -137,7 +137,7 @@ def _output(args: argparse.Namespace) -> Path:
 
 
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.gate.report import write
+    from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.stored import compare_runs
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.seeds import parse_seeds
@@ -151,7 +151,7 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.gate.report import row_command, terminal_table, worst
+    from flexaxis.experiments.gate.comparison_report import row_command, terminal_table, worst
     from flexaxis.experiments.gate.words import headline, meaning
     from flexaxis.experiments.reporting.terminal import show
     from flexaxis.experiments.running.files import dumps

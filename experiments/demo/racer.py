@@ -13,7 +13,7 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
-from flexaxis.experiments.demo.axis import Samples
+from flexaxis.experiments.demo.live_axis import Samples
 from flexaxis.experiments.running.specs import Spec, made, parse
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError
@@ -30,7 +30,7 @@ REPLAY = sample_index(3.0)
 
 
 @dataclass(frozen=True)
-class Tuning:
+class KnobSettings:
     """The knobs of the method; each estimator uses those that it has.
 
     Attributes
@@ -65,10 +65,10 @@ class Racer:
         As given.
     spec : Spec
         What it stands for.
-    tuning : Tuning
+    tuning : KnobSettings
         Where its knobs stand.
     knobs : tuple of str
-        Which of the fields of `Tuning` it has.
+        Which of the fields of `KnobSettings` it has.
     theta : ndarray (p,)
         Its estimate.
 
@@ -89,7 +89,7 @@ class Racer:
         if self.name in ("rpem-drift", "rpem-drift-mu"):
             self._knobs["drift"] = {name: options["scale"] * DRIFT[name] for name in NAMES}
         self.knobs = tuple(self._knobs)
-        self.tuning = replace(Tuning(), **self._knobs)
+        self.tuning = replace(KnobSettings(), **self._knobs)
         self.theta = np.array([getattr(nominal, p) ** float(e) for p, e in map(physical, NAMES)])
         self._estimator = self._build()
         if tuple(self._estimator.names) != NAMES or self._estimator.output != "speed":
@@ -130,12 +130,12 @@ class Racer:
         self.theta = estimates[-1].copy()
         return estimates
 
-    def tune(self, tuning: Tuning, recent: Samples) -> None:
+    def tune(self, tuning: KnobSettings, recent: Samples) -> None:
         """Turn the knobs, and go on from the same estimate and the same P.
 
         Parameters
         ----------
-        tuning : Tuning
+        tuning : KnobSettings
             New values; those of knobs that it has not are ignored.
         recent : Samples
             The last seconds, from which the predictor finds the state of the axis again.

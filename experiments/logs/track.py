@@ -17,7 +17,7 @@ from flexaxis.estimators.model import Model, increment
 from flexaxis.estimators.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.logs.axis import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled

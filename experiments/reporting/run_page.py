@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
-from flexaxis.experiments.reporting import failures, figures, page, tradeoff
+from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
 from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.running.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
@@ -57,7 +57,7 @@ def render(results: Pooled) -> str:
 def _tradeoff_figure(summary: Mapping[str, Any]) -> str | None:
     """Return the curves over the knobs where they were swept, else a point an estimator."""
     if summary.get("tradeoff"):
-        return figures.svg(tradeoff.figure(summary["tradeoff"]["points"]))
+        return figures.svg(tradeoff_figure.figure(summary["tradeoff"]["points"]))
     if any(row["changed"] for row in summary["rows"]):
         return figures.svg(figures.speed_variance(summary["rows"]))
     return None

@@ -27,7 +27,7 @@ PIECE = 20_000  # samples in memory at a time
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Estimated:
     """What is known when all samples are through.
 
     Attributes
@@ -56,7 +56,7 @@ def estimate(
     scenario: Scenario | None = None,
     covariance: bool = True,
     advance: Callable[[int], None] | None = None,
-) -> Outcome:
+) -> Estimated:
     """Run an estimator on a record file and write the estimates to another, at once or not at all.
 
     The file has `time` (time), `theta` (time, estimate), the names as coordinate `estimate`, and
@@ -103,7 +103,7 @@ def estimate(
                 advance(len(theta))
     known = piece.true_parameters
     truth = None if known is None else true_theta(names, known[-1])
-    return Outcome(names, theta[-1], truth, samples)
+    return Estimated(names, theta[-1], truth, samples)
 
 
 def run_on(

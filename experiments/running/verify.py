@@ -24,7 +24,7 @@ RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Repeated:
     """A case that was run again.
 
     Attributes
@@ -50,7 +50,7 @@ def verify(
     seed: int = 0,
     run_code: bool = False,
     command: str | None = None,
-) -> Iterator[Verdict]:
+) -> Iterator[Repeated]:
     """Yield the verdicts on a random sample of the cases in a folder.
 
     Rows made on this machine with these versions must be identical but for `cost`; others agree
@@ -98,7 +98,7 @@ def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, An
     return [[json.loads(line) for line in block] for block in chosen]
 
 
-def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Verdict:
+def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
     first = rows[0]
     what = f"{first['scenario']}, {first['estimator']}, seed {first['seed']}"
     cost = first["cost"]
@@ -106,15 +106,15 @@ def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Verdict:
     try:
         made = _run(first, bases)
     except ScenarioError as error:
-        return Verdict(first["case"], what, exact, (str(error),))
+        return Repeated(first["case"], what, exact, (str(error),))
     if len(made) != len(rows):
-        return Verdict(first["case"], what, exact, (f"{len(rows)} rows were, {len(made)} are",))
+        return Repeated(first["case"], what, exact, (f"{len(rows)} rows were, {len(made)} are",))
     told = [
         f"{row['parameter'] or 'case'}: {text}"
         for row, other in zip(rows, made, strict=True)
         for text in differences(row, other, exact=exact)
     ]
-    return Verdict(first["case"], what, exact, tuple(told))
+    return Repeated(first["case"], what, exact, tuple(told))
 
 
 def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:

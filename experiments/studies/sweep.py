@@ -119,7 +119,7 @@ def sweep(
     FlexaxisError
         If no scenario has a fault in a parameter that it asks to be estimated.
     """
-    if not any(w.size > 0 for s in scenarios for w in windows(s, s.identify)):
+    if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
             f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
             "is no lag to compare; name a scenario with one (`flexaxis list`)"

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flexaxis.experiments.gate.comparison_report import cells, markdown, row_command, worst, write
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
-from flexaxis.experiments.gate.report import cells, markdown, row_command, worst, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.experiments.running.engine import Bench

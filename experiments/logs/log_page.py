@@ -15,7 +15,7 @@ from flexaxis.experiments.running.files import write_text
 
 
 @dataclass(frozen=True)
-class Page:
+class LogPage:
     """What a page shows.
 
     Attributes
@@ -34,7 +34,7 @@ class Page:
     figures: Sequence[tuple[str, Figure, str]]
 
 
-def write_page(page: Page, path: Path) -> None:
+def write_page(page: LogPage, path: Path) -> None:
     """Write a page as one HTML file that needs no network."""
     content = {
         "title": page.title,
