@@ -82,8 +82,8 @@ def _say(wanted: Any, text: str) -> None:
 def _wanted(args: argparse.Namespace) -> Any:
     """Return what is to be run."""
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.running.plan import Study
     from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.studies.benchmark import Benchmark, command_line
 

@@ -19,8 +19,9 @@ from flexaxis.experiments.running.code import digest
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import write_text, writing
 from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.plan import Plan, Study, expected
+from flexaxis.experiments.running.plan import Plan, expected
 from flexaxis.experiments.running.rows import row_files, share_of
+from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import TRACES
 from flexaxis.experiments.running.work import made_with
 

@@ -16,8 +16,9 @@ from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
-from flexaxis.experiments.running.plan import Study, make_plan
+from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.pooled import Pooled, save
+from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.pooling import Case, case_of, pool

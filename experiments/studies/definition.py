@@ -17,8 +17,8 @@ from flexaxis.experiments.running import specs
 from flexaxis.experiments.running.axes import ALL, is_option
 from flexaxis.experiments.running.consent import names_code
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.plan import Point, Study
 from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.running.study import Point, Study
 from flexaxis.experiments.studies.design import Span, listed, product, sobol
 from flexaxis.sim.config import Config
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean

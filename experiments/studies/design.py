@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.running.plan import Point
+from flexaxis.experiments.running.study import Point
 from flexaxis.sim.config import Config
 
 DIGITS = 6  # of a drawn value: enough to fill any axis, and still to be read in a name

@@ -18,7 +18,8 @@ from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.merge import merge
-from flexaxis.experiments.running.plan import Study, make_plan
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.studies.definition import study_from
 
