@@ -197,7 +197,7 @@ class Results:
         ]
         swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
         found = find_point(bases, swept, line["hash"])
-        return found and found.scenario()
+        return None if found is None else found.scenario()
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame: a line a row, columns as in docs/studies.md, then the axes.
