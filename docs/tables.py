@@ -18,7 +18,7 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
 from flexaxis.experiments.gate.selftable import markdown as self_test_table
-from flexaxis.experiments.reporting.run_page import number
+from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 
@@ -44,7 +44,12 @@ Row = Mapping[str, Any]
 def scores() -> str:
     """Return what each score is."""
     rows = [
-        [f"`{s.name}`", s.unit, {"less": "less", "more": "more"}.get(s.better or "", ""), s.words]
+        [
+            f"`{s.name}`",
+            s.unit or "",
+            {"less": "less", "more": "more"}.get(s.better or "", ""),
+            s.words,
+        ]
         for s in SCORES.values()
     ]
     return table(["score", "unit", "better", "what it is"], rows)

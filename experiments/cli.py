@@ -109,10 +109,10 @@ def _guarded(args: argparse.Namespace) -> int:
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash) or worker_died(error):
             return _crashed(args, error, str(error))
-        _say(str(error))
+        say(str(error))
         return WRONG_USE
-    except KeyboardInterrupt:
-        _say("interrupted" + ("; the rows so far are kept" if args.command == "run" else ""))
+    except KeyboardInterrupt as error:
+        say("; ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has gone, as with `| head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -146,13 +146,14 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         import traceback
 
         traceback.print_exception(error)
-        _say(text)
+        say(text)
     else:
-        _say(f"{text}; {TRACEBACK} shows more")
+        say(f"{text}; {TRACEBACK} shows more")
     return CRASH
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
+    """Print on stderr, each line after our name."""
     for line in text.splitlines():
         print(f"flexaxis: {line}", file=sys.stderr)
 

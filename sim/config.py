@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Protocol, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -11,6 +11,17 @@ class Config(BaseModel):
     """A table of a scenario: immutable, and no key or type is guessed."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Table(Protocol):
+    """What every table of axis, loop and sensors says of itself."""
+
+    @property
+    def exact(self) -> bool:
+        """Whether the linear model describes what is logged with it, as it is configured."""
+
+    def in_words(self) -> str:
+        """Return what it does as it is configured, in a few words; nothing if it does nothing."""
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -39,6 +40,22 @@ class ControllerConfig(Config):
     tau: NotNegative = 0.0005
     rate: Literal[1000] | None = None
     log: Literal["mean", "sample"] | None = None
+
+    @property
+    def exact(self) -> bool:
+        """Whether the torque logged is the one held from sample to sample."""
+        return self.rate is None
+
+    def logged(self, commands: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the torque (R,) logged of the commands (R,) [N m] in a sample."""
+        inner = self.rate is not None and self.log != "sample"
+        return np.asarray(np.mean(commands, axis=0)) if inner else commands[0]
+
+    def in_words(self) -> str:
+        """Return at what rate the loop runs, if not at that of the samples."""
+        if self.rate is None:
+            return ""
+        return f"loop at {self.rate} Hz, torque logged as its {self.log or 'mean'}"
 
 
 class Controller:

@@ -95,6 +95,11 @@ class Multisine(Config):
             moves &= (k < sample_index(begin)) | (k >= sample_index(end))
         return moves
 
+    def in_words(self) -> str:
+        """Return what the axis is asked to do."""
+        pauses = "".join(f", paused {begin:g} to {end:g} s" for begin, end in self.pause)
+        return f"multisine {self.low:g} to {self.high:g} Hz{pauses}"
+
 
 class Moves(Config):
     """Moves from point to point, each with the least jerk and a rest after it: a work cycle.
@@ -126,6 +131,10 @@ class Moves(Config):
         """Return at which samples (N,) the reference moves."""
         return self._clock(times)[1] < 1
 
+    def in_words(self) -> str:
+        """Return what the axis is asked to do."""
+        return f"moves of {self.move:g} s within {self.reach:g} rad, {self.dwell:g} s apart"
+
     def _clock(self, times: Array) -> tuple[NDArray[np.int64], Array]:
         """Return the number of the move (N,) at the samples, and how much of its time is over."""
         length = sample_index(self.move)
@@ -147,6 +156,10 @@ class Standstill(Config):
         """Return at which samples (N,) the reference moves: at none."""
         return np.zeros(len(times), dtype=bool)
 
+    def in_words(self) -> str:
+        """Return what the axis is asked to do."""
+        return "standstill"
 
-# A new excitation is a class with `kind`, `reference` and `excited`, and its name here.
+
+# A new excitation is a class with `kind`, `reference`, `excited` and `in_words`, and its name here.
 Excitation = Annotated[Multisine | Moves | Standstill, Field(discriminator="kind")]

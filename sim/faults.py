@@ -38,6 +38,13 @@ Factor = Annotated[float, Field(ge=0, le=100)]
 Span = Annotated[float, Field(ge=PERIOD)]
 
 
+def _change(fault: Fault) -> str:
+    """Return what changes and how much, such as "f_m +50 %"."""
+    factor = fault.factor
+    much = f"{factor:g}-fold" if factor >= 3 else f"{100 * factor - 100:+.3g} %"
+    return f"{fault.parameter} {much}"
+
+
 class Step(Config):
     """A parameter jumps and stays.
 
@@ -64,6 +71,10 @@ class Step(Config):
         """Return (first changed sample, first settled sample) of each change."""
         del times
         return [(sample_index(self.at), sample_index(self.at))]
+
+    def in_words(self) -> str:
+        """Return what changes, how much and when, such as "f_m +50 % at 10 s"."""
+        return f"{_change(self)} at {self.at:g} s"
 
 
 class Ramp(Config):
@@ -99,6 +110,10 @@ class Ramp(Config):
         first = sample_index(self.at)
         return [(first, first + sample_index(self.over))]
 
+    def in_words(self) -> str:
+        """Return what changes, how much and when, such as "f_m +50 % from 10 to 15 s"."""
+        return f"{_change(self)} from {self.at:g} to {self.at + self.over:g} s"
+
 
 class Thermal(Config):
     """A parameter approaches a new value exponentially, as friction does while an axis warms up.
@@ -133,6 +148,10 @@ class Thermal(Config):
         del times
         first = sample_index(self.at)
         return [(first, first + sample_index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
+
+    def in_words(self) -> str:
+        """Return what changes, how much and when, such as "f_m -30 % from 5 s, 20 s to 63 %"."""
+        return f"{_change(self)} from {self.at:g} s, {self.time_constant:g} s to 63 %"
 
 
 class Intermittent(Config):
@@ -170,6 +189,10 @@ class Intermittent(Config):
         switched = self._faulty(k) != self._faulty(k - 1)
         return [(int(index), int(index)) for index in k[switched]]
 
+    def in_words(self) -> str:
+        """Return what changes, how much and when, such as "f_m +50 % from 10 s, 2 s of 4"."""
+        return f"{_change(self)} from {self.at:g} s, {self.on:g} s of {self.on + self.off:g}"
+
     def _faulty(self, k: NDArray[np.int64]) -> NDArray[np.bool_]:
         since = k - sample_index(self.at)
         on, off = sample_index(self.on), sample_index(self.off)
@@ -177,6 +200,6 @@ class Intermittent(Config):
         return faulty if self.until is None else faulty & (k < sample_index(self.until))
 
 
-# A new fault is a class with `kind`, `parameter`, `at`, `factor_at` and `onsets`, and its name
-# here.
+# A new fault is a class with `kind`, `parameter`, `at`, `factor_at`, `onsets` and `in_words`, and
+# its name here.
 Fault = Annotated[Step | Ramp | Thermal | Intermittent, Field(discriminator="kind")]

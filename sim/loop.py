@@ -13,7 +13,7 @@ from flexaxis.sim.controller import Controller
 from flexaxis.sim.nonlinear import LINEAR_SUBSTEPS
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import measured_angle
+from flexaxis.sim.sensors import White, reading
 from flexaxis.sim.timing import PERIOD, TICKS
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Truth:
 def closed_loop(
     scenario: Scenario,
     reference: Array,
-    angle_noise: Array,
+    white: White,
     *,
     threads: int = 1,
     progress: Progress | None = None,
@@ -43,8 +43,10 @@ def closed_loop(
     Parameters
     ----------
     scenario : Scenario
-    reference, angle_noise : ndarray (N, R)
-        Wanted motor angle, and noise on what the controller sees of it, if it sees that [rad].
+    reference : ndarray (N, R)
+        Wanted motor angle [rad].
+    white : callable
+        The noise of the sensors, if the controller sees what they read.
     threads : int
         Threads that share the runs.
     progress : callable, optional
@@ -58,20 +60,18 @@ def closed_loop(
     samples, runs = reference.shape
     changes = _Changes(scenario)
     drive = _Drive(scenario, runs, threads)
-    measured, counts = scenario.feedback == "measured", scenario.encoder.counts
-    late = scenario.delay.measurement if measured else 0
+    sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
+    read = reading(sensors, "angle", white)
     torque, speed = np.empty((2, samples, runs))
-    angles = np.zeros((late + samples, runs, 3))  # shifted: row k is what is seen at k
+    angles = np.empty((samples, runs, 3))
     for k in range(samples):
         changes.make(drive.plant, k)
-        speed[k], angles[late + k] = drive.plant.speed_m, drive.plant.angles
-        angle = angles[k, :, 0]
-        if measured:
-            angle = measured_angle(angle, angle_noise[k], counts=counts)
-        torque[k] = drive.advance(reference[k], reference[min(k + 1, samples - 1)], angle)
+        speed[k], angles[k] = drive.plant.speed_m, drive.plant.angles
+        (seen,) = read(angles[k : k + 1, :, 0])
+        torque[k] = drive.advance(reference[k], reference[min(k + 1, samples - 1)], seen)
         if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
             progress((k + 1) / samples)
-    return Truth(torque, speed, angles[late:])
+    return Truth(torque, speed, angles)
 
 
 class _Changes:
@@ -97,7 +97,7 @@ class _Drive:
         inner = bool(config.rate)
         self._ticks = TICKS if inner or delay else 1
         self._every = 1 if inner else self._ticks  # ticks from one command to the next
-        self._mean = inner and config.log != "sample"
+        self._logged = config.logged
         self._controller = Controller(config, runs, period=PERIOD * self._every / self._ticks)
         self._on_the_way = deque(np.zeros((delay, runs)))
         nonlinear = list(scenario.nonlinear.values())
@@ -121,4 +121,4 @@ class _Drive:
                 commands.append(self._controller.torque(goal, seen))
             self._on_the_way.append(commands[-1])
             self.plant.step(self._on_the_way.popleft())
-        return np.mean(commands, axis=0) if self._mean else commands[0]
+        return self._logged(commands)

@@ -1,13 +1,14 @@
 """What an axis has beyond the linear model, one table of a scenario each.
 
-Every table knows how to build itself into MuJoCo's description of the plant (`build`), and how
-finely a sample must then be cut (`substeps`): such that the motor speed agrees with an independent
-solution to 1e-5 of its rms, and to 1e-3 where friction sticks and slips.
+Every table knows how to build itself into MuJoCo's description of the plant (`build`), that the
+linear model does not describe it (`exact`), and how finely a sample must then be cut (`substeps`):
+such that the motor speed agrees with an independent solution to 1e-5 of its rms, and to 1e-3 where
+friction sticks and slips.
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pydantic import Field, model_validator
 
@@ -15,6 +16,18 @@ from flexaxis.sim.config import Config, Positive
 
 LINEAR_SUBSTEPS = 5  # of a sample: steps of 1 ms
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
+
+
+@runtime_checkable
+class Nonlinearity(Protocol):
+    """A table of a scenario that is built into the plant: whatever has `build` is."""
+
+    @property
+    def substeps(self) -> int:
+        """Steps of the engine that a sample needs with it."""
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
 
 
 class FrictionConfig(Config):
@@ -26,6 +39,7 @@ class FrictionConfig(Config):
         Coulomb friction [N m]; it opposes the motion, and holds the motor up to that torque.
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 20  # a switch is located to within a step: 7e-4 with these
     coulomb: Positive
 
@@ -35,6 +49,10 @@ class FrictionConfig(Config):
         motor.frictionloss = self.coulomb
         # the engine's friction is soft by default, which is wrong by half here
         motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"Coulomb friction of {self.coulomb:g} N m"
 
 
 class LuGreConfig(Config):
@@ -61,6 +79,7 @@ class LuGreConfig(Config):
         v_s, the speed at which the second has given way to the first [rad/s].
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 10  # the engine's bristles are of first order in the step: 7e-4
     stiffness: Positive
     damping: Positive
@@ -81,6 +100,10 @@ class LuGreConfig(Config):
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         _passive(spec, "lugre", lugre=law)
 
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
+
 
 class CoggingConfig(Config):
     """Cogging of the motor: a torque amplitude · sin(poles · φ_m) that the magnets add.
@@ -93,6 +116,7 @@ class CoggingConfig(Config):
         Periods in one revolution of the motor.
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = LINEAR_SUBSTEPS  # smooth
     amplitude: Positive
     poles: int = Field(ge=1, le=500)
@@ -100,6 +124,10 @@ class CoggingConfig(Config):
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
         _passive(spec, "cogging", cogging=[self.amplitude, self.poles, 0.0])
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"cogging of {self.amplitude:g} N m, {self.poles} periods a turn"
 
 
 class BacklashConfig(Config):
@@ -112,12 +140,17 @@ class BacklashConfig(Config):
         of the gear acts in the gap too.
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = 20
     gear: Positive
 
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"backlash of {self.gear:g} rad at the gear"
 
 
 class StiffeningConfig(Config):
@@ -131,6 +164,7 @@ class StiffeningConfig(Config):
         Cubic coefficient over the linear one [1/rad² on the arm side].
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = LINEAR_SUBSTEPS
     gear: Positive
 
@@ -138,6 +172,10 @@ class StiffeningConfig(Config):
         """Build it into an `MjSpec`."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"gear spring stiffening by {self.gear:g}/rad²"
 
 
 class SaturationConfig(Config):
@@ -149,6 +187,7 @@ class SaturationConfig(Config):
         Largest size of the command that acts [N m]; k_T multiplies what is left.
     """
 
+    exact: ClassVar[bool] = False
     substeps: ClassVar[int] = LINEAR_SUBSTEPS
     torque: Positive
 
@@ -156,15 +195,9 @@ class SaturationConfig(Config):
         """Build it into an `MjSpec`."""
         spec.actuator("motor").forcerange = [-self.torque, self.torque]
 
-
-Nonlinearity = (
-    FrictionConfig
-    | LuGreConfig
-    | CoggingConfig
-    | BacklashConfig
-    | StiffeningConfig
-    | SaturationConfig
-)
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"torque limited to {self.torque:g} N m"
 
 
 def _passive(spec: Any, name: str, **law: list[float]) -> None:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,14 +115,10 @@ class Record:
         path = Path(path)
         if not path.parent.is_dir():
             raise RecordError(f"{path}: there is no folder {path.parent}.")
-        temporary = path.with_name(f".{path.name}.{uuid4().hex}")
         try:
-            write_netcdf(self, temporary)
-            os.replace(temporary, path)
+            write_netcdf(vars(self), path)
         except OSError as error:
             raise RecordError(f"{path}: cannot be written: {error}.") from error
-        finally:
-            temporary.unlink(missing_ok=True)
         return path
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5netcdf
 import h5py
@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
-
-if TYPE_CHECKING:
-    from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
@@ -44,25 +42,31 @@ _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-def write_netcdf(record: Record, path: Path) -> None:
-    """Write a record to a file; the folder must exist."""
-    with h5netcdf.File(path, "w") as file:
-        file.dimensions = {"time": len(record.time)}
+def write_netcdf(fields: Mapping[str, Any], path: Path) -> None:
+    """Write the fields of a record to a file; the folder must exist.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; an older file stays.
+    """
+    with new_netcdf(path) as file:
+        file.dimensions = {"time": len(fields["time"])}
         for name, (unit, meaning) in SIGNALS.items():
-            values = getattr(record, name)
-            if values is not None:
-                variable = file.create_variable(name, ("time",), data=np.asarray(values, float))
+            if fields[name] is not None:
+                values = np.asarray(fields[name], float)
+                variable = file.create_variable(name, ("time",), data=values)
                 variable.attrs.update({"units": unit, "long_name": meaning})
-        if record.valid is not None:
-            file.create_variable("valid", ("time",), data=np.asarray(record.valid, np.int8))
-        if record.true_parameters is not None:
-            _write_parameters(file, record.true_parameters)
-        file.attrs["burn_in"] = record.burn_in
-        file.attrs["hash"] = record.hash
-        file.attrs["scenario"] = json.dumps(record.scenario)
-        file.attrs["versions"] = json.dumps(record.versions)
-        if record.seed is not None:
-            file.attrs["seed"] = record.seed
+        if fields["valid"] is not None:
+            file.create_variable("valid", ("time",), data=np.asarray(fields["valid"], np.int8))
+        if fields["true_parameters"] is not None:
+            _write_parameters(file, fields["true_parameters"])
+        file.attrs["burn_in"] = fields["burn_in"]
+        file.attrs["hash"] = fields["hash"]
+        file.attrs["scenario"] = json.dumps(fields["scenario"])
+        file.attrs["versions"] = json.dumps(fields["versions"])
+        if fields["seed"] is not None:
+            file.attrs["seed"] = fields["seed"]
 
 
 def _write_parameters(file: Any, values: Array) -> None:

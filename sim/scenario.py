@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 import tomllib
 from collections.abc import Mapping
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
-from flexaxis.sim.config import Config, NotNegative, Positive
+from flexaxis.sim import identity
+from flexaxis.sim.config import Config, NotNegative, Positive, Table
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.nonlinear import (
     BacklashConfig,
     CoggingConfig,
@@ -33,14 +32,12 @@ from flexaxis.sim.nonlinear import (
 )
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
-from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig
+from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, sample_index, sample_times
 from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 Tuple = Field(strict=False)  # TOML has arrays where we keep tuples
-
-_WORDS = frozenset({"name", "card", "group", "difficulty", "preset"})  # no part of the identity
 
 
 class Scenario(Config):
@@ -75,9 +72,12 @@ class Scenario(Config):
         What the estimators read.
     burn_in : float
         Time from the start that is not to be scored [s].
+    streams : str
+        What the random numbers are keyed by: "plant" (what plant and sensors see of the scenario),
+        "content" (all of it), or the `key` of another scenario, to share its random numbers.
     feedback : {"clean", "measured"}
         Whether the controller sees the true motor angle or the measured one.
-    noise, encoder, delay, controller, excitation, fault
+    delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
@@ -97,12 +97,14 @@ class Scenario(Config):
     told: Annotated[dict[str, Positive], Field(min_length=1)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
+    streams: identity.Streams = identity.PLANT
     feedback: Literal["clean", "measured"] = "clean"
+    # sensors in the order in which a signal meets them
+    delay: DelayConfig = DelayConfig()
     noise: NoiseConfig = NoiseConfig()
     encoder: EncoderConfig = EncoderConfig()
-    delay: DelayConfig = DelayConfig()
-    controller: ControllerConfig = ControllerConfig()
     filter: FilterConfig | None = None
+    controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
     cogging: CoggingConfig | None = None
@@ -141,16 +143,26 @@ class Scenario(Config):
         return preset(self.preset).replace(**self.parameters)
 
     @property
+    def tables(self) -> dict[str, Table]:
+        """The tables of axis, loop and sensors that are not off, by key."""
+        fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
+        tables = {key: value for key, value in fields.items() if isinstance(value, Config)}
+        return cast("dict[str, Table]", tables)
+
+    @property
     def nonlinear(self) -> dict[str, Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        tables = {key: getattr(self, key) for key in type(self).model_fields}
-        return {key: table for key, table in tables.items() if isinstance(table, Nonlinearity)}
+        return {k: table for k, table in self.tables.items() if isinstance(table, Nonlinearity)}
+
+    @property
+    def sensors(self) -> dict[str, Sensor]:
+        """What lies between axis and log, by key, in the order in which a signal meets it."""
+        return {k: table for k, table in self.tables.items() if isinstance(table, Sensor)}
 
     @property
     def linear(self) -> bool:
         """Whether the linear model, with what estimators are told, describes the records."""
-        late = self.delay.measurement or self.delay.torque
-        return not (self.nonlinear or self.filter or late or self.controller.rate or self.told)
+        return not self.told and all(table.exact for table in self.tables.values())
 
     def true_parameters(self) -> Array:
         """Return the parameters (N, 12) that act from each sample to the next."""
@@ -179,9 +191,17 @@ class Scenario(Config):
     @cached_property
     def hash(self) -> str:
         """Identity: SHA-256 of the content, that is without the words on it."""
-        content = {k: v for k, v in self.resolved().items() if k not in _WORDS}
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return sha256(text.encode()).hexdigest()
+        return identity.content_hash(self.resolved())
+
+    @cached_property
+    def key(self) -> str:
+        """What `flexaxis.sim.streams.stream` is keyed by: 64 hex digits."""
+        return identity.stream_key(self.resolved())
+
+    @cached_property
+    def record_hash(self) -> str:
+        """SHA-256 of what the signals of a record depend on, but seed and repeat."""
+        return identity.record_hash(self.resolved())
 
     def resolved(self) -> dict[str, Any]:
         """Return the definition with all defaults and all twelve parameters written out.
@@ -196,13 +216,16 @@ class Scenario(Config):
         """Return `resolved` as TOML; read again, it is the same scenario."""
         return toml_text(self.resolved())
 
-    def override(self, changes: Mapping[str, Any]) -> Scenario:
+    def override(self, changes: Mapping[str, Any], *, inherit: bool = False) -> Scenario:
         """Return the scenario with some keys changed, the changes added to its name.
 
         Parameters
         ----------
         changes : mapping of str to value
             New values by dotted key, such as ``{"start": 1.2, "fault[0].factor": 2.0}``.
+        inherit : bool
+            Whether to keep the random numbers of this scenario: where the changes would give
+            others, and do not name `streams` themselves, `streams` is this scenario's `key`.
 
         Raises
         ------
@@ -212,13 +235,15 @@ class Scenario(Config):
         content = self.model_dump(mode="json", exclude_none=True)
         for key, value in changes.items():
             try:
-                _set(content, key, value)
+                set_key(content, key, value)
             except (AttributeError, IndexError, KeyError, TypeError, ValueError):
                 raise ScenarioError(f"{self.name}: {key}: no such key to override") from None
         if "name" not in changes:
-            suffix = "".join(f"+{key}={_compact(value)}" for key, value in changes.items())
-            content["name"] = self.name + suffix
-        return scenario_from(content, source=self.name)
+            content["name"] = self.name + suffix(changes)
+        other = scenario_from(content, source=self.name)
+        if not inherit or "streams" in changes or other.key == self.key:
+            return other
+        return scenario_from(content | {"streams": self.key}, source=self.name)
 
     def _value(self, name: str, times: Array) -> Array:
         """Return a parameter, or the level of Coulomb friction, at times (M,)."""
@@ -254,6 +279,15 @@ def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:
         raise ScenarioError(*(f"{source}: {key}: {text}" for key, text in problems)) from None
 
 
+def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
+    """Return a scenario from a definition that a record, a run or a study was stored with.
+
+    Definitions older than the key `streams` lack it, and have random numbers of their content.
+    Arguments and errors as from `scenario_from`.
+    """
+    return scenario_from({"streams": identity.CONTENT} | dict(content), source=source)
+
+
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     """Return a scenario from TOML text; errors as from `scenario_from`."""
     try:
@@ -272,17 +306,3 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}.") from error
     return parse_scenario(text, source=str(path))
-
-
-def _compact(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
-    return re.sub(r"[\s/\\]", "|", text)  # a name is one word, and may become a file name
-
-
-def _set(content: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key such as ``fault[0].factor`` in nested content."""
-    *path, last = [int(i) if i else word for word, i in re.findall(r"([^.\[\]]+)|\[(\d+)\]", key)]
-    place: Any = content
-    for step in path:
-        place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
-    place[last] = value

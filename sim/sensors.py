@@ -1,19 +1,72 @@
-"""What is measured of the truth: delay, noise, encoder counts, filter, and the increment."""
+"""What lies between the axis and its log: delay, noise, encoder and filter, a stage each.
+
+Every table knows what it does to a signal (`stage`), and whether the linear model still describes
+what comes out (`exact`). A signal goes through all stages in turn, in the order of the keys of
+`Scenario`: for the log, and for the controller where that sees what is measured.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from collections.abc import Callable, Iterable
+from typing import Annotated, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
-from scipy.signal import lfilter
 
 from flexaxis.sim.config import Config, NotNegative, Positive
 from flexaxis.sim.timing import PERIOD, TICKS
 
 Array = NDArray[np.float64]
+
+Signal = Literal["angle", "speed"]
+"""What is measured of the motor: angle [rad] and speed [rad/s]."""
+
+Stage = Callable[[Array], Array]
+"""Takes the next n samples (n, R) of a signal, and returns what becomes of them."""
+
+White = Callable[[str], Array]
+"""Returns white noise (N, R) of standard deviation 1 for a purpose, such as "noise.speed"."""
+
+
+@runtime_checkable
+class Sensor(Protocol):
+    """A table of a scenario that signals go through: whatever has `stage` is."""
+
+    def stage(self, signal: Signal, white: White) -> Stage:
+        """Return what it does to a signal, from rest before the first sample of a run."""
+
+
+def reading(sensors: Iterable[Sensor], signal: Signal, white: White) -> Stage:
+    """Return the way of a signal through the stages of all sensors.
+
+    Parameters
+    ----------
+    sensors : iterable of Sensor
+        In the order in which the signal meets them.
+    signal : {"angle", "speed"}
+    white : callable
+        Returns the noise of the whole run for a purpose.
+
+    Returns
+    -------
+    callable
+        Takes the next samples (n, R) and returns what is read: all of a run at once, or one
+        sample at a time, with the same bits.
+    """
+    stages = [sensor.stage(signal, white) for sensor in sensors]
+
+    def read(values: Array) -> Array:
+        for stage in stages:
+            values = stage(values)
+        return values
+
+    return read
+
+
+def _unchanged(values: Array) -> Array:
+    return values
 
 
 class NoiseConfig(Config):
@@ -27,8 +80,19 @@ class NoiseConfig(Config):
         Standard deviation on the motor angle, before the encoder rounds it [rad].
     """
 
+    exact: ClassVar[bool] = True
     speed: NotNegative = 0.1
     angle: NotNegative = 0.0
+
+    def stage(self, signal: Signal, white: White) -> Stage:
+        """Return the adding of noise to a signal."""
+        deviation = self.speed if signal == "speed" else self.angle
+        return _Added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
+
+    def in_words(self) -> str:
+        """Return how much noise there is."""
+        found = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle")]
+        return "; ".join(f"noise of {value:g} {words}" for value, words in found if value)
 
 
 class EncoderConfig(Config):
@@ -40,6 +104,7 @@ class EncoderConfig(Config):
         Counts per revolution of the motor (65536 for 16 bits); 0 is an ideal encoder.
     """
 
+    exact: ClassVar[bool] = True  # the bounds know of rounding
     counts: int = Field(default=0, ge=0)
 
     @field_validator("counts")
@@ -51,6 +116,18 @@ class EncoderConfig(Config):
                 f"{2**counts} counts"
             )
         return counts
+
+    def stage(self, signal: Signal, white: White) -> Stage:
+        """Return the rounding of the angle to the nearest count."""
+        del white
+        if signal != "angle" or not self.counts:
+            return _unchanged
+        step = 2 * math.pi / self.counts
+        return lambda values: np.rint(values / step) * step
+
+    def in_words(self) -> str:
+        """Return its resolution."""
+        return f"encoder of {self.counts} counts" if self.counts else ""
 
 
 class DelayConfig(Config):
@@ -75,6 +152,22 @@ class DelayConfig(Config):
         return torque
 
     @property
+    def exact(self) -> bool:
+        """Whether nothing is late."""
+        return not (self.measurement or self.torque)
+
+    def stage(self, signal: Signal, white: White) -> Stage:
+        """Return the delay of a measured signal; the log has the torque when it is commanded."""
+        del signal, white
+        return _Late(self.measurement) if self.measurement else _unchanged
+
+    def in_words(self) -> str:
+        """Return what is late, and by how much."""
+        words = [f"measurement late by {self.measurement} samples"] if self.measurement else []
+        words += [f"torque late by {1000 * self.torque:g} ms"] if self.torque else []
+        return "; ".join(words)
+
+    @property
     def torque_ticks(self) -> int:
         """Delay of the torque in ticks of 1 ms."""
         return round((self.torque or 0.0) * TICKS / PERIOD)
@@ -89,41 +182,59 @@ class FilterConfig(Config):
         Time constant of a first-order low-pass on the measured speed, noise and all [s].
     """
 
+    exact: ClassVar[bool] = False
     speed: Positive
 
+    def stage(self, signal: Signal, white: White) -> Stage:
+        """Return the low-pass on the speed."""
+        del white
+        return _LowPass(self.speed) if signal == "speed" else _unchanged
 
-def measured_angle(angle: Array, noise: Array | float, *, counts: int) -> Array:
-    """Return what an encoder reads: the nearest count of the angle with noise.
+    def in_words(self) -> str:
+        """Return its time constant."""
+        return f"speed through a low-pass of {1000 * self.speed:g} ms"
 
-    Parameters
-    ----------
-    angle, noise : ndarray
-        True angle and noise on it [rad], of one shape.
-    counts : int
-        Counts per revolution; 0 rounds nothing.
 
-    Returns
-    -------
-    ndarray
-        Measured angle [rad].
-    """
-    if not counts:
-        return angle + noise
-    step = 2 * math.pi / counts
-    return np.rint((angle + noise) / step) * step
+class _Late:
+    """A signal late by whole samples, at rest (zero) before it began."""
+
+    def __init__(self, samples: int) -> None:
+        self._samples = samples
+        self._waiting: Array | None = None
+
+    def __call__(self, values: Array) -> Array:
+        if self._waiting is None:
+            self._waiting = np.zeros((self._samples, *values.shape[1:]))
+        queue = np.concatenate([self._waiting, values])
+        self._waiting = queue[len(values) :]
+        return queue[: len(values)]
+
+
+class _Added:
+    """A signal and the noise (N, R) on it, sample by sample."""
+
+    def __init__(self, noise: Array) -> None:
+        self._noise, self._done = noise, 0
+
+    def __call__(self, values: Array) -> Array:
+        first, self._done = self._done, self._done + len(values)
+        return values + self._noise[first : self._done]
+
+
+class _LowPass:
+    """A signal through f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
+
+    def __init__(self, time_constant: float) -> None:
+        self._pole = math.exp(-PERIOD / time_constant)
+        self._last: Array | float = 0.0
+
+    def __call__(self, values: Array) -> Array:
+        out = np.empty_like(values)
+        for k, value in enumerate(values):
+            self._last = out[k] = (1 - self._pole) * value + self._pole * self._last
+        return out
 
 
 def angle_increment(angle: Array, *, period: float = PERIOD) -> Array:
     """Return the rate (φ[k] − φ[k−1])/T of a sampled angle (N, ...) [rad/s], 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period
-
-
-def low_passed(signal: Array, time_constant: float, *, period: float = PERIOD) -> Array:
-    """Return a signal (N, ...) through f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
-    pole = math.exp(-period / time_constant)
-    return np.asarray(lfilter([1 - pole], [1, -pole], signal, axis=0))
-
-
-def delayed(signal: Array, samples: int) -> Array:
-    """Return a signal (N, ...) late by whole samples, at rest (zero) before it began."""
-    return np.concatenate([np.zeros_like(signal[:samples]), signal[: len(signal) - samples]])

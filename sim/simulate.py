@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 
 import numpy as np
@@ -14,7 +14,7 @@ from flexaxis.sim.errors import ScenarioError, SimulationError
 from flexaxis.sim.loop import Progress, Truth, closed_loop
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.sensors import angle_increment, delayed, low_passed, measured_angle
+from flexaxis.sim.sensors import angle_increment, reading
 from flexaxis.sim.streams import stream
 
 Array = NDArray[np.float64]
@@ -61,19 +61,14 @@ def simulate(
     reference = np.column_stack(
         [scenario.excitation.reference(times, _stream(scenario, s, "excitation")) for s in seeds]
     )
-    angle_noise = _white(scenario, seeds, "angle", scenario.noise.angle, repeat)
+    white = partial(_white, scenario, seeds, repeat)
     try:
-        truth = closed_loop(scenario, reference, angle_noise, threads=threads, progress=progress)
+        truth = closed_loop(scenario, reference, white, threads=threads, progress=progress)
     except SimulationError as error:
         raise _named(error, scenario, seeds) from None
-    late = scenario.delay.measurement
-    angle = measured_angle(
-        delayed(truth.angles[:, :, 0], late), angle_noise, counts=scenario.encoder.counts
-    )
-    noise = _white(scenario, seeds, "speed", scenario.noise.speed, repeat)
-    speed = delayed(truth.speed, late) + noise
-    if scenario.filter:
-        speed = low_passed(speed, scenario.filter.speed)
+    sensors = scenario.sensors.values()
+    angle = reading(sensors, "angle", white)(truth.angles[:, :, 0])
+    speed = reading(sensors, "speed", white)(truth.speed)
     return _records(scenario, seeds, truth, angle, speed)
 
 
@@ -85,19 +80,14 @@ def _checked(seeds: Sequence[int]) -> list[int]:
 
 
 def _stream(scenario: Scenario, seed: int, purpose: str) -> np.random.Generator:
-    return stream(scenario.hash, seed, purpose)
+    return stream(scenario.key, seed, purpose)
 
 
-def _white(
-    scenario: Scenario, seeds: list[int], signal: str, deviation: float, repeat: int
-) -> Array:
-    """Return white noise (N, R) for a measured signal."""
-    shape = scenario.samples, len(seeds)
-    if not deviation:
-        return np.zeros(shape)
-    purpose = f"noise.{signal}" + (f".{repeat}" if repeat else "")
+def _white(scenario: Scenario, seeds: list[int], repeat: int, purpose: str) -> Array:
+    """Return white noise (N, R) of standard deviation 1 for one purpose."""
+    purpose += f".{repeat}" if repeat else ""
     columns = [_stream(scenario, seed, purpose).standard_normal(scenario.samples) for seed in seeds]
-    return deviation * np.column_stack(columns)
+    return np.column_stack(columns)
 
 
 def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> SimulationError:

@@ -7,16 +7,16 @@ from hashlib import sha256
 import numpy as np
 
 
-def stream(scenario_hash: str, seed: int, purpose: str) -> np.random.Generator:
-    """Return the random stream of one purpose in one run of one scenario.
+def stream(key: str, seed: int, purpose: str) -> np.random.Generator:
+    """Return the random stream of one purpose in one run.
 
-    Streams of different (scenario, seed, purpose) are independent; the same three give the
+    Streams of different (key, seed, purpose) are independent; the same three give the
     same numbers on any worker, in any order, whatever else is drawn.
 
     Parameters
     ----------
-    scenario_hash : str
-        Content hash of the scenario.
+    key : str
+        That of the scenario, `Scenario.key`.
     seed : int
         Number of the run.
     purpose : str
@@ -26,5 +26,5 @@ def stream(scenario_hash: str, seed: int, purpose: str) -> np.random.Generator:
     -----
     Philox 4x64 (Salmon et al., 2011) with the first 128 bits of the SHA-256 of the three as key.
     """
-    digest = sha256(f"{scenario_hash}/{seed}/{purpose}".encode()).digest()
+    digest = sha256(f"{key}/{seed}/{purpose}".encode()).digest()
     return np.random.Generator(np.random.Philox(key=int.from_bytes(digest[:16], "big")))

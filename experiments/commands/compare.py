@@ -19,9 +19,10 @@ example:
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from flexaxis.experiments.commands import options
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -58,6 +59,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--comparisons", type=int, metavar="N", help="of the self-test, for each rate (4000)"
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
+    options.add_resume(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -73,11 +75,12 @@ def main(args: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise FlexaxisError(f"{option} {value}: give a whole number, 1 or more")
     if args.self_test:
-        _refuse(args, "the self-test", "max_seeds", "strict", "output")
+        _refuse(args, "the self-test", "max_seeds", "strict", "output", "resume")
         return _self_test(args, margins)
     _refuse(args, "a comparison (it is of --self-test)", "comparisons")
     if len(args.names) == 2 and all(map(is_run, args.names)):
-        _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs")
+        _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs",
+                "resume")  # fmt: skip
         return _stored(args, margins)
     if not (args.base and args.candidate):
         raise FlexaxisError(
@@ -97,10 +100,10 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
+    from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
-    from flexaxis.experiments.gate.report import write
-    from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.running.engine import Bench
+    from flexaxis.experiments.running.folder import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -116,20 +119,17 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         max_seeds=args.max_seeds or 0,
     )
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
-    with progress(f"at most {most} cases", most) as advance:
-        found = compare(
-            question,
-            jobs=_jobs(args),
-            store=default_cache(),
-            advance=lambda done: advance(len(done.cases)),
-        )
-    command = command_line(args.words)
-    path = write(_output(args), found, scenarios, sources=sources, command=command)
+    command = command_line([word for word in args.words if word != options.RESUME])
+    folder = _output(args)
+    how = {"resume": args.resume, "replace": True, "traced": True, "about": {"command": command}}
+    with (
+        options.working(args, f"at most {most} cases", most) as (means, _),
+        Bench(scenarios, folder, means, **how) as bench,
+    ):
+        found = compare(question, bench)
+        path = write(folder, found, scenarios, sources=sources, command=command)
+    completed(folder)
     return _told(args, found, path, sources)
-
-
-def _jobs(args: argparse.Namespace) -> int:
-    return args.jobs or os.cpu_count() or 1
 
 
 def _output(args: argparse.Namespace) -> Path:
@@ -137,7 +137,7 @@ def _output(args: argparse.Namespace) -> Path:
 
 
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
-    from flexaxis.experiments.gate.report import write
+    from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.stored import compare_runs
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.seeds import parse_seeds
@@ -151,7 +151,7 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.gate.report import row_command, terminal_table, worst
+    from flexaxis.experiments.gate.comparison_report import row_command, terminal_table, worst
     from flexaxis.experiments.gate.words import headline, meaning
     from flexaxis.experiments.reporting.terminal import show
     from flexaxis.experiments.running.files import dumps
@@ -173,9 +173,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate import selftable, selftest
     from flexaxis.experiments.gate.gate import SUITE
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.running.seeds import parse_seeds
 
     scenarios = select(args.names or [SUITE]).scenarios
@@ -183,7 +181,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     planted = args.candidate or (None if args.base else selftest.PLANTED)
     seeds = parse_seeds(args.seeds) if args.seeds else list(selftest.POOL)
     most = selftest.work(len(scenarios), len(bases), planted is not None, len(seeds))
-    with progress("self-test", most) as advance:
+    with options.working(args, "self-test", most) as (means, advance):
         found = selftest.self_test(
             scenarios,
             margins,
@@ -191,8 +189,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
             planted=planted,
             seeds=seeds,
             comparisons=args.comparisons or 4000,
-            jobs=_jobs(args),
-            store=default_cache(),
+            means=means,
             advance=advance,
         )
     broken = [rate for rate in found if not rate.kept]

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.running.estimate import Outcome
+    from flexaxis.experiments.running.estimate import Estimated
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
 
@@ -75,7 +75,7 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
-def _print(found: Outcome) -> None:
+def _print(found: Estimated) -> None:
     from rich.console import Console
     from rich.table import Table
 

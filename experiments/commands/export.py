@@ -27,10 +27,10 @@ def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.running import export
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.folder import REPORT, STUDY
+    from flexaxis.experiments.running.folder import REPORT
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.results import Results
-    from flexaxis.experiments.running.rows import row_files
+    from flexaxis.experiments.studies.results import inputs
 
     forms = {
         "parquet": export.export_parquet,
@@ -39,8 +39,7 @@ def main(args: argparse.Namespace) -> int:
     }
     name = next(name for name in forms if getattr(args, name))
     target = getattr(args, name)
-    inputs = (args.folder / STUDY, args.folder / REPORT, *row_files(args.folder))
-    spare(inputs, target)
+    spare([*inputs(args.folder), args.folder / REPORT], target)
     count = forms[name](Results.load(args.folder), target)
     if args.json:
         print(dumps({"rows": count, "file": str(target)}))

@@ -19,7 +19,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of
+from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.identify import Identification
@@ -57,7 +57,7 @@ def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
 
-    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identify import identify
     from flexaxis.experiments.logs.importing import read_any
@@ -75,13 +75,7 @@ def main(args: argparse.Namespace) -> int:
     axis = axis.having(values)
     if starts:
         axis = replace(axis, known=True)
-    record = read_any(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    record = read_any(args.log, tables_of(args), **treatment(args))
     found = identify(
         record, axis, free=args.free, fix=tuple(fixed), delay=args.delay, whiten=not args.white
     )
@@ -143,12 +137,12 @@ def _print(found: Identification) -> None:
 
 
 def _write_page(found: Identification, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.logs.figures import bode_figure
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import bode_figure
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     rows = [(name, f"{value:.5g}", f"{sd:.2g}") for name, value, sd in _rows(found)]
-    page = Page(
+    page = LogPage(
         title=f"{found.axis.model.name} from {args.log.name}",
         command=command_line(args.words),
         remarks=[("note", text) for text in found.warnings],

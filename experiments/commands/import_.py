@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.logs.options import add_log_options, tables_of
+from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 HELP = "make a record of your own log, with a plausibility report"
 
@@ -34,10 +34,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
-    from flexaxis.experiments.logs.axis import find_axis
-    from flexaxis.experiments.logs.figures import log_figure, visibility_figure
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.importing import expected_deviations, import_log
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
@@ -46,13 +46,7 @@ def main(args: argparse.Namespace) -> int:
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model), path, report)
     axis = find_axis(args.model) if args.model else None
-    found = import_log(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    found = import_log(args.log, tables_of(args), **treatment(args))
     seen = expected_deviations(found.record, axis) if axis else {}
     found.record.save(path)
     rows = [
@@ -68,7 +62,7 @@ def main(args: argparse.Namespace) -> int:
                 "From the spectrum of the torque alone; orange is not seen.",
             )
         )
-    page = Page(
+    page = LogPage(
         title=f"Import of {args.log.name}",
         command=command_line(args.words),
         remarks=[(c.verdict, f"{c.name}: {c.text}") for c in found.checks if c.verdict != "ok"],

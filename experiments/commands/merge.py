@@ -1,4 +1,6 @@
-"""Put the shares of a study together: every case once, and the report.
+"""Put the shares of a run or a study together: every case once, and the report.
+
+Where cases of the study are in no share, that is said, and the exit status is 1.
 
 example:
   flexaxis merge share1 share2 share3 -o results/friction
@@ -9,7 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "put the shares of a study together"
+HELP = "put the shares of a run or a study together"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -20,20 +22,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Merge and report."""
-    from flexaxis.experiments.reporting.study_page import write_report
+    """Merge and report; what is missing is said, and is a finding."""
+    from flexaxis.experiments.cli import FINDING, FINE, say
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.merge import merge
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.studies.results import report
 
     spare(args.folders, args.output)
     merged = merge(args.folders, args.output)
-    path = write_report(Results.load(args.output))
+    path = report(args.output)
+    if merged.makers[1:]:
+        say("the rows were made with different versions:\n" + "\n".join(merged.makers))
+    if merged.missing:
+        say(f"incomplete: {merged.missing} of {merged.cases + merged.missing} cases are missing")
     if args.json:
-        told = {"cases": merged.cases, "doubles": merged.doubles}
+        told = {"cases": merged.cases, "doubles": merged.doubles, "missing": merged.missing}
         print(dumps(told | {"folder": str(args.output), "report": str(path)}))
     else:
         print(f"{merged.cases} cases, {merged.doubles} more were doubles")
         print(path)
-    return 0
+    return FINDING if merged.missing else FINE

@@ -24,7 +24,7 @@ def main(args: argparse.Namespace) -> int:
     """Write the template and say what comes next."""
     from importlib.resources import files
 
-    from flexaxis.experiments.running.files import writing
+    from flexaxis.experiments.running.files import write_text
     from flexaxis.sim.errors import FlexaxisError
 
     path = args.path
@@ -33,8 +33,7 @@ def main(args: argparse.Namespace) -> int:
     if path.exists():
         raise FlexaxisError(f"{path} is there already; give another name")
     template = files("flexaxis.experiments.conformance") / "templates" / "my_estimator.py"
-    with writing(path):
-        path.write_text(template.read_text(encoding="utf-8"), encoding="utf-8")
+    write_text(path, template.read_text(encoding="utf-8"))
     print(f"{path} estimates the motor friction f_m. Change it, then:")
     print(f"  flexaxis check {path}:{CLASS}")
     print(f"  flexaxis compare --base rpem-forgetting --candidate {path}:{CLASS}")

@@ -43,7 +43,7 @@ def main(args: argparse.Namespace) -> int:
     """Reproduce, check, and say what failed."""
     from rich.console import Console
 
-    from flexaxis.experiments.paper.page import claims_table
+    from flexaxis.experiments.paper.paper_page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps

@@ -1,4 +1,4 @@
-"""Write the report of a finished run again, from the files in its folder.
+"""Write the report of a run or a study again, from the files in its folder.
 
 example:
   flexaxis report results/smoke
@@ -14,29 +14,40 @@ HELP = "write report.html again from the results in a folder"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a finished run")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.reporting.run_page import render
-    from flexaxis.experiments.reporting.terminal import score_table, show
-    from flexaxis.experiments.running.files import (
-        CURVES,
-        PART,
-        REPORT,
-        SCORES,
-        SUMMARY,
-        dumps,
-        load,
-        write_text,
-    )
+    from flexaxis.experiments.running.folder import REPORT, read_study
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.studies.results import inputs
 
     path = args.output or args.folder / REPORT
-    spare((args.folder / name for name in (SCORES, PART, SUMMARY, CURVES)), path)
+    spare(inputs(args.folder), path)
+    study = read_study(args.folder)
+    return (_of_study if study["axes"] else _of_run)(args, path)
+
+
+def _of_study(args: argparse.Namespace, path: Path) -> int:
+    from flexaxis.experiments.reporting.study_page import write_report
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.results import Results
+
+    results = Results.load(args.folder)
+    write_report(results, path)
+    print(dumps({"rows": results.pooled(), "report": str(path)}) if args.json else path)
+    return 0
+
+
+def _of_run(args: argparse.Namespace, path: Path) -> int:
+    from flexaxis.experiments.reporting.run_page import render
+    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.running.files import dumps, write_text
+    from flexaxis.experiments.running.pooled import load
+
     found = load(args.folder)
     write_text(path, render(found))
     if args.json:

@@ -7,7 +7,9 @@ report.html. An estimator given as path/file.py:Class, package.module:Class or e
 that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
-and seeds simulates nothing.
+and seeds simulates nothing. Rows are appended as they come: after Ctrl-C, a kill or a full disk,
+and for more estimators or seeds, --resume runs only what is missing. A case that cannot be run is a
+row that says why, and the others go on; the exit status is then 1, or 70 if code crashed.
 
 example:
   flexaxis run smoke
@@ -19,9 +21,12 @@ example:
 from __future__ import annotations
 
 import argparse
-import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.commands import options
 
 HELP = "run estimators on scenarios, score them, write a report"
 
@@ -36,13 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="N seeds from 1000 on, or those from A to B-1 (default: the suite's number); "
         "0 to 99 are meant for tuning, 1000 to 4999 for reporting",
     )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: one a core); the scores do not depend on it",
-    )
+    options.add_engine(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
     )
@@ -54,51 +53,71 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.reporting.terminal import score_table, show
-    from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import REPORT, dumps
-    from flexaxis.experiments.running.harness import Done
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.scoring.ranking import REFERENCE
-    from flexaxis.experiments.studies.benchmark import Plan, benchmark, command_line
-    from flexaxis.sim.errors import FlexaxisError
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.studies.benchmark import benchmark
 
-    if args.jobs < 1:
-        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+    options.check_jobs(args)
+    wanted, share = _wanted(args), options.shard(args)
+    folder = args.output or Path("results") / Path(args.names[0]).stem
+    spare(args.names, folder)
+    with ExitStack() as stack:
+        place = options.executor(args, stack)
+        working = options.working(
+            args, f"{wanted.cases} cases", wanted.cases, cache=not args.no_cache, place=place
+        )
+        with working as (means, _):
+            found = benchmark(
+                wanted, folder, means, shard=share, resume=args.resume,
+                say=lambda text: _say(wanted, text),
+            )  # fmt: skip
+    if found is None:
+        print(folder)
+        return 0
+    return _told(args, folder, found)
+
+
+def _say(wanted: Any, text: str) -> None:
+    if wanted.cases > 2000:  # else it is a matter of a few seconds
+        print(text, file=sys.stderr)
+
+
+def _wanted(args: argparse.Namespace) -> Any:
+    """Return what is to be run."""
+    from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.running.study import Study
+    from flexaxis.experiments.scoring.ranking import REFERENCE
+    from flexaxis.experiments.studies.benchmark import Benchmark, command_line
+
     chosen = select(args.names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
     swept = list(dict.fromkeys([REFERENCE, *estimators]))
-    plan = Plan(
-        title=" ".join(args.names),
-        scenarios=chosen.scenarios,
-        estimators=estimators,
-        seeds=parse_seeds(args.seeds or str(chosen.seeds)),
-        command=command_line(args.words),
+    title = " ".join(args.names)
+    return Benchmark(
+        study=Study(
+            name=title,
+            scenarios=tuple(chosen.scenarios),
+            estimators=tuple(estimators),
+            seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
+        ),
+        title=title,
+        command=command_line([word for word in args.words if word != options.RESUME]),
         swept_scenarios=chosen.swept_scenarios,
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
-    folder = args.output or Path("results") / Path(args.names[0]).stem
-    store = None if args.no_cache else default_cache()
-    simulated = 0
-    with progress(f"{plan.cases} cases", plan.cases) as advance:
 
-        def done(task: Done) -> None:
-            nonlocal simulated
-            simulated += task.simulated
-            advance(len(task.cases))
 
-        def say(text: str) -> None:
-            if plan.cases > 2000:  # else it is a matter of a few seconds
-                print(text, file=sys.stderr)
+def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
+    """Print what was found; what could not be run is said, and is a finding or a crash."""
+    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.folder import REPORT
 
-        found = benchmark(plan, folder, jobs=args.jobs, store=store, advance=done, say=say)
-    records = len({s.hash for s in [*plan.scenarios, *plan.swept_scenarios]}) * len(plan.seeds)
-    print(f"{records} records: {simulated} simulated, the others from the cache", file=sys.stderr)
+    failures = found.summary["failures"]
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:
         show(score_table(found.summary["rows"]))
+        options.tell_failures(failures)
         print(folder / REPORT)
-    return 0
+    return options.failed(failures)

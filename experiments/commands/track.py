@@ -16,7 +16,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.logs.options import add_log_options, tables_of
+from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -46,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.logs.axis import find_axis
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.track import save, track
@@ -65,13 +65,7 @@ def main(args: argparse.Namespace) -> int:
             f"--model {args.model}: has no nominal values; give the file that "
             "`flexaxis identify` wrote"
         )
-    record = read_any(
-        args.log,
-        tables_of(args),
-        resample=args.resample,
-        highpass=args.highpass,
-        burn_in=args.burn_in,
-    )
+    record = read_any(args.log, tables_of(args), **treatment(args))
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator)
     found = track(record, axis, spec, identify=names, start=args.start)
@@ -129,8 +123,8 @@ def _print(found: Tracked) -> None:
 
 
 def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
-    from flexaxis.experiments.logs.figures import estimates_figure, load_figure, residual_figure
-    from flexaxis.experiments.logs.report import Page, write_page
+    from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
+    from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
     figures = [
@@ -152,7 +146,7 @@ def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namesp
         (name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
         for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True)
     ]
-    page = Page(
+    page = LogPage(
         title=f"{args.estimator} on {args.log.name}",
         command=command_line(args.words),
         remarks=[("note" if found.changes else "ok", text) for text in _in_words(found)],

@@ -13,9 +13,10 @@ example:
 from __future__ import annotations
 
 import argparse
-import os
 from dataclasses import asdict
 from pathlib import Path
+
+from flexaxis.experiments.commands import options
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
 
@@ -25,7 +26,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("names", nargs="+", metavar="SCENARIO")
     parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
     parser.add_argument("--seeds", default="16", metavar="N or A:B", help="default: 16")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    options.add_jobs(parser, what="the lags do")
+    options.add_resume(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
@@ -37,10 +39,10 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.reporting.figures import svg
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.reporting.tradeoff import figure
-    from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps, write_text, writing
-    from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.reporting.tradeoff_figure import figure
+    from flexaxis.experiments.running.engine import Bench
+    from flexaxis.experiments.running.files import dumps, write_text
+    from flexaxis.experiments.running.folder import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.studies.benchmark import command_line
@@ -50,27 +52,25 @@ def main(args: argparse.Namespace) -> int:
     known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
     estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
+    command = command_line([word for word in args.words if word != options.RESUME])
     most = len(texts(settings(estimators))) * len(scenarios) * len(seeds)
-    with progress(f"{most} cases, and more where a match is far", most) as advance:
-        found = sweep(
-            scenarios,
-            estimators,
-            seeds,
-            jobs=args.jobs,
-            store=default_cache(),
-            advance=lambda done: advance(len(done.cases)),
-        )
+    how = {"resume": args.resume, "replace": True, "about": {"command": command}}
+    what = f"{most} cases, and more where a match is far"
+    with (
+        options.working(args, what, most) as (means, _),
+        Bench(scenarios, args.output, means, **how) as bench,
+    ):
+        found = sweep(scenarios, estimators, seeds, bench)
     content = {
-        "command": command_line(args.words),
+        "command": command,
         "seeds": seeds,
         "reference": reference(),
         **asdict(found),
         "overall": overall(found.at_excess),
     }
-    with writing(args.output):
-        args.output.mkdir(parents=True, exist_ok=True)
-    write_text(args.output / "tradeoff.json", json.dumps(content, allow_nan=False, indent=1) + "\n")
     write_text(args.output / "tradeoff.svg", svg(figure(found.points)))
+    write_text(args.output / "tradeoff.json", json.dumps(content, allow_nan=False, indent=1) + "\n")
+    completed(args.output)
     if args.json:
         print(dumps(content))
         return 0

@@ -18,8 +18,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
+
+from flexaxis.experiments.commands import options
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
 
@@ -50,53 +53,83 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="write it to this TOML file (default: the one that the registry reads)",
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, metavar="N")
+    options.add_jobs(parser, what="the settings do")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR",
+        help="where its runs are kept (default: results/tune/ESTIMATOR)",
+    )  # fmt: skip
+    options.add_resume(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Tune and print."""
-    from dataclasses import asdict
-
-    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Bench
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.studies.tuning import Bench, forget, save
-    from flexaxis.sim.errors import FlexaxisError
 
     tasks = _tasks(args)
     path = _file(args.save)
     found: list[dict[str, Any]] = []
     missed: list[str] = []
-    for number, task in enumerate(tasks, start=1):
-        if len(tasks) > 1:
-            print(f"{number} of {len(tasks)}: {task.estimator}", file=sys.stderr)
-        bench = Bench(parse_seeds(task.seeds), args.jobs, default_cache(), task.match)
-        try:
-            tuned = _tune(task, bench)
-        except FlexaxisError as error:
-            if len(tasks) == 1:
-                raise
-            print(error, file=sys.stderr)  # the others can still be tuned
-            missed.append(task.estimator)
-            if path:
-                forget(path, task.estimator, scenario=task.scenario)
-            continue
-        found.append(asdict(tuned) | {"estimator": task.estimator})
-        if path:
-            save(path, task.estimator, tuned, command=_command(task), scenario=task.scenario)
-        if not args.json:
-            each = ", ".join(f"{p} {ratio:.2f}" for p, ratio in tuned.ratios.items())
-            lag = "" if tuned.lag is None else f"; lag {tuned.lag:.3f} s on {task.scenario}"
-            print(
-                f"{tuned.setting}: {task.match} {tuned.ratio:.3f} times the reference's "
-                f"(std: {each}){lag}"
-            )
+    scenarios = _scenarios(tasks)
+    folder = args.output or Path("results") / "tune" / (args.estimator or "all")
+    how = {"resume": args.resume, "replace": True}
+    with (
+        options.working(args, f"{len(tasks)} to tune", len(tasks)) as (means, advance),
+        # How many cases it takes is not known: the progress is that of the settings found.
+        Bench(scenarios, folder, replace(means, advance=None), **how) as bench,
+    ):
+        for task in tasks:
+            tuned = _tuned(task, bench, path, alone=len(tasks) == 1)
+            advance(1)
+            if tuned is None:
+                missed.append(task.estimator)
+                continue
+            found.append(asdict(tuned) | {"estimator": task.estimator})
+            if not args.json:
+                print(_in_words(task, tuned), flush=True)
     if args.json:
         print(dumps(found if args.all else found[0]))
     if missed:
         print(f"not matched, and not in the file: {', '.join(missed)}", file=sys.stderr)
     return int(bool(missed))
+
+
+def _tuned(task: argparse.Namespace, bench: Any, path: Path | None, *, alone: bool) -> Any:
+    """Return what was found, after it was saved; None where nothing was, if others may follow."""
+    from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.studies.tuning import Trials, forget, save
+    from flexaxis.sim.errors import FlexaxisError
+
+    try:
+        tuned = _tune(task, Trials(parse_seeds(task.seeds), bench, task.match))
+    except FlexaxisError as error:
+        if alone:
+            raise
+        print(error, file=sys.stderr)  # the others can still be tuned
+        if path:
+            forget(path, task.estimator, scenario=task.scenario)
+        return None
+    if path:
+        save(path, task.estimator, tuned, command=_command(task), scenario=task.scenario)
+    return tuned
+
+
+def _in_words(task: argparse.Namespace, tuned: Any) -> str:
+    each = ", ".join(f"{p} {ratio:.2f}" for p, ratio in tuned.ratios.items())
+    lag = "" if tuned.lag is None else f"; lag {tuned.lag:.3f} s on {task.scenario}"
+    return (
+        f"{tuned.setting}: {task.match} {tuned.ratio:.3f} times the reference's (std: {each}){lag}"
+    )
+
+
+def _scenarios(tasks: list[argparse.Namespace]) -> list[Any]:
+    """Return all scenarios that tuning will run on."""
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.studies.tuning import tuning_scenario
+
+    names = dict.fromkeys(task.scenario for task in tasks if task.scenario)
+    return [tuning_scenario(), *map(find_scenario, names)]
 
 
 def _file(given: Path | bool | None) -> Path | None:
@@ -150,13 +183,13 @@ def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:
     return [parser.parse_args(each) for each in words]
 
 
-def _tune(task: argparse.Namespace, bench):
+def _tune(task: argparse.Namespace, trials: Any) -> Any:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.studies.tuning import least_lag, match_noise
 
     if task.minimize:
-        return least_lag(task.estimator, task.option, find_scenario(task.scenario), bench)
-    return match_noise(task.estimator, bench)
+        return least_lag(task.estimator, task.option, find_scenario(task.scenario), trials)
+    return match_noise(task.estimator, trials)
 
 
 def _command(task: argparse.Namespace) -> str:

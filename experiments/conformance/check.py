@@ -14,7 +14,7 @@ DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
 
 
 @dataclass(frozen=True)
-class Finding:
+class RuleResult:
     """What a rule found; `holds` is None where it does not apply."""
 
     rule: str
@@ -24,7 +24,7 @@ class Finding:
     hint: str
 
 
-def check(spec: Spec, *, store: RecordCache | None = None) -> list[Finding]:
+def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
     """Return what every rule finds about an estimator.
 
     Raises
@@ -33,7 +33,7 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[Finding]:
         If it cannot be built at all.
     """
     subject = _subject(spec, store)
-    return [_finding(rule, subject) for rule in RULES]
+    return [_result(rule, subject) for rule in RULES]
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
@@ -49,9 +49,9 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
     raise problems[0]
 
 
-def _finding(rule: Rule, subject: Subject) -> Finding:
+def _result(rule: Rule, subject: Subject) -> RuleResult:
     try:
         holds, seen = rule.look(subject)
     except Exception as error:  # a user's code may raise anything
         holds, seen = False, f"it raised {type(error).__name__}: {error}"
-    return Finding(rule.name, holds, seen, rule.reason, rule.hint)
+    return RuleResult(rule.name, holds, seen, rule.reason, rule.hint)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.conformance.check import Finding
+    from flexaxis.experiments.conformance.check import RuleResult
     from flexaxis.experiments.gate.gate import Comparison
 
 FIXTURES = {"flexaxis_gate", "flexaxis_check"}
@@ -46,7 +46,7 @@ def flexaxis_gate() -> Callable[..., Comparison]:
 
 
 @pytest.fixture(scope="session")
-def flexaxis_check() -> Callable[[str], list[Finding]]:
+def flexaxis_check() -> Callable[[str], list[RuleResult]]:
     """Return a function that fails the test if an estimator breaks a rule."""
     return rules
 
@@ -79,10 +79,11 @@ def gate(
         Processes.
     """
     from flexaxis.experiments.catalogue.find import select
+    from flexaxis.experiments.gate.comparison_report import markdown
     from flexaxis.experiments.gate.gate import Question, compare, default_seeds
     from flexaxis.experiments.gate.pairs import MARGINS
-    from flexaxis.experiments.gate.report import markdown
     from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Bench, Means
     from flexaxis.experiments.running.seeds import parse_seeds
 
     question = Question(
@@ -92,13 +93,15 @@ def gate(
         seeds=parse_seeds(str(seeds or default_seeds(names))),
         margins=dict(MARGINS) | dict(margins or {}),
     )
-    found = compare(question, jobs=jobs, store=default_cache())
+    means = Means(jobs=jobs, store=default_cache())
+    with Bench(question.scenarios, means=means) as bench:
+        found = compare(question, bench)
     if found.status(strict=strict):
         pytest.fail(markdown(found), pytrace=False)
     return found
 
 
-def rules(estimator: str) -> list[Finding]:
+def rules(estimator: str) -> list[RuleResult]:
     """Check an estimator, and fail with reason and hint of each rule that is broken."""
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache

@@ -9,10 +9,10 @@ from math import log10
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.demo.axis import EXCITATION
 from flexaxis.experiments.demo.charts import COLOURS, Charts
+from flexaxis.experiments.demo.live_axis import EXCITATION
 from flexaxis.experiments.demo.offers import Offers
-from flexaxis.experiments.demo.racer import NAMES, Tuning
+from flexaxis.experiments.demo.racer import NAMES, KnobSettings
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
 from flexaxis.experiments.reporting.view import exaggerated, scene
 from flexaxis.experiments.running.specs import parse
@@ -216,8 +216,8 @@ class Knobs:
     def _turn(self) -> None:
         self._guarded(self._session.tune)(self._number, self._wanted())
 
-    def _wanted(self) -> Tuning:
-        return Tuning(
+    def _wanted(self) -> KnobSettings:
+        return KnobSettings(
             forgetting=float(self._forgetting.value),
             drift={name: 10.0 ** float(knob.value) for name, knob in self._drift.items()},
             regularization=float(self._mu.value),

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from flexaxis.experiments.demo.axis import EXCITATION
+from flexaxis.experiments.demo.live_axis import EXCITATION
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
 from flexaxis.sim.config import Config, NotNegative
 from flexaxis.sim.errors import FlexaxisError, unknown

@@ -20,7 +20,7 @@ from flexaxis.experiments.demo.racer import NAMES
 from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
 from flexaxis.experiments.reporting.figures import symbol
 from flexaxis.experiments.reporting.view import camera, exaggerated
-from flexaxis.experiments.running.files import OutputError, writing
+from flexaxis.experiments.running.files import OutputError, new_file
 from flexaxis.sim.timing import RATE
 
 Pixels = NDArray[np.uint8]
@@ -64,8 +64,8 @@ def record(
     _check(path)
     session = DemoSession(estimators=estimators or lesson.estimators, seed=seed)
     pictures = frames(session, lesson, exaggerate=exaggerate, advance=advance)
-    with writing(path):
-        (_save_gif if path.suffix == ".gif" else _save_mp4)(path, pictures, lesson.frames)
+    with new_file(path) as part:
+        (_save_gif if path.suffix == ".gif" else _save_mp4)(part, pictures, lesson.frames)
 
 
 def frames(

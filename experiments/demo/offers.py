@@ -36,7 +36,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Span:
+class Range:
     """Numbers from `low` to `high`."""
 
     low: float
@@ -65,7 +65,7 @@ class Offers:
 
     def __init__(self) -> None:
         self.refused: Callable[[str], None] = lambda _: None
-        self._offered: dict[str, tuple[str, Click | Choice | Span]] = {}
+        self._offered: dict[str, tuple[str, Click | Choice | Range]] = {}
 
     def button(self, gui: Any, label: str, **look: Any) -> Any:
         """Add a button and return viser's handle."""
@@ -80,7 +80,7 @@ class Offers:
         self, gui: Any, label: str, low: float, high: float, step: float, initial: float
     ) -> Any:
         """Add a slider and return viser's handle."""
-        return self._add(gui.add_slider(label, low, high, step, initial), label, Span(low, high))
+        return self._add(gui.add_slider(label, low, high, step, initial), label, Range(low, high))
 
     def admitted(self, raw: Any) -> bytes | None:
         """Return a message of a viewer for viser, or None if it is not to hear it.
@@ -100,7 +100,7 @@ class Offers:
             self.refused(f"refused: {error}" if known else "refused: nothing that was offered")
             return None
 
-    def _add(self, handle: Any, label: str, offer: Click | Choice | Span) -> Any:
+    def _add(self, handle: Any, label: str, offer: Click | Choice | Range) -> Any:
         self._offered[handle._impl.uuid] = label, offer
         return handle
 

@@ -13,8 +13,8 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
-from flexaxis.experiments.demo.axis import Samples
-from flexaxis.experiments.running.specs import Spec, parse
+from flexaxis.experiments.demo.live_axis import Samples
+from flexaxis.experiments.running.specs import Spec, made, parse
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters
@@ -30,7 +30,7 @@ REPLAY = sample_index(3.0)
 
 
 @dataclass(frozen=True)
-class Tuning:
+class KnobSettings:
     """The knobs of the method; each estimator uses those that it has.
 
     Attributes
@@ -65,10 +65,10 @@ class Racer:
         As given.
     spec : Spec
         What it stands for.
-    tuning : Tuning
+    tuning : KnobSettings
         Where its knobs stand.
     knobs : tuple of str
-        Which of the fields of `Tuning` it has.
+        Which of the fields of `KnobSettings` it has.
     theta : ndarray (p,)
         Its estimate.
 
@@ -89,7 +89,7 @@ class Racer:
         if self.name in ("rpem-drift", "rpem-drift-mu"):
             self._knobs["drift"] = {name: options["scale"] * DRIFT[name] for name in NAMES}
         self.knobs = tuple(self._knobs)
-        self.tuning = replace(Tuning(), **self._knobs)
+        self.tuning = replace(KnobSettings(), **self._knobs)
         self.theta = np.array([getattr(nominal, p) ** float(e) for p, e in map(physical, NAMES)])
         self._estimator = self._build()
         if tuple(self._estimator.names) != NAMES or self._estimator.output != "speed":
@@ -130,12 +130,12 @@ class Racer:
         self.theta = estimates[-1].copy()
         return estimates
 
-    def tune(self, tuning: Tuning, recent: Samples) -> None:
+    def tune(self, tuning: KnobSettings, recent: Samples) -> None:
         """Turn the knobs, and go on from the same estimate and the same P.
 
         Parameters
         ----------
-        tuning : Tuning
+        tuning : KnobSettings
             New values; those of knobs that it has not are ignored.
         recent : Samples
             The last seconds, from which the predictor finds the state of the axis again.
@@ -180,18 +180,30 @@ class Racer:
         values = self._nominal.as_dict()
         for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=True):
             values[parameter] = value ** float(exponent)
-        tuning = self.tuning
+        turned = {key: getattr(self.tuning, key) for key in self.knobs}
+        spec = replace(self.spec, options=dict(self.spec.options) | turned)
         if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
-            drift = np.array([tuning.drift[name] for name in NAMES])
-            scale = float(np.exp(np.mean(np.log(drift / [DRIFT[name] for name in NAMES]))))
-            P0 = known_P(NAMES, forgetting=None, scale=scale)
-            assert P0 is not None  # these are the paper's parameters
-            return Rpem(
-                three_mass(values),
-                identify=NAMES,
-                P0=P0,
-                drift=drift,
-                regularization=tuning.regularization,
-            )
-        options = dict(self.spec.options) | {key: getattr(tuning, key) for key in self.knobs}
-        return self.spec.make(values, PERIOD, **options)
+            spec = replace(spec, make=_with_drift, options=turned)
+        return made(spec, values, PERIOD)
+
+
+def _with_drift(
+    nominal: Mapping[str, float],
+    period: float,
+    *,
+    drift: Mapping[str, float],
+    regularization: float,
+) -> Estimator:
+    """Return the paper's method with a Δ for each parameter, and the P(0) that goes with them."""
+    diagonal = np.array([drift[name] for name in NAMES])
+    scale = float(np.exp(np.mean(np.log(diagonal / [DRIFT[name] for name in NAMES]))))
+    P0 = known_P(NAMES, forgetting=None, scale=scale)
+    assert P0 is not None  # these are the paper's parameters
+    return Rpem(
+        three_mass(nominal),
+        identify=NAMES,
+        P0=P0,
+        period=period,
+        drift=diagonal,
+        regularization=regularization,
+    )

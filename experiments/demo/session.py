@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.demo.axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.dots import Dot, Scorer
-from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, Racer, Tuning
+from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
+from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, KnobSettings, Racer
 from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import RATE
@@ -148,7 +148,7 @@ class DemoSession:
         self._scorer.forget_quiet()
         self.said = f"t = {self.axis.time:.1f} s: repaired"
 
-    def tune(self, racer: int, tuning: Tuning) -> None:
+    def tune(self, racer: int, tuning: KnobSettings) -> None:
         """Turn the knobs of a racer; it goes on from where it is."""
         self.racers[racer].tune(tuning, self._recent)
         self._scorer.forget_quiet()

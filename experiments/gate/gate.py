@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, UNDECIDED, WORSE
 from flexaxis.experiments.gate.lost import MANY
-from flexaxis.experiments.gate.pairs import Paired, Table, pair, table
+from flexaxis.experiments.gate.pairs import Table, pair, table
 from flexaxis.experiments.gate.verdicts import (
     Verdict,
     by_metric,
@@ -17,8 +17,7 @@ from flexaxis.experiments.gate.verdicts import (
     newly_lost,
     overall,
 )
-from flexaxis.experiments.running import harness
-from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.engine import Bench, Runs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -97,8 +96,6 @@ class Comparison:
     alpha : float
         Chance of a false alarm at each look, at most.
     verdicts : list of Verdict
-    cases : list of harness.Case
-        Everything that was run; empty for stored results.
     missing : tuple of (scenario, parameter)
         What changes and is estimated by the base, but not by the candidate: nothing can be called
         better then, or the same.
@@ -111,7 +108,6 @@ class Comparison:
     looks: int
     alpha: float
     verdicts: list[Verdict]
-    cases: list[harness.Case]
     missing: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -148,13 +144,7 @@ class Comparison:
         }
 
 
-def compare(
-    question: Question,
-    *,
-    jobs: int = 1,
-    store: RecordCache | None = None,
-    advance: Callable[[harness.Done], None] | None = None,
-) -> Comparison:
+def compare(question: Question, bench: Bench) -> Comparison:
     """Run both estimators and judge every score.
 
     With more seeds allowed than the first look has, looks follow until a regression is found,
@@ -164,17 +154,14 @@ def compare(
     Parameters
     ----------
     question : Question
-    jobs : int
-        Processes.
-    store : RecordCache, optional
-    advance : callable, optional
-        Called with the cases as they come.
+    bench : Bench
+        Where the cases are run.
 
     Raises
     ------
     FlexaxisError
         If there are fewer than two seeds, more than `max_seeds`, or nothing in common; else as
-        from `harness.run`.
+        from `Bench.runs`.
     """
     if len(question.seeds) < 2:
         raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
@@ -183,15 +170,11 @@ def compare(
             f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
             "begin with: give more, or fewer --seeds"
         )
-    looks, cases, done = question.looks(), [], 0
+    looks, both = question.looks(), (question.base, question.candidate)
     for number, seeds in enumerate(looks, start=1):
-        both = (question.base, question.candidate)
-        for task in harness.run(question.scenarios, both, seeds[done:], jobs=jobs, store=store):
-            cases += task.cases
-            if advance:
-                advance(task)
-        done = len(seeds)
-        paired = _paired(question, cases)
+        runs = bench.runs(question.scenarios, both, seeds)
+        base, candidate = (rows_of(runs, text) for text in both)
+        paired = pair(base, candidate, question.margins)
         found = Comparison(
             *both,
             seeds=seeds,
@@ -199,7 +182,6 @@ def compare(
             looks=len(looks),
             alpha=question.alpha / len(looks),
             verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
-            cases=cases,
             missing=paired.missing,
         )
         if overall(found.verdicts) != UNDECIDED:
@@ -207,11 +189,15 @@ def compare(
     return found
 
 
-def _paired(question: Question, cases: Sequence[harness.Case]) -> Paired:
-    base, candidate = (rows_of(cases, text) for text in (question.base, question.candidate))
-    return pair(base, candidate, question.margins)
+def rows_of(found: Mapping[tuple[str, str], Runs], estimator: str) -> Table:
+    """Return the rows of one estimator by scenario, seed and parameter.
 
-
-def rows_of(cases: Sequence[harness.Case], estimator: str) -> Table:
-    """Return the rows of one estimator by scenario, seed and parameter."""
-    return table(row for case in cases if case.estimator == estimator for row in case.rows)
+    Parameters
+    ----------
+    found : mapping
+        As from `Bench.runs`.
+    estimator : str
+    """
+    return table(
+        row for (_, text), runs in found.items() if text == estimator for run in runs for row in run
+    )

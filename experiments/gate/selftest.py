@@ -19,8 +19,7 @@ from flexaxis.experiments.gate.draws import Pool, judged
 from flexaxis.experiments.gate.gate import look_counts, rows_of
 from flexaxis.experiments.gate.pairs import pair
 from flexaxis.experiments.gate.trials import NONE, Promise, Trial, trials
-from flexaxis.experiments.running import harness
-from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.engine import Bench, Means
 from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
@@ -98,8 +97,7 @@ def self_test(
     planted: str | None = PLANTED,
     seeds: Sequence[int] = POOL,
     comparisons: int = 4000,
-    jobs: int = 1,
-    store: RecordCache | None = None,
+    means: Means | None = None,
     advance: Callable[[float], None] | None = None,
 ) -> list[Rate]:
     """Return how often the gate raises a false alarm, and how often it finds what is there.
@@ -116,10 +114,10 @@ def self_test(
         The pool. A comparison has at most half of it.
     comparisons : int
         Drawn for each rate.
-    jobs, store
-        As in `flexaxis.experiments.gate.gate.compare`.
+    means : Means, optional
+        With what the pool is run; its `advance` is called with the cases.
     advance : callable, optional
-        Called with what was done, as in `work`.
+        Called with what is done after that, as in `work`.
 
     Raises
     ------
@@ -132,9 +130,7 @@ def self_test(
             f"--seeds: a pool of {len(seeds)} seeds is too small for the self-test: give at least "
             f"{2 * LOOKS[0][-1]}, better {len(POOL)}"
         )
-    same, changed = _pools(
-        scenarios, margins, bases, planted, seeds, jobs=jobs, store=store, advance=advance
-    )
+    same, changed = _pools(scenarios, margins, bases, planted, seeds, means)
     tried = list(trials(same, changed))
     share = _JUDGING * _cases(len(scenarios), len(bases), planted is not None, len(seeds))
     rates = []
@@ -158,28 +154,21 @@ def work(scenarios: int, bases: int, planted: bool, seeds: int) -> float:
     return (1 + _JUDGING) * _cases(scenarios, bases, planted, seeds)
 
 
-def _pools(
+def _pools(  # noqa: PLR0917
     scenarios: Sequence[Scenario],
     margins: Mapping[str, float],
     bases: Sequence[str],
     planted: str | None,
     seeds: Sequence[int],
-    *,
-    jobs: int,
-    store: RecordCache | None,
-    advance: Callable[[float], None] | None,
+    means: Means | None,
 ) -> tuple[dict[str, Pool], Pool | None]:
     """Run the pool: of each base against itself, and of the first against what is planted."""
-    extra = () if planted is None else (planted,)
-    cases: dict[int, list[harness.Case]] = {0: [], 1: []}
-    for repeat, names in ((0, (*bases, *extra)), (1, tuple(bases))):
-        for done in harness.run(scenarios, names, seeds, jobs=jobs, store=store, repeat=repeat):
-            cases[repeat] += done.cases
-            if advance:
-                advance(len(done.cases))
-    first = {name: rows_of(cases[0], name) for name in (*bases, *extra)}
+    names = (*bases, *(() if planted is None else (planted,)))
+    with Bench(scenarios, means=means) as bench, Bench(scenarios, means=means, repeat=1) as again:
+        runs, repeated = bench.runs(scenarios, names, seeds), again.runs(scenarios, bases, seeds)
+    first = {name: rows_of(runs, name) for name in names}
     same = {
-        name: Pool.of(pair(first[name], rows_of(cases[1], name), margins), margins)
+        name: Pool.of(pair(first[name], rows_of(repeated, name), margins), margins)
         for name in bases
     }
     if planted is None:

@@ -11,7 +11,8 @@ from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
-from flexaxis.experiments.running.files import SCORES, SUMMARY, OutputError
+from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.running.folder import SCORES, SUMMARY
 from flexaxis.experiments.running.results import Results, Rows
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
@@ -74,7 +75,6 @@ def compare_runs(
         looks=1,
         alpha=alpha,
         verdicts=judge(paired, margins, alpha=alpha),
-        cases=[],
         missing=paired.missing,
     )
 

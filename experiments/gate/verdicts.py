@@ -229,7 +229,7 @@ def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int |
         wanted = statistics.seeds_for_unseen(mean, share, UNSEEN)
         return math.ceil(wanted * n / float(found.support[0, i]))
     return statistics.seeds_for_ratio(
-        statistics.Paired(int(n), mean, sd), level, math.log1p(margin)
+        statistics.LogRatios(int(n), mean, sd), level, math.log1p(margin)
     )
 
 

@@ -14,7 +14,7 @@ from scipy.signal import welch
 
 from flexaxis.estimators.frequency import information, line_spectrum
 from flexaxis.estimators.model import increment
-from flexaxis.experiments.logs.axis import Axis, output_of, usable
+from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.plausibility import Check, examine, refuse_nonsense
 from flexaxis.experiments.logs.prepare import check_time, prepare

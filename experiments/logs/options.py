@@ -43,6 +43,11 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def treatment(args: argparse.Namespace) -> dict[str, float | None]:
+    """Return what the options say is to be done to a log, as for `importing.read_any`."""
+    return {name: getattr(args, name) for name in ("resample", "highpass", "burn_in")}
+
+
 def tables_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the mapping of a command line, its options over those of its file."""
     from flexaxis.experiments.logs.mapping import load_mapping

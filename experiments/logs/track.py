@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +17,12 @@ from flexaxis.estimators.model import Model, increment
 from flexaxis.estimators.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.logs.axis import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled
-from flexaxis.experiments.running.estimate import run_on
-from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.specs import Spec
+from flexaxis.experiments.running.estimate import estimates_file, run_on
+from flexaxis.experiments.running.specs import Spec, made
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -99,22 +96,20 @@ class Tracked:
 
 
 def save(found: Tracked, path: Path, *, estimator: str) -> None:
-    """Write the estimates as NetCDF-4: time, theta, deviations if claimed, names as coordinate."""
-    import h5netcdf
-    import h5py
+    """Write the estimates as NetCDF-4, with the deviations if it claims any.
 
-    part = path.with_name(f".{path.name}.part")
-    with writing(path):
-        with h5netcdf.File(part, "w") as file:
-            file.dimensions = {"time": len(found.time), "estimate": len(found.names)}
-            file.create_variable("time", ("time",), data=found.time).attrs["units"] = "s"
-            names = file.create_variable("estimate", ("estimate",), h5py.string_dtype())
-            names[:] = np.array(found.names, dtype=object)
-            file.create_variable("theta", ("time", "estimate"), data=found.theta)
-            if found.deviations is not None:
-                file.create_variable("deviation", ("time", "estimate"), data=found.deviations)
-            file.attrs["estimator"] = estimator
-        os.replace(part, path)
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    sure = found.deviations
+    claimed: Literal["deviation"] | None = None if sure is None else "deviation"
+    with estimates_file(path, found.names, len(found.time), claimed=claimed) as file:
+        file["time"][:], file["theta"][:] = found.time, found.theta
+        if claimed:
+            file["deviation"][:] = sure
+        file.attrs["estimator"] = estimator
 
 
 def track(
@@ -194,17 +189,12 @@ def _build(
     for name in identify:
         parameter = name.removeprefix("1/")
         values[parameter] *= start ** (-1.0 if name.startswith("1/") else 1.0)
-    known = inspect.signature(spec.make).parameters
     offered: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
     if axis.noise is not None:
         offered["noise"] = axis.noise
-    given = {k: v for k, v in offered.items() if k in known} | dict(spec.options)
     shipped = spec.make in [entry.factory for entry in REGISTRY.values()]
     first = replace(axis.model, nominal=values) if shipped else values
-    try:
-        estimator = spec.make(first, period, **given)
-    except (EstimatorError, TypeError, KeyError) as error:
-        raise EstimatorError(f"{spec.text}: {error}") from error
+    estimator = made(spec, first, period, offered)
     if estimator.output != output or tuple(estimator.names) != tuple(identify):
         raise EstimatorError(
             f"{spec.text} estimates {', '.join(estimator.names)} from {estimator.output!r}; asked "

@@ -14,7 +14,7 @@ from scipy.signal import find_peaks
 from flexaxis.estimators import Rpem, literal_rpem
 from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.predictor import predict
-from flexaxis.experiments.paper.claims import Evidence, Measured, by_name, check
+from flexaxis.experiments.paper.claims import Decided, Evidence, by_name, check
 from flexaxis.experiments.paper.convergence import FORGETTING, steady
 from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.experiments.paper.offline import (
@@ -27,14 +27,13 @@ from flexaxis.experiments.paper.offline import (
 )
 
 Array = NDArray[np.float64]
-Finding = tuple[Measured, bool]
 
 PEAKS = (95.0, 125.0, 185.0)
 """Peaks of the torque spectrum that the paper reports [rad/s]."""
 
 
 @check("section 2, eq. (1)–(4); section 3.2", "relative rms error ≤ 3e-4")
-def model_predicts_the_plant(e: Evidence) -> Finding:
+def model_predicts_the_plant(e: Evidence) -> Decided:
     """At the true parameters the sampled model gives the motor speed of the MuJoCo axis."""
     record, model = e.data.nominal[0], e.data.parametrization
     assert record.true_speed is not None  # simulated
@@ -44,7 +43,7 @@ def model_predicts_the_plant(e: Evidence) -> Finding:
 
 
 @check("section 3.2, eq. (18), (20), (24)", "the entry (3,3) is −1/J_m, all others are 0")
-def derivative_for_friction(e: Evidence) -> Finding:
+def derivative_for_friction(e: Evidence) -> Decided:
     """The derivative of A for f_m has the one entry −1/J_m, those of B and C are zero."""
     model = e.data.model.parametrize(["f_m"])
     dA, dB, dC = model.derivatives(model.theta)
@@ -55,7 +54,7 @@ def derivative_for_friction(e: Evidence) -> Finding:
 
 
 @check("section 3.2, eq. (16)–(23)", "relative error ≤ 1e-5 for every parameter")
-def gradient_is_the_derivative(e: Evidence) -> Finding:
+def gradient_is_the_derivative(e: Evidence) -> Decided:
     """ψ of the extended system is the derivative of ŷ, for each of the twelve parameters."""
     torque = e.data.nominal[0].torque[:1000]
     errors = {name: _gradient_error(e.data, name, torque) for name in e.data.model.parameters}
@@ -74,7 +73,7 @@ def _gradient_error(data: Data, name: str, torque: Array) -> float:
 
 
 @check("section 3.1, eq. (5)–(9), (15)–(23)", "largest difference of θ̂ over nominal ≤ 1e-9")
-def compiled_filter_is_the_papers(e: Evidence) -> Finding:
+def compiled_filter_is_the_papers(e: Evidence) -> Decided:
     """The compiled filter gives the estimates of the equations taken word for word."""
     record, model = e.data.nominal[0], e.data.parametrization
     u, y = signals(record)
@@ -110,7 +109,7 @@ def torque_peaks(data: Data) -> Array:
 
 
 @check("section 4, Fig. 3", "three peaks, each within 8 rad/s of 95, 125 and 185 rad/s")
-def peaks_of_the_torque(e: Evidence) -> Finding:
+def peaks_of_the_torque(e: Evidence) -> Decided:
     """The spectrum of the torque in closed loop has peaks around 95, 125 and 185 rad/s."""
     peaks = torque_peaks(e.data)
     near = len(peaks) == len(PEAKS) and bool(np.all(np.abs(peaks - PEAKS) <= 8))
@@ -124,21 +123,21 @@ def low_energy(data: Data) -> float:
 
 
 @check("section 4, Fig. 3", "< 5 % of the energy")
-def little_torque_below_70(e: Evidence) -> Finding:
+def little_torque_below_70(e: Evidence) -> Decided:
     """The energy of the torque is low below 70 rad/s."""
     share = low_energy(e.data)
     return share, share < 5
 
 
 @check("section 5.1, Fig. 5, eq. (28)", "f_m over 1/J_a over k_T")
-def order_of_the_gradients(e: Evidence) -> Finding:
+def order_of_the_gradients(e: Evidence) -> Decided:
     """The variance of ψ is highest for f_m, less for 1/J_a and lowest for k_T."""
     power = by_name(e.data.names, np.diag(e.convergence.Q))
     return power, power["f_m"] > power["1/J_a"] > power["k_T"]
 
 
 @check("section 3.3, eq. (28), (31)", "ratio within 1 % of one in every run")
-def spectrum_gives_the_variance(e: Evidence) -> Finding:
+def spectrum_gives_the_variance(e: Evidence) -> Decided:
     """The integral of |G_θ|² over the spectrum of the torque is the mean of ψ² over time."""
     model, period = e.data.parametrization, e.data.scenario.period
     ratios = []
@@ -152,7 +151,7 @@ def spectrum_gives_the_variance(e: Evidence) -> Finding:
 
 
 @check("section 4", "≤ 0.3 % of each parameter in every run")
-def offline_finds_the_parameters(e: Evidence) -> Finding:
+def offline_finds_the_parameters(e: Evidence) -> Decided:
     """Off-line output error over 60 s, started 20 % too high, finds the parameters."""
     errors = 100 * np.abs([run.theta / e.data.parametrization.theta - 1 for run in e.offline.runs])
     worst = by_name(e.data.names, errors.max(axis=0))
@@ -166,21 +165,21 @@ def _normalised(e: Evidence) -> Array:
 
 
 @check("section 4", "≤ 3 of its own standard deviations in every run")
-def offline_within_its_deviations(e: Evidence) -> Finding:
+def offline_within_its_deviations(e: Evidence) -> Decided:
     """Each parameter identified off line lies within three of its standard deviations."""
     worst = by_name(e.data.names, np.abs(_normalised(e)).max(axis=0))
     return worst, max(worst.values()) <= 3
 
 
 @check("section 4", "rms error between 0.5 and 1.5 of the standard deviation claimed")
-def offline_deviations_are_right(e: Evidence) -> Finding:
+def offline_deviations_are_right(e: Evidence) -> Decided:
     """The standard deviations of off-line identification are those that are seen."""
     ratio = float(np.sqrt(np.mean(_normalised(e) ** 2)))
     return ratio, 0.5 <= ratio <= 1.5
 
 
 @check("section 4", "no warning, the same estimates to 1e-4")
-def offline_near_starts_agree(e: Evidence) -> Finding:
+def offline_near_starts_agree(e: Evidence) -> Decided:
     """Off-line identification finds the same from 1.2 and from 1.5 times nominal."""
     runs = [e.offline.starts[start] for start in NEAR]
     difference = float(np.max(np.abs(runs[0].theta / runs[1].theta - 1)))
@@ -188,7 +187,7 @@ def offline_near_starts_agree(e: Evidence) -> Finding:
 
 
 @check("section 4", "a warning for 0.5, 0.7 and 2 times nominal")
-def offline_reports_local_minima(e: Evidence) -> Finding:
+def offline_reports_local_minima(e: Evidence) -> Decided:
     """Started too far off, identification ends in a local minimum and says so."""
     correlations = {f"{s:g}×": e.offline.starts[s].correlation for s in FAR}
     said = all("local minimum" in " ".join(e.offline.starts[s].warnings) for s in FAR)
@@ -196,7 +195,7 @@ def offline_reports_local_minima(e: Evidence) -> Finding:
 
 
 @check("section 4", "condition > 1e10, and the warning names every parameter")
-def offline_reports_the_free_scale(e: Evidence) -> Finding:
+def offline_reports_the_free_scale(e: Evidence) -> Decided:
     """Torque and speed leave the scale of all parameters open: one of k_T and J_m must be known."""
     run = e.offline.everything
     named = all(name in " ".join(run.warnings) for name in run.names)
@@ -204,7 +203,7 @@ def offline_reports_the_free_scale(e: Evidence) -> Finding:
 
 
 @check("section 4, Fig. 4", "within 0.25 dB of the truth over 40–188 rad/s")
-def identified_model_fits(e: Evidence) -> Finding:
+def identified_model_fits(e: Evidence) -> Decided:
     """The physical model identified from the data has the frequency response of the axis."""
     model = e.data.model.parametrize(e.offline.physical.names)
     response, _ = frequency_response(
@@ -215,14 +214,14 @@ def identified_model_fits(e: Evidence) -> Finding:
 
 
 @check("section 4, Fig. 4", "within 1 dB of the truth over 40–188 rad/s from order 30 on")
-def high_order_arx_agrees(e: Evidence) -> Finding:
+def high_order_arx_agrees(e: Evidence) -> Decided:
     """A very high order ARX model agrees with the physical one."""
     errors = _arx_errors(e, (30, HIGH_ORDER))
     return errors, max(errors.values()) <= 1
 
 
 @check("section 4, Fig. 4", "more than 3 dB off at order 10")
-def low_order_arx_does_not(e: Evidence) -> Finding:
+def low_order_arx_does_not(e: Evidence) -> Decided:
     """The order of the ARX model has to be very high: white output noise biases a low one."""
     errors = _arx_errors(e, (LOW_ORDER,))
     return errors, min(errors.values()) > 3

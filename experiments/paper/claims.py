@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.paper.answers import Answers
 from flexaxis.experiments.paper.convergence import Convergence
 from flexaxis.experiments.paper.data import Data
+from flexaxis.experiments.paper.further_work import FurtherWork
 from flexaxis.experiments.paper.offline import Offline
 
 Measured = float | Mapping[str, float]
+Decided = tuple[Measured, bool]
+"""What was measured, and whether the claim holds."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Evidence:
     data: Data
     convergence: Convergence
     offline: Offline
-    answers: Answers
+    further: FurtherWork
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ class Check:
 
     source: str
     expected: str
-    measure: Callable[[Evidence], tuple[Measured, bool]]
+    measure: Callable[[Evidence], Decided]
 
     def __call__(self, evidence: Evidence) -> Claim:
         """Return the claim, decided."""
@@ -90,9 +92,7 @@ class Check:
         )
 
 
-def check(
-    source: str, expected: str
-) -> Callable[[Callable[[Evidence], tuple[Measured, bool]]], Check]:
+def check(source: str, expected: str) -> Callable[[Callable[[Evidence], Decided]], Check]:
     """Make a check of a function: its name is the id of the claim, its docstring the claim."""
     return lambda measure: Check(source, expected, measure)
 

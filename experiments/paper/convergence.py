@@ -11,7 +11,7 @@ from flexaxis.estimators import priors
 from flexaxis.estimators.adaptation import steady_P
 from flexaxis.estimators.frequency import information, line_spectrum
 from flexaxis.experiments.paper.data import Data
-from flexaxis.experiments.paper.filters import Runs, Tuning, filtered
+from flexaxis.experiments.paper.filters import Adaptation, FilterRuns, filtered
 from flexaxis.experiments.scoring.pools import settles, spread_at_a_time
 
 Array = NDArray[np.float64]
@@ -30,17 +30,17 @@ class Convergence:
     ----------
     Q : ndarray (p, p)
         E ψψᵀ of the reference torque at nominal parameters, eq. (31).
-    forgetting, drift : Runs
+    forgetting, drift : FilterRuns
         λ = 0.995, and Δ of eq. (32); from 1.2 times nominal.
-    slow_forgetting, slow_drift : Runs
+    slow_forgetting, slow_drift : FilterRuns
         λ = 0.999, and Δ/16; 60 s, from nominal.
     """
 
     Q: Array
-    forgetting: Runs
-    drift: Runs
-    slow_forgetting: Runs
-    slow_drift: Runs
+    forgetting: FilterRuns
+    drift: FilterRuns
+    slow_forgetting: FilterRuns
+    slow_drift: FilterRuns
 
 
 def drift() -> Array:
@@ -52,10 +52,10 @@ def converge(data: Data) -> Convergence:
     """Run the experiments of section 5 on the data."""
     return Convergence(
         Q=reference_information(data),
-        forgetting=_paper(data, Tuning(forgetting=FORGETTING)),
-        drift=_paper(data, Tuning(drift=drift())),
-        slow_forgetting=_slow(data, Tuning(forgetting=SLOW_FORGETTING)),
-        slow_drift=_slow(data, Tuning(drift=SLOW_DRIFT * drift())),
+        forgetting=_paper(data, Adaptation(forgetting=FORGETTING)),
+        drift=_paper(data, Adaptation(drift=drift())),
+        slow_forgetting=_slow(data, Adaptation(forgetting=SLOW_FORGETTING)),
+        slow_drift=_slow(data, Adaptation(drift=SLOW_DRIFT * drift())),
     )
 
 
@@ -71,35 +71,37 @@ def steady(data: Data, signal: Array) -> Array:
     return signal[-2 * round(data.excitation.period / data.scenario.period) :]
 
 
-def _paper(data: Data, tuning: Tuning) -> Runs:
+def _paper(data: Data, adaptation: Adaptation) -> FilterRuns:
     P0 = priors.nominal_P(
         data.model,
         data.reference_torque,
         identify=data.names,
         period=data.scenario.period,
-        forgetting=tuning.forgetting,
-        drift=tuning.drift,
+        forgetting=adaptation.forgetting,
+        drift=adaptation.drift,
     )
-    return filtered(data, data.nominal, tuning, P0=P0, start=data.scenario.start)
+    return filtered(data, data.nominal, adaptation, P0=P0, start=data.scenario.start)
 
 
-def _slow(data: Data, tuning: Tuning) -> Runs:
-    P = steady_P(reference_information(data), forgetting=tuning.forgetting, drift=tuning.drift)
-    return filtered(data, data.long, tuning, P0=P)
+def _slow(data: Data, adaptation: Adaptation) -> FilterRuns:
+    P = steady_P(
+        reference_information(data), forgetting=adaptation.forgetting, drift=adaptation.drift
+    )
+    return filtered(data, data.long, adaptation, P0=P)
 
 
-def times(runs: Runs, level: float, *, start: float, period: float) -> list[float | None]:
+def times(runs: FilterRuns, level: float, *, start: float, period: float) -> list[float | None]:
     """Return when the median run has all but `level` of the initial error behind it [s], (p,)."""
     error = (runs.theta - 1) / (start - 1)
     return [settles(list(error[:, :, i]), level, period) for i in range(error.shape[2])]
 
 
-def mean_P(runs: Runs) -> Array:
+def mean_P(runs: FilterRuns) -> Array:
     """Return the mean of diag P (S, p) of each run over its second half, without the transient."""
     return runs.P[:, runs.P.shape[1] // 2 :].mean(axis=1)
 
 
-def spread(runs: Runs, *, period: float) -> Array:
+def pooled_std(runs: FilterRuns, *, period: float) -> Array:
     """Return the standard deviation of the estimates (p,) over the runs, in % of nominal.
 
     It is that at one time across runs, pooled over the last 10 s: an estimate that moves as slowly

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from flexaxis.estimators.model import Model, Parametrization, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.processes import process_pool
+from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.nominal import nominal_torque
 from flexaxis.experiments.running.seeds import FIRST
-from flexaxis.experiments.running.specs import nominal_torque
 from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -160,6 +160,22 @@ def _small(name: str, faults: Mapping[str, Scenario]) -> Scenario:
     return faults[name].override({"fault[0].factor": SMALL[name]})
 
 
+@dataclass(frozen=True)
+class _Part:
+    """Some runs of a group, simulated at a time."""
+
+    group: str
+    scenario: Scenario
+    seeds: tuple[int, ...]
+
+    def __str__(self) -> str:
+        return f"{self.scenario.name}, seeds {', '.join(map(str, self.seeds))}"
+
+
+def _made(part: _Part, store: RecordCache | None) -> tuple[str, list[Record]]:
+    return part.group, records(part.scenario, part.seeds, store)[0]
+
+
 def _simulate(
     wanted: Mapping[str, tuple[Scenario, Sequence[int]]],
     jobs: int,
@@ -168,18 +184,14 @@ def _simulate(
 ) -> dict[str, list[Record]]:
     """Return the records of each group, its seeds shared out to the processes."""
     parts = [
-        (group, scenario, seeds[i::jobs])
+        _Part(group, scenario, tuple(seeds[i::jobs]))
         for group, (scenario, seeds) in wanted.items()
         for i in range(min(jobs, len(seeds)))
     ]
-    scenarios, seeds = [part[1] for part in parts], [part[2] for part in parts]
-    total = sum(s.samples * len(chunk) for s, chunk in zip(scenarios, seeds, strict=True))
+    total = sum(part.scenario.samples * len(part.seeds) for part in parts)
     found: dict[str, list[Record]] = {group: [] for group in wanted}
-    with ExitStack() as stack:
-        spread = map if jobs == 1 else stack.enter_context(process_pool(jobs)).map
-        for (group, scenario, _), (made, _) in zip(
-            parts, spread(partial(records, store=store), scenarios, seeds), strict=True
-        ):
-            found[group] += made
-            advance(scenario.samples * len(made) / total)
+    with closing(spread(parts, partial(_made, store=store), jobs=jobs)) as made:
+        for group, records_ in made:
+            found[group] += records_
+            advance(sum(len(record.time) for record in records_) / total)
     return {group: sorted(made, key=lambda r: r.seed or 0) for group, made in found.items()}

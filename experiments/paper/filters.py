@@ -22,7 +22,7 @@ COARSE = 200
 
 
 @dataclass(frozen=True)
-class Runs:
+class FilterRuns:
     """What an estimator did on S records of N samples.
 
     Attributes
@@ -41,8 +41,8 @@ class Runs:
 
 
 @dataclass(frozen=True)
-class Tuning:
-    """Design parameters of the recursive method: λ or Δ, and μ."""
+class Adaptation:
+    """What is chosen in the recursive method: λ or Δ, and μ."""
 
     forgetting: float | None = None
     drift: ArrayLike | None = None
@@ -52,13 +52,13 @@ class Tuning:
 def filtered(
     data: Data,
     records: Sequence[Record],
-    tuning: Tuning,
+    adaptation: Adaptation,
     *,
     P0: ArrayLike,
     start: float = 1.0,
     reset: tuple[int, Array] | None = None,
     stride: int = STRIDE,
-) -> Runs:
+) -> FilterRuns:
     """Run the recursive prediction-error method on each record.
 
     Parameters
@@ -66,7 +66,7 @@ def filtered(
     data : Data
         For the model and what is identified.
     records : sequence of Record
-    tuning : Tuning
+    adaptation : Adaptation
     P0 : array_like (p,) or (p, p)
     start : float
         θ(0) over nominal.
@@ -82,13 +82,13 @@ def filtered(
         theta0=start * nominal,
         P0=P0,
         period=data.scenario.period,
-        forgetting=tuning.forgetting,
-        drift=tuning.drift,
-        regularization=tuning.regularization,
+        forgetting=adaptation.forgetting,
+        drift=adaptation.drift,
+        regularization=adaptation.regularization,
     )
     done = [_follow(estimator, record, reset, stride) for record in records]
     initial = np.asarray(P0, float)
-    return Runs(
+    return FilterRuns(
         P0=initial if initial.ndim == 1 else np.diag(initial),
         theta=np.stack([theta for theta, _ in done]) / nominal,
         P=np.stack([P for _, P in done]),

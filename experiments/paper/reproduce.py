@@ -2,49 +2,48 @@
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from flexaxis.experiments.paper import (
-    answer_figures,
-    checks_answers,
     checks_filter,
+    checks_further,
     checks_model,
-    figures,
+    further_figures,
+    paper_figures,
 )
-from flexaxis.experiments.paper.answers import answer
 from flexaxis.experiments.paper.claims import Claim, Evidence, checks_in
 from flexaxis.experiments.paper.convergence import converge
 from flexaxis.experiments.paper.data import Size, collect
+from flexaxis.experiments.paper.further_work import further_work
 from flexaxis.experiments.paper.offline import identify_offline
-from flexaxis.experiments.paper.page import render
+from flexaxis.experiments.paper.paper_page import render
 from flexaxis.experiments.paper.style import RC
 from flexaxis.experiments.reporting.figures import svg
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.files import write_text, writing
+from flexaxis.experiments.running.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 
-CHECKS = tuple(c for m in (checks_model, checks_filter, checks_answers) for c in checks_in(m))
+CHECKS = tuple(c for m in (checks_model, checks_filter, checks_further) for c in checks_in(m))
 """All checks, in the order of the paper."""
 
 FIGURES = {
-    "fig3": figures.fig3,
-    "fig4": figures.fig4,
-    "fig5": figures.fig5,
-    "fig6": figures.fig6,
-    "fig7": figures.fig7,
-    "fig8": figures.fig8,
-    "fig9": figures.fig9,
-    "figA": answer_figures.figA,
-    "figB": answer_figures.figB,
-    "figC": answer_figures.figC,
+    "fig3": paper_figures.fig3,
+    "fig4": paper_figures.fig4,
+    "fig5": paper_figures.fig5,
+    "fig6": paper_figures.fig6,
+    "fig7": paper_figures.fig7,
+    "fig8": paper_figures.fig8,
+    "fig9": paper_figures.fig9,
+    "figA": further_figures.figA,
+    "figB": further_figures.figB,
+    "figC": further_figures.figC,
 }
 """All figures, by the name of their files."""
 
-SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "answers": 0.2, "figures": 0.1}
+SHARES = {"data": 0.6, "offline": 0.05, "convergence": 0.05, "further": 0.2, "figures": 0.1}
 """What part of the time a stage takes."""
 
 Advance = Callable[[float], None]
@@ -94,8 +93,7 @@ def reproduce(
     for name in FIGURES:
         drawn[name] = draw(e, name, folder)
         advance(SHARES["figures"] / len(FIGURES))
-    plain = json.dumps([c.as_json() for c in claims], ensure_ascii=False, indent=1, allow_nan=False)
-    write_text(folder / CLAIMS, plain + "\n")
+    write_json(folder / CLAIMS, [claim.as_json() for claim in claims])
     write_text(folder / PAGE, render(e, claims, drawn, command))
     return claims
 
@@ -115,9 +113,9 @@ def evidence(
     advance(SHARES["offline"])
     convergence = converge(data)
     advance(SHARES["convergence"])
-    answers = answer(data, convergence.Q)
-    advance(SHARES["answers"])
-    return Evidence(data=data, convergence=convergence, offline=offline, answers=answers)
+    further = further_work(data, convergence.Q)
+    advance(SHARES["further"])
+    return Evidence(data=data, convergence=convergence, offline=offline, further=further)
 
 
 def decide(e: Evidence) -> list[Claim]:
@@ -133,6 +131,6 @@ def draw(e: Evidence, name: str, folder: Path) -> str:
         figure = FIGURES[name](e)
         text = svg(figure)
         write_text(folder / f"{name}.svg", text)
-        with writing(folder / f"{name}.png"):
-            figure.savefig(folder / f"{name}.png", dpi=200)
+        with new_file(folder / f"{name}.png") as part:
+            figure.savefig(part, dpi=200)
     return text

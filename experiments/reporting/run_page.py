@@ -4,64 +4,60 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
-from flexaxis.experiments.reporting import figures, tradeoff
-from flexaxis.experiments.running.files import Results
+from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
+from flexaxis.experiments.reporting.cells import number, pair, settled
+from flexaxis.experiments.running.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
-TEMPLATE = "run.html"
 SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
 DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
 
 
-def render(results: Results) -> str:
+def render(results: Pooled) -> str:
     """Return the report as HTML.
 
     Parameters
     ----------
-    results : Results
-        As from `flexaxis.experiments.running.files.load`.
+    results : Pooled
+        As from `flexaxis.experiments.running.pooled.load`.
     """
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"number": number, "pair": pair, "settled": settled, "shade": shade}
-    folder = files("flexaxis.experiments.reporting") / "templates"
-    template = environment.from_string((folder / TEMPLATE).read_text(encoding="utf-8"))
     summary = results.summary
     scenarios = {
-        name: scenario_from(entry["definition"], source=name)
+        name: stored_scenario(entry["definition"], source=name)
         for name, entry in summary["scenarios"].items()
     }
-    return template.render(
-        summary=summary,
-        sections=[_section(name, scenarios[name], results) for name in scenarios],
-        figure=_tradeoff_figure(summary),
-        swept=summary.get("tradeoff"),
-        answers=_answers(summary, scenarios),
-        findings=ranking.in_words(summary["as_set"]),
-        equal=_at_equal_noise(summary),
-        mismatch=_mismatch(summary, scenarios),
-        controls=ranking.CONTROLS,
-        at_most=ranking.AT_MOST,
-        at_least=ranking.AT_LEAST,
-        colour=figures.colour,
-        heads=column_heads(),
-        cells=cells,
-        glossary={label(s.name): s.words for s in SCORES.values() if s.heading},
-    )
+    content = {
+        "summary": summary,
+        "failed": len(summary.get("failures", [])),
+        "failures": failures.in_words(summary.get("failures", [])),
+        "sections": [_section(name, scenarios[name], results) for name in scenarios],
+        "figure": _tradeoff_figure(summary),
+        "swept": summary.get("tradeoff"),
+        "answers": _answers(summary, scenarios),
+        "findings": ranking.in_words(summary["as_set"]),
+        "equal": _at_equal_noise(summary),
+        "mismatch": _mismatch(summary, scenarios),
+        "controls": ranking.CONTROLS,
+        "at_most": ranking.AT_MOST,
+        "at_least": ranking.AT_LEAST,
+        "colour": figures.colour,
+        "heads": column_heads(),
+        "cells": cells,
+        "glossary": {label(s.name): s.words for s in SCORES.values() if s.heading},
+    }
+    return page.render("reporting/templates/run.html", content)
 
 
 def _tradeoff_figure(summary: Mapping[str, Any]) -> str | None:
     """Return the curves over the knobs where they were swept, else a point an estimator."""
     if summary.get("tradeoff"):
-        return figures.svg(tradeoff.figure(summary["tradeoff"]["points"]))
+        return figures.svg(tradeoff_figure.figure(summary["tradeoff"]["points"]))
     if any(row["changed"] for row in summary["rows"]):
         return figures.svg(figures.speed_variance(summary["rows"]))
     return None
@@ -107,7 +103,7 @@ def _mismatch(
     }
 
 
-def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
+def _section(name: str, scenario: Scenario, results: Pooled) -> dict[str, Any]:
     curves = [curve for curve in results.curves if curve.scenario == name]
     drawn = figures.svg if len(results.summary["scenarios"]) <= SHARP else figures.img
     return {
@@ -116,12 +112,12 @@ def _section(name: str, scenario: Scenario, results: Results) -> dict[str, Any]:
         "faults": in_a_line(scenario),
         "hash": results.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
-        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)),
+        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)) if curves else "",
         "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
     }
 
 
-def _drawn(curves: Sequence[Curve], results: Results) -> list[Curve]:
+def _drawn(curves: Sequence[Curve], results: Pooled) -> list[Curve]:
     """Return the trajectories to draw: where there are many, the reference and the fastest."""
     if len(curves) <= DRAWN:
         return list(curves)
@@ -160,31 +156,3 @@ def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     efficiency, cost = row.get("efficiency", {}).get("200"), row["cost"]["us_per_sample"]
     more = (efficiency, alarms.get("alarms"), alarms.get("false_alarms_per_1000_s"), cost)
     return found + [(number(value, 2), "") for value in more]
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """Return a number for a table; what is not defined is a dash."""
-    if value is None:
-        return "–"
-    # 120 and not 1.2e+02
-    return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
-
-
-def pair(interval: Sequence[float | None] | None) -> str:
-    """Return an interval for a table; an end that is not finite is said in words."""
-    if interval is None:
-        return ""
-    return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
-
-
-def shade(score: float | None) -> str:
-    """Return the background of a score: white for doing nothing, green on the bound, else red."""
-    if score is None:
-        return "transparent"
-    strength = min(abs(score), 100.0) / 100
-    return f"rgb({'0 158 115' if score >= 0 else '213 94 0'} / {0.45 * strength:.2f})"
-
-
-def settled(value: float | None, changed: bool) -> str:
-    """Return a settling time for a table; never is said in words."""
-    return number(value) if value is not None or not changed else "never"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from importlib.resources import files
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting import sweep_figures as figures
 from flexaxis.experiments.reporting.figures import colour, svg
 from flexaxis.experiments.reporting.findings import alarms, confusion
-from flexaxis.experiments.reporting.run_page import number, pair, settled
 from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
@@ -45,41 +44,37 @@ HEAT = (
 )
 
 
-def write_report(results: Results) -> Path:
-    """Write report.html into the folder of a study and return its path.
+def write_report(results: Results, path: Path | None = None) -> Path:
+    """Write the report of a study, by default into its folder, and return its path.
 
     Raises
     ------
     OutputError
         If it cannot be written.
     """
-    path = results.folder / REPORT
+    path = path or results.folder / REPORT
     write_text(path, render(results))
     return path
 
 
 def render(results: Results) -> str:
     """Return the report as HTML: one file, readable without a network."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    environment.filters |= {"number": number, "pair": pair, "settled": settled}
-    page = files("flexaxis.experiments.reporting") / "templates" / "study.html"
     bins = _bins(results)
     groups = results.grouped(_lines(results), bins=bins)
     failures = results.failures()
-    return environment.from_string(page.read_text(encoding="utf-8")).render(
-        study=results.study,
-        axes=results.axes,
-        rows=groups.first(LINES).pooled(SHOWN, results.scenario),
-        left_out=max(0, len(groups) - LINES),
-        cases=results.cases,
-        failed=len(failures),
-        failures=failures[:10],
-        figures=[(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
-        colour=colour,
-        tell=figures.short,
-    )
+    content = {
+        "study": results.study,
+        "axes": results.axes,
+        "rows": groups.first(LINES).pooled(SHOWN, results.scenario),
+        "left_out": max(0, len(groups) - LINES),
+        "cases": results.cases,
+        "failed": len(failures),
+        "failures": failures[:10],
+        "figures": [(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
+        "colour": colour,
+        "tell": figures.short,
+    }
+    return page.render("reporting/templates/study.html", content)
 
 
 def drawn(

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from flexaxis.experiments.reporting.run_page import number, pair, settled
+from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.scoring.table import SCORES, Score

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.files import OutputError, writing
+from flexaxis.experiments.running.files import OutputError, new_file
 from flexaxis.models_mjcf import model_files
 from flexaxis.sim.record import Record
 
@@ -53,8 +53,8 @@ def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None
 
     with camera(width=1280, height=720) as shoot:
         pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
-    with writing(path):
-        matplotlib.image.imsave(path, pixels)
+    with new_file(path) as part:
+        matplotlib.image.imsave(part, pixels)
 
 
 @contextmanager

@@ -1,8 +1,9 @@
 """Simulated records kept for the next run, addressed by their content.
 
-A record is known by the hash of its scenario, its seed, the version of the engine and a digest of
-our simulation code, so that a change of any of them simulates anew. Entries are written at once
-or not at all, carry checksums, and the least recently used ones go when the folder is full.
+A record is known by what plant and sensors see of its scenario (`Scenario.record_hash`), its seed,
+the version of the engine and a digest of our simulation code, so that a change of any of them
+simulates anew, and a change of what estimators are told or asked does not. Entries are written at
+once or not at all, carry checksums, and the least recently used ones go when the folder is full.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from hashlib import sha256
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
@@ -72,15 +73,10 @@ class RecordCache:
     def put(self, scenario: Scenario, record: Record, *, repeat: int = 0) -> None:
         """Keep a record; a folder that is full or cannot be written is no error."""
         path = self._path(scenario, record.seed or 0, repeat)
-        part = path.with_name(f"{path.name}.{uuid4().hex}.part")
         with suppress(OSError):
-            try:
-                self.folder.mkdir(parents=True, exist_ok=True)
-                with part.open("wb") as file:
-                    np.savez(file, **{name: getattr(record, name) for name in SIGNALS})
-                os.replace(part, path)
-            finally:
-                part.unlink(missing_ok=True)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with atomic(path) as new:
+                np.savez(new, **{name: getattr(record, name) for name in SIGNALS})
 
     def entries(self) -> list[Path]:
         """Return the files, the least recently used first."""
@@ -115,7 +111,7 @@ class RecordCache:
 
     def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
         run = f"{seed}.{repeat}" if repeat else f"{seed}"
-        key = f"{scenario.hash} {run} {sorted(versions().items())} {_code()}"
+        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {_code()}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 

@@ -1,8 +1,8 @@
-"""Units of work to processes or to any executor, a bounded number at a time, and again if lost."""
+"""Work to processes or to any executor: a bounded number at a time, and again if lost."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -11,125 +11,171 @@ from concurrent.futures import (
     Future,
     wait,
 )
+from contextlib import suppress
+from typing import Generic, TypeVar
 
-from flexaxis.experiments.running.plan import Unit
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.interrupts import Interrupts, held_back, two_stage
 from flexaxis.experiments.running.processes import process_pool
-from flexaxis.experiments.running.work import Outcome
-from flexaxis.experiments.studies.definition import StudyError
 
 ATTEMPTS = 3
-Worker = Callable[[Unit], Outcome]
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 def spread(
-    units: Iterable[Unit],
-    work: Worker,
+    tasks: Iterable[Task],
+    work: Callable[[Task], Result],
     *,
     jobs: int = 1,
     executor: Executor | None = None,
     in_flight: int | None = None,
-) -> Iterator[Outcome]:
-    """Yield outcomes as they come, in any order.
+) -> Generator[Result, None, None]:
+    """Yield results as they come, in any order.
+
+    Ctrl-C once lets what is at work come in and starts nothing new; twice ends at once. Either way
+    a KeyboardInterrupt follows what was done.
 
     Parameters
     ----------
-    units : iterable of Unit
-        Drawn from as there is room, so that a study of any size needs no more memory.
+    tasks : iterable
+        Drawn from as there is room, so that a study of any size needs no more memory; each says
+        in words what it is (`str`).
     work : callable
-        From unit to outcome; must travel by pickle.
+        From task to result; must travel by pickle.
     jobs : int
         Processes of our own; one stays in this process.
     executor : concurrent.futures.Executor, optional
         Where to work instead.
     in_flight : int, optional
-        Units handed out at a time; twice the jobs by default.
+        Tasks handed out at a time; twice the jobs by default.
 
     Raises
     ------
     StudyError
-        If the worker of a unit dies or fails three times: names the unit.
+        If the worker of a task dies or fails three times: names the task.
+    KeyboardInterrupt
+        After Ctrl-C.
     """
     room = in_flight or 2 * jobs
-    if executor is not None:
-        yield from _Flight(executor, work).all(units, room)
-    elif jobs == 1:
-        yield from map(work, units)
-    else:
-        yield from _own_pools(iter(units), work, jobs, room)
+    with two_stage() as interrupts:
+        remaining = interrupts.until(tasks)
+        if executor is not None:
+            yield from _elsewhere(_Flight(executor, work, interrupts), remaining, room)
+        elif jobs == 1:
+            for task in remaining:
+                interrupts.at_work = 1
+                yield work(task)
+        else:
+            yield from _own_pools(remaining, work, jobs, room, interrupts)
+        interrupts.tell()
 
 
-def _own_pools(units: Iterator[Unit], work: Worker, jobs: int, room: int) -> Iterator[Outcome]:
+def _elsewhere(flight: _Flight[Task, Result], tasks: Iterator[Task], room: int) -> Iterator[Result]:
+    try:
+        yield from flight.all(tasks, room)
+    finally:
+        for future in flight.out:  # none is left but after an error or Ctrl-C
+            future.cancel()
+
+
+def _own_pools(
+    tasks: Iterator[Task],
+    work: Callable[[Task], Result],
+    jobs: int,
+    room: int,
+    interrupts: Interrupts,
+) -> Iterator[Result]:
     """Start a new pool where a process was killed, which takes its whole pool with it.
 
-    What was lost is run one by one, for only then it is known which unit kills its worker.
+    What was lost is run one by one, for only then it is known which task kills its worker.
     """
     more = True
     while more:
         with process_pool(jobs) as pool:
-            flight = _Flight(pool, work)
+            flight = _Flight(pool, work, interrupts)
             try:
-                yield from flight.all(units, room)
+                yield from flight.all(tasks, room)
                 more = False
             except BrokenExecutor:
                 pass
-        yield from _one_by_one([unit for unit, _ in flight.out.values()], work)
+        lost = [task for task, _ in flight.out.values()]
+        yield from _one_by_one(list(interrupts.until(lost)), work)
 
 
-def _one_by_one(units: list[Unit], work: Worker) -> Iterator[Outcome]:
+def _one_by_one(tasks: list[Task], work: Callable[[Task], Result]) -> Iterator[Result]:
     attempt = 0
-    while units:
+    while tasks:
         with process_pool(1) as pool:
             try:
-                while units:
-                    outcome = pool.submit(work, units[0]).result()
-                    del units[0]
+                while tasks:
+                    with held_back():
+                        future = pool.submit(work, tasks[0])
+                    result = future.result()
+                    del tasks[0]
                     attempt = 0
-                    yield outcome
+                    yield result
             except BrokenExecutor as error:
                 attempt += 1
                 if attempt == ATTEMPTS:
-                    raise _given_up(units[0], error) from error
+                    raise _given_up(tasks[0], error) from error
 
 
-class _Flight:
-    """Units that are out, and how often each was tried, by the futures of their outcomes."""
+class _Flight(Generic[Task, Result]):
+    """Tasks that are out, and how often each was tried, by the futures of their results."""
 
-    def __init__(self, executor: Executor, work: Worker) -> None:
-        self.executor, self.work = executor, work
-        self.out: dict[Future[Outcome], tuple[Unit, int]] = {}
+    def __init__(
+        self, executor: Executor, work: Callable[[Task], Result], interrupts: Interrupts
+    ) -> None:
+        self.executor, self.work, self.interrupts = executor, work, interrupts
+        self.out: dict[Future[Result], tuple[Task, int]] = {}
 
-    def all(self, units: Iterable[Unit], room: int) -> Iterator[Outcome]:
-        for unit in units:
-            self._submit(unit, 1)
+    def all(self, tasks: Iterable[Task], room: int) -> Iterator[Result]:
+        for task in tasks:
+            self._submit(task, 1)
             while len(self.out) >= room:
                 yield from self._land()
         while self.out:
             yield from self._land()
 
-    def _submit(self, unit: Unit, attempt: int) -> None:
+    def _submit(self, task: Task, attempt: int) -> None:
         try:
-            self.out[self.executor.submit(self.work, unit)] = unit, attempt
+            with held_back():
+                self.out[self.executor.submit(self.work, task)] = task, attempt
         except BrokenExecutor:
-            self.out[Future()] = unit, attempt  # lost with the others
+            self.out[Future()] = task, attempt  # lost with the others
             raise
+        self.interrupts.at_work = len(self.out)
 
-    def _land(self) -> Iterator[Outcome]:
-        ready, _ = wait(self.out, return_when=FIRST_COMPLETED)
+    def _land(self) -> Iterator[Result]:
+        ready, _ = wait(self.out, timeout=self.interrupts.patience, return_when=FIRST_COMPLETED)
+        if self.interrupts.asked:
+            self._give_back()
         for future in ready:
             error = CancelledError() if future.cancelled() else future.exception()
             if isinstance(error, BrokenExecutor):
                 raise error
-            unit, attempt = self.out.pop(future)
+            if future not in self.out:  # given back just now
+                continue
+            task, attempt = self.out.pop(future)
+            self.interrupts.at_work = len(self.out)
             if error is None:
                 yield future.result()
             elif attempt < ATTEMPTS:
-                self._submit(unit, attempt + 1)
+                self._submit(task, attempt + 1)
             else:
-                raise _given_up(unit, error)
+                raise _given_up(task, error)
+
+    def _give_back(self) -> None:
+        """Take back what has not begun: it is as missing as what was never handed out."""
+        for future in list(self.out):
+            with suppress(BrokenExecutor):
+                if future.cancel():
+                    del self.out[future]
 
 
-def _given_up(unit: Unit, error: BaseException) -> StudyError:
-    return StudyError(
-        f"given up after {ATTEMPTS} attempts on {unit}: {type(error).__name__}: {error}. "
-        "A worker that dies is often one that runs out of memory"
-    )
+def _given_up(task: object, error: BaseException) -> StudyError:
+    why = f"{type(error).__name__}: {error}"
+    if isinstance(error, BrokenExecutor):
+        why = "a worker process died: its code ended it, memory ran out, or it was killed"
+    return StudyError(f"given up after {ATTEMPTS} attempts on {task}: {why}")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,14 +20,14 @@ from flexaxis.experiments.running.specs import Spec, build
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 Array = NDArray[np.float64]
 PIECE = 20_000  # samples in memory at a time
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Estimated:
     """What is known when all samples are through.
 
     Attributes
@@ -57,7 +56,7 @@ def estimate(
     scenario: Scenario | None = None,
     covariance: bool = True,
     advance: Callable[[int], None] | None = None,
-) -> Outcome:
+) -> Estimated:
     """Run an estimator on a record file and write the estimates to another, at once or not at all.
 
     The file has `time` (time), `theta` (time, estimate), the names as coordinate `estimate`, and
@@ -89,21 +88,22 @@ def estimate(
         raise EstimatorError(f"{spec.text} reads {estimator.output!r}, which {source} lacks")
     claims = covariance and hasattr(estimator, "covariance")
     names, samples = tuple(estimator.names), 0
-    with estimates_file(target, names, count_samples(source), claims=claims) as file:
+    claimed: Literal["covariance"] | None = "covariance" if claims else None
+    with estimates_file(target, names, count_samples(source), claimed=claimed) as file:
         file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
         file.attrs["record_hash"] = first.hash
         for piece in chain([first], pieces):
-            theta, claimed, _ = run_on(estimator, piece, claims=claims)
+            theta, sure, _ = run_on(estimator, piece, claims=claims)
             span = slice(samples, samples + len(theta))
             file["time"][span], file["theta"][span] = piece.time, theta
-            if claimed is not None:
-                file["covariance"][span] = claimed
+            if sure is not None:
+                file["covariance"][span] = sure
             samples = span.stop
             if advance:
                 advance(len(theta))
     known = piece.true_parameters
     truth = None if known is None else true_theta(names, known[-1])
-    return Outcome(names, theta[-1], truth, samples)
+    return Estimated(names, theta[-1], truth, samples)
 
 
 def run_on(
@@ -143,32 +143,31 @@ def run_on(
 
 @contextmanager
 def estimates_file(
-    path: Path, names: tuple[str, ...], samples: int, *, claims: bool = False
+    path: Path,
+    names: Sequence[str],
+    samples: int,
+    *,
+    claimed: Literal["covariance", "deviation"] | None = None,
 ) -> Iterator[Any]:
-    """Open a file of estimates to be filled; it gets its name when it is complete."""
-    import h5netcdf
-    import h5py
+    """Give a file of estimates to be filled: time, theta, names, and what the estimator claims.
 
-    part = path.with_name(f".{path.name}.part")
-    p = len(names)
-    with writing(path):
-        try:
-            with h5netcdf.File(part, "w") as file:
-                file.dimensions = {"time": samples, "estimate": p}
-                time = file.create_variable("time", ("time",), float)
-                time.attrs["units"] = "s"
-                text = file.create_variable("estimate", ("estimate",), h5py.string_dtype())
-                text[:] = np.array(names, dtype=object)
-                file.create_variable("theta", ("time", "estimate"), float)
-                if claims:
-                    # NetCDF wants each dimension of a variable to be another one.
-                    file.dimensions["estimate_2"] = p
-                    dimensions = ("time", "estimate", "estimate_2")
-                    file.create_variable("covariance", dimensions, float)
-                yield file
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+    Raises
+    ------
+    OutputError
+        If it cannot be written; it gets its name when it is complete.
+    """
+    from flexaxis.sim.netcdf import add, declare, new_netcdf
+
+    shape = {"time": samples, "estimate": len(names)}
+    with writing(path), new_netcdf(path) as file:
+        declare(file, "time", {"time": samples}, float, units="s")
+        add(file, "estimate", ("estimate",), names)
+        declare(file, "theta", shape, float, long_name="estimates, SI units")
+        if claimed == "covariance":  # each dimension of a variable must be another one
+            shape["estimate_2"] = len(names)
+        if claimed:
+            declare(file, claimed, shape, float, long_name=f"{claimed} that the estimator claims")
+        yield file
 
 
 def _own_scenario(record: Record, source: Path) -> Scenario:
@@ -177,4 +176,4 @@ def _own_scenario(record: Record, source: Path) -> Scenario:
             f"{source} does not say its scenario, so the nominal values and the parameters to "
             "identify are unknown: name one with --scenario"
         )
-    return scenario_from(record.scenario, source=f"{source}, attribute scenario")
+    return stored_scenario(record.scenario, source=f"{source}, attribute scenario")

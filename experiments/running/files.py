@@ -1,51 +1,19 @@
-"""The folder of a run: scores.jsonl, summary.json, curves.nc, report.html.
-
-While a run goes on its rows are appended to scores.part.jsonl, which becomes scores.jsonl when the
-run is complete; an interrupted run leaves the part, and an older complete result stays.
-"""
+"""Files that are written whole or not at all, and said in one line where they cannot be."""
 
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import Any
 
-import numpy as np
-
-from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.sim.errors import FlexaxisError
-
-SCORES, PART, SUMMARY, CURVES, REPORT = (
-    "scores.jsonl",
-    "scores.part.jsonl",
-    "summary.json",
-    "curves.nc",
-    "report.html",
-)
+from flexaxis.sim.files import atomic
 
 
 class OutputError(FlexaxisError):
     """A result cannot be written or read."""
-
-
-@dataclass(frozen=True)
-class Results:
-    """What a report is made of.
-
-    Attributes
-    ----------
-    summary : dict
-        As in summary.json: command, versions, seeds, scenarios, estimators, pooled rows.
-    curves : list of Curve
-        Trajectories of each estimator on each scenario.
-    """
-
-    summary: dict[str, Any]
-    curves: list[Curve]
 
 
 def dumps(content: Any) -> str:
@@ -60,109 +28,31 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(
-            f"{error.filename or path}: cannot be written: {error.strerror or error}. "
+            f"{path}: cannot be written: {error.strerror or error}. "
             "Choose another place with -o, or make room"
         ) from error
 
 
-class RowWriter:
-    """Append rows to scores.part.jsonl; once all are there, `finish` makes it scores.jsonl.
-
-    The folder is made if it is missing. A context manager: leaving it closes the file, and
-    whatever was written stays.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        with writing(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            self._file: IO[str] = (folder / PART).open("w", encoding="utf-8")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._file.close()
-
-    def write(self, rows: Sequence[dict[str, Any]]) -> None:
-        """Append rows and hand them to the system, so that a kill loses nothing."""
-        with writing(self.folder / PART):
-            self._file.write("".join(dumps(row) + "\n" for row in rows))
-            self._file.flush()
-
-    def finish(self) -> None:
-        """Close the file and give it its final name."""
-        with writing(self.folder / SCORES):
-            self._file.close()
-            os.replace(self.folder / PART, self.folder / SCORES)
-
-
-def save(folder: Path, results: Results) -> None:
-    """Write summary.json and curves.nc, each at once or not at all."""
-    text = json.dumps(results.summary, allow_nan=False, ensure_ascii=False, indent=1)
-    write_text(folder / SUMMARY, text + "\n")
-    with writing(folder / CURVES):
-        part = folder / (CURVES + ".part")
-        _save_curves(part, results.curves)
-        os.replace(part, folder / CURVES)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file at once or not at all."""
-    with writing(path):
-        part = path.with_name(path.name + ".part")
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-
-
-def load(folder: Path) -> Results:
-    """Return the results in a folder.
+@contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """Give a path to write to; what is there at the end takes the place of `path` at once.
 
     Raises
     ------
     OutputError
-        If a file is missing or damaged.
+        If it cannot be written; whatever was at `path` is still there.
     """
-    try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        return Results(summary, _load_curves(folder / CURVES))
-    except (OSError, ValueError, KeyError) as error:
-        raise OutputError(
-            f"{folder} holds no complete result ({SUMMARY} and {CURVES} are needed): {error}. "
-            "Make one with `flexaxis run … -o FOLDER`"
-        ) from error
+    with writing(path), atomic(path) as part:
+        yield part
 
 
-_ARRAYS = ("truth", "low", "median", "high")
+def write_text(path: Path, text: str) -> None:
+    """Write a text file at once or not at all; errors as from `new_file`."""
+    with new_file(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
-def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
-    import h5netcdf
-
-    with h5netcdf.File(path, "w") as file:
-        for number, curve in enumerate(curves):
-            group = file.create_group(str(number))
-            group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
-            group.attrs["names"] = json.dumps(curve.names)
-            group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
-            group.dimensions = {"time": len(curve.time), "estimate": len(curve.names)}
-            group.create_variable("time", ("time",), data=curve.time)
-            for name in _ARRAYS:
-                values = np.asarray(getattr(curve, name), np.float32)
-                group.create_variable(name, ("time", "estimate"), data=values)
-
-
-def _load_curves(path: Path) -> list[Curve]:
-    import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
-
-    with h5py.File(path, "r") as file:
-        return [
-            Curve(
-                scenario=group.attrs["scenario"],
-                estimator=group.attrs["estimator"],
-                names=tuple(json.loads(group.attrs["names"])),
-                time=group["time"][:],
-                **{name: group[name][:].astype(float) for name in _ARRAYS},
-            )
-            for _, group in sorted(file.items(), key=lambda item: int(item[0]))
-        ]
+def write_json(path: Path, content: Any) -> None:
+    """Write strict JSON to be read by people too; errors as from `new_file`."""
+    text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
+    write_text(path, text + "\n")

@@ -1,62 +1,142 @@
-"""The folder of a study: study.json, rows, trajectories, report.html; who may write to it."""
+"""The folder of a study, or of a run: what is in it, who may write to it, what fits together.
+
+study.json says what is studied; scores.jsonl, or scores-I-of-N.jsonl of each share, has the rows;
+traces/ what the figures of a run are drawn from, trajectories/ estimates that were kept;
+summary.json, curves.nc and report.html are made of these when all is done.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from flexaxis.experiments.running.code import digest
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import write_text, writing
 from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.rows import row_files
-from flexaxis.experiments.studies.definition import Study, StudyError
+from flexaxis.experiments.running.plan import Plan, expected
+from flexaxis.experiments.running.rows import row_files, share_of
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.traces import TRACES
+from flexaxis.experiments.running.work import made_with
 
-STUDY, LOCK, REPORT, TRAJECTORIES = "study.json", ".lock", "report.html", "trajectories"
+STUDY, SCORES, LOCK, TRAJECTORIES = "study.json", "scores.jsonl", ".lock", "trajectories"
+REPORT = "report.html"
+SUMMARY, CURVES, PREVIOUS, SWEEP = "summary.json", "curves.nc", "previous", "sweep"
+COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
+"""What is written last: a folder without any of these is not complete."""
+MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg")
 
 
 def rows_name(shard: tuple[int, int] = (1, 1)) -> str:
     """Return the name of a share's file of rows."""
     mine, shares = shard
-    return "rows.jsonl" if shares == 1 else f"rows-{mine}-of-{shares}.jsonl"
+    return SCORES if shares == 1 else f"scores-{mine}-of-{shares}.jsonl"
 
 
 @contextmanager
 def opened(
-    study: Study, folder: Path, *, shard: tuple[int, int] = (1, 1), resume: bool = False
+    plan: Plan,
+    folder: Path,
+    *,
+    resume: bool = False,
+    replace: bool = False,
+    about: Mapping[str, Any] | None = None,
 ) -> Iterator[Path]:
-    """Take a folder for a study, give its file of rows, and leave it to others at the end.
+    """Take a folder for a plan, give its file of rows, and leave it to others at the end.
 
     Shares of one study may work side by side; anyone else is refused.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        Made if it is missing.
+    resume : bool
+        Whether rows may be there already, to go on from.
+    replace : bool
+        Whether a result that is there may make room: it is kept in the folder `previous` until
+        the new one is complete (`completed`).
+    about : mapping, optional
+        What else is to stand in study.json.
 
     Raises
     ------
     StudyError
-        If the folder holds something else or is in use, or holds rows and `resume` is not set.
+        If the folder holds something else or is in use, or holds rows and may not.
     OutputError
         If it cannot be written to.
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as stack:
-        alone = shard[1] == 1
+        alone = plan.shard[1] == 1
         stack.enter_context(locked(folder / LOCK, shared=not alone))
+        name = rows_name(plan.shard)
         if not alone:
-            stack.enter_context(locked((folder / f".{rows_name(shard)}").with_suffix(LOCK)))
-        check(study, folder)
-        rows = folder / rows_name(shard)
+            stack.enter_context(locked(folder / f".{name.removesuffix('.jsonl')}{LOCK}"))
+        if replace and not resume:
+            _set_aside(folder)
+        check(plan.study, folder, plan.shard)
+        rows = folder / name
         if not resume and rows.exists() and rows.stat().st_size:
             raise StudyError(
                 f"{folder} holds rows of this study already: add --resume to go on with it, or "
                 "choose another folder with -o"
             )
-        write_text(folder / STUDY, json.dumps(described(study), indent=1) + "\n")
+        content = _with_those_before(folder, described(plan)) | dict(about or {})
+        write_text(folder / STUDY, json.dumps(content, indent=1) + "\n")
         yield rows
 
 
-def check(study: Study, folder: Path) -> None:
-    """Refuse a folder with rows of anything but this study."""
+def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
+    """Return what study.json is to hold: what is added to a study takes nothing from it."""
+    if not (folder / STUDY).exists():
+        return content
+    there = read_study(folder)
+    for key in ("estimators", "seeds"):
+        content[key] = list(dict.fromkeys([*there.get(key, []), *content[key]]))
+    return content | {"code": there.get("code", {}) | content["code"]}
+
+
+def _set_aside(folder: Path) -> None:
+    """Move a complete result out of the way; rows of an unfinished one are given up."""
+    names = (STUDY, *MADE, *COMPLETE, TRACES, SWEEP)
+    there = [folder / name for name in names] + row_files(folder)
+    there = [path for path in there if path.exists()]
+    if not there:
+        return
+    with writing(folder):
+        if not any((folder / name).exists() for name in COMPLETE):
+            for path in there:
+                _remove(path)
+            return
+        target = folder / PREVIOUS
+        _remove(target)
+        target.mkdir()
+        for path in sorted(there, key=lambda path: path.name in COMPLETE):
+            os.replace(path, target / path.name)
+
+
+def completed(folder: Path) -> None:
+    """Remove what a complete result has replaced."""
+    _remove(folder / PREVIOUS)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    with suppress(FileNotFoundError, IsADirectoryError, PermissionError):
+        path.unlink()
+
+
+def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
+    """Raise a StudyError if a folder holds anything that rows of a study do not go with."""
     if not (folder / STUDY).exists():
         if found := row_files(folder):
             raise StudyError(
@@ -65,12 +145,63 @@ def check(study: Study, folder: Path) -> None:
             )
         return
     there = read_study(folder)
+    _check_identity(study, folder, there)
+    _check_code(study, folder, there)
+    _check_shares(folder, shard)
+
+
+def _check_identity(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
+    mine = _scenarios(study)
+    names = {entry["hash"]: entry["definition"]["name"] for entry in there["scenarios"]}
     if there["identity"] != study.identity:
+        axes = ", ".join(study.axes) or "no axes"
         raise StudyError(
             f"{folder} holds another study: of {_summary(there)}, and this is of "
-            f"{_summary(described(study))}. Choose another folder with -o. (Estimators, seeds and "
-            "values on the same axes may be added to a study, other axes and scenarios may not)"
+            f"{', '.join(f'{name} ({key[:8]})' for key, name in mine.items())} over {axes}. Choose "
+            "another folder with -o. (Estimators, seeds and values on the same axes may be added "
+            "to a study, other axes and scenarios may not)"
         )
+    for key, name in mine.items():
+        if names[key] != name:
+            raise StudyError(
+                f"{folder} has the scenario {name} under the name {names[key]}, and its rows would "
+                "go by two names: give it that name again, or choose another folder with -o"
+            )
+
+
+def _check_code(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
+    made = there.get("made_with", made_with())
+    if made != made_with():
+        raise StudyError(
+            f"{folder} was made with {made}; this is {made_with()}. Rows of both would be mixed: "
+            "choose another folder with -o, or go on there with what it was made with"
+        )
+    for text, known in there.get("code", {}).items():
+        if text in study.estimators:
+            check_code(text, known, folder)
+
+
+def check_code(estimator: str, known: str | None, folder: Path) -> None:
+    """Raise a StudyError if the code of an estimator is not that of its rows in a folder."""
+    if digest(estimator) != known:
+        raise StudyError(
+            f"{folder} holds rows of {estimator} as its code was before (digest {known}, now "
+            f"{digest(estimator)}). Rows of both would be mixed: choose another folder with -o"
+        )
+
+
+def _check_shares(folder: Path, shard: tuple[int, int]) -> None:
+    others = {share_of(path) for path in row_files(folder)} - {None, shard[1]}
+    if others and shard[1] > 1:
+        raise StudyError(
+            f"{folder} holds shares of {min(o for o in others if o)}, and this is one of "
+            f"{shard[1]}: they overlap, so that cases would be run and counted twice. Give "
+            "--shard with the same N, or choose another folder with -o"
+        )
+
+
+def _scenarios(study: Study) -> dict[str, str]:
+    return {scenario.hash: scenario.name for scenario in study.scenarios}
 
 
 def _summary(content: Mapping[str, Any]) -> str:
@@ -79,8 +210,9 @@ def _summary(content: Mapping[str, Any]) -> str:
     return f"{', '.join(names)} over {axes}"
 
 
-def described(study: Study) -> dict[str, Any]:
+def described(plan: Plan) -> dict[str, Any]:
     """Return what study.json holds."""
+    study = plan.study
     return {
         "name": study.name,
         "identity": study.identity,
@@ -89,6 +221,9 @@ def described(study: Study) -> dict[str, Any]:
         "seeds": list(study.seeds),
         "axes": list(study.axes),
         "points": len(study.points),
+        "cases": expected(plan),
+        "made_with": made_with(),
+        "code": {text: digest(text) for text in study.estimators if digest(text)},
     }
 
 
@@ -105,7 +240,7 @@ def read_study(folder: Path) -> dict[str, Any]:
         content["identity"], content["scenarios"], content["axes"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StudyError(
-            f"{folder} is not the folder of a study ({STUDY} is missing or damaged). Make one "
-            "with `flexaxis study FILE.toml -o FOLDER`"
+            f"{folder} is not the folder of a run or a study ({STUDY} is missing or damaged). "
+            "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
         ) from error
     return content

@@ -36,16 +36,21 @@ def forecast(unit: Unit, work: Work) -> Forecast:
     small = replace(unit, seeds=unit.seeds[:SAMPLE])
     run_unit(replace(small, seeds=small.seeds[:1]))
     sample = run_unit(small)
-    moved = len(small.seeds) * unit.variant.duration
-    cases = work.cases / max(1, work.records) / len(unit.entries)  # per record, against the sample
+    moved = len(small.seeds) * unit.variants[0].duration
+    # per record, against the sample
+    cases = work.cases / max(1, work.records) * len(small.seeds) / small.cases
     seconds = work.seconds * (sample.simulating + sample.estimating * cases) / moved
     return Forecast(seconds, len(sample.lines) / sample.cases * work.cases)
 
 
 def without_code(unit: Unit) -> Unit | None:
     """Return a unit without the estimators that name code, None if there are no others."""
-    entries = tuple(entry for entry in unit.entries if not names_code(entry.text))
-    return replace(unit, entries=entries) if entries else None
+    variants = tuple(
+        replace(variant, entries=tuple(e for e in variant.entries if not names_code(e.text)))
+        for variant in unit.variants
+    )
+    kept = tuple(variant for variant in variants if variant.entries)
+    return replace(unit, variants=kept) if kept else None
 
 
 def duration(seconds: float) -> str:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.studies.definition import StudyError
 
 
 @contextmanager

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.files import write_text, writing
 from flexaxis.experiments.running.folder import (
     LOCK,
     STUDY,
@@ -17,15 +20,29 @@ from flexaxis.experiments.running.folder import (
     rows_name,
 )
 from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.studies.definition import StudyError
+from flexaxis.experiments.running.traces import trace_files
+from flexaxis.sim.files import atomic
 
 
 @dataclass(frozen=True)
 class Merged:
-    """Cases in the new folder, and how many were there more than once."""
+    """What a new folder holds.
+
+    Attributes
+    ----------
+    cases, doubles : int
+        Cases, and how many were there more than once.
+    missing : int
+        Cases of the study that no folder had.
+    makers : tuple of str
+        With what they were made; more than one where shares were run by different versions or on
+        different systems.
+    """
 
     cases: int
     doubles: int
+    missing: int
+    makers: tuple[str, ...]
 
 
 def merge(folders: Sequence[Path], target: Path) -> Merged:
@@ -34,32 +51,70 @@ def merge(folders: Sequence[Path], target: Path) -> Merged:
     Raises
     ------
     StudyError
-        If the folders are of different studies, or the new one holds something already.
+        If the folders are of different studies, or of different code of an estimator, or the new
+        one holds something already.
     OutputError
         If it cannot be written to.
     """
     studies = {folder: read_study(folder) for folder in folders}
-    first = folders[0]
-    for folder, study in studies.items():
-        if study["identity"] != studies[first]["identity"]:
-            raise StudyError(
-                f"{folder} and {first} are of different studies: {study['name']} over "
-                f"{study['axes']}, and {studies[first]['name']} over {studies[first]['axes']}, or "
-                "of other scenarios. Merge what was run from one file"
-            )
+    content = _together(studies)
     with writing(target):
         target.mkdir(parents=True, exist_ok=True)
     with locked(target / LOCK):
-        if rows.row_files(target):
+        there = rows.row_files(target)
+        if there and (target / STUDY).exists():
             raise StudyError(f"{target} holds rows already: choose a new folder with -o")
-        with writing(target):
-            shutil.copyfile(first / STUDY, target / STUDY)
-        return _copy(folders, target)
+        for path in there:  # of a merge that was cut short, for it writes study.json last
+            path.unlink()
+        cases, doubles = _copy(folders, target)
+        # Last: what has none is no result yet.
+        write_text(target / STUDY, json.dumps(content, indent=1) + "\n")
+    makers = dict.fromkeys(study.get("made_with", "unknown versions") for study in studies.values())
+    return Merged(cases, doubles, max(0, content.get("cases", 0) - cases), tuple(makers))
 
 
-def _copy(folders: Sequence[Path], target: Path) -> Merged:
+def _together(studies: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what study.json of the whole holds."""
+    first, *others = studies
+    content = dict(studies[first])
+    for folder in others:
+        study = studies[folder]
+        if study["identity"] != content["identity"]:
+            raise StudyError(
+                f"{folder} and {first} are of different studies: {study['name']} over "
+                f"{study['axes']}, and {content['name']} over {content['axes']}, or "
+                "of other scenarios. Merge what was run from one file"
+            )
+        _check_code(first, content, folder, study)
+        for key in ("estimators", "seeds"):
+            content[key] = list(dict.fromkeys([*content[key], *study[key]]))
+        content["code"] = content.get("code", {}) | study.get("code", {})
+        content["cases"] = max(content.get("cases", 0), study.get("cases", 0))
+    return content
+
+
+def _check_code(
+    first: Path, content: Mapping[str, Any], folder: Path, study: Mapping[str, Any]
+) -> None:
+    known = content.get("code", {})
+    for text, digest in study.get("code", {}).items():
+        if known.get(text, digest) != digest:
+            raise StudyError(
+                f"{folder} and {first} hold rows of {text} with different code (digests {digest} "
+                f"and {known[text]}): run one of them again"
+            )
+
+
+def _copy(folders: Sequence[Path], target: Path) -> tuple[int, int]:
     seen: set[int] = set()
     doubles = 0
+    for folder in folders:  # before the rows that they go with
+        for source in [*(folder / TRAJECTORIES).glob("[!.]*.nc"), *trace_files(folder)]:
+            place = target / source.parent.name / source.name
+            with writing(place):
+                place.parent.mkdir(exist_ok=True)
+                with atomic(place) as part:
+                    shutil.copyfile(source, part)
     with rows.RowFile(target / rows_name()) as file:
         for path in (path for folder in folders for path in rows.row_files(folder)):
             for block in rows.blocks(path):
@@ -68,9 +123,4 @@ def _copy(folders: Sequence[Path], target: Path) -> Merged:
                 if case not in seen:
                     file.append(b"".join(block))
                     seen.add(case)
-    for folder in folders:
-        for source in (folder / TRAJECTORIES).glob("*.nc"):
-            with writing(target / TRAJECTORIES):
-                (target / TRAJECTORIES).mkdir(exist_ok=True)
-                shutil.copyfile(source, target / TRAJECTORIES / source.name)
-    return Merged(len(seen), doubles)
+    return len(seen), doubles

@@ -22,6 +22,7 @@ def nominal_torque(scenario: Scenario) -> NDArray[np.float64]:
             "duration": 40.0,
             "start": 1.0,
             "noise": {},
+            "streams": "content",  # of its own: the same for all points of a sweep over faults
         }
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )

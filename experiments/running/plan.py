@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,20 +12,19 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running import specs
+from flexaxis.experiments.running.axes import applies, in_words, is_option
+from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.consent import names_code
-from flexaxis.experiments.running.harness import SEEDS_PER_TASK, case_id
-from flexaxis.experiments.studies.definition import (
-    SHOWN,
-    Study,
-    StudyError,
-    applies,
-    is_option,
-)
-from flexaxis.experiments.studies.design import Point
+from flexaxis.experiments.running.crashes import EstimatorCrash
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.study import Point, Study
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
-UNITS = 32  # at least that many where there are records enough, so that many processes have work
+SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
+UNITS = 16  # at least that many where there are records enough, so that many processes have work
+CASES_PER_UNIT = 256  # at most, where many variants share their records
+SHOWN = 20  # problems told at once
 
 
 @dataclass(frozen=True)
@@ -56,29 +55,69 @@ class Variant:
     hash: str
     duration: float
     entries: tuple[Entry, ...]
+    common: bool = True
 
     def scenario(self) -> Scenario:
         """Return the scenario: made when it is needed, for a plan may hold many."""
-        return self.base.override(self.axes) if self.axes else self.base
+        return varied(self.base, self.axes, common=self.common)
+
+
+def varied(base: Scenario, axes: Mapping[str, Any], *, common: bool = True) -> Scenario:
+    """Return a point of a sweep: by default with the random numbers of the scenario it varies."""
+    return base.override(axes, inherit=common) if axes else base
+
+
+def find_point(bases: Sequence[Scenario], axes: Mapping[str, Any], key: str) -> Variant | None:
+    """Return the point of a sweep that has a hash; None where no scenario gives it.
+
+    Parameters
+    ----------
+    bases : sequence of Scenario
+        Of the study.
+    axes : mapping
+        Values of the swept keys of the scenario.
+    key : str
+        Hash of the scenario at the point.
+    """
+    for base in bases:
+        for common in (True, False):
+            try:
+                found = varied(base, axes, common=common)
+            except ScenarioError:  # the axes are those of another scenario of the study
+                continue
+            if found.hash == key:
+                return Variant(base, axes, key, found.duration, (), common)
+    return None
 
 
 @dataclass(frozen=True)
 class Unit:
-    """Work that one process does at a time: some seeds of a variant, for some estimators."""
+    """Work that one process does at a time: some seeds of variants that share their records.
 
-    variant: Variant
-    entries: tuple[Entry, ...]
+    Attributes
+    ----------
+    variants : tuple of Variant
+        Each with those of its estimators that are to be run.
+    seeds : tuple of int
+    repeat : int
+        As in `simulate`: 0, or the number of another noise on the same runs.
+    """
+
+    variants: tuple[Variant, ...]
     seeds: tuple[int, ...]
+    repeat: int = 0
 
     @property
     def cases(self) -> int:
         """Number of cases."""
-        return len(self.entries) * len(self.seeds)
+        return sum(len(variant.entries) for variant in self.variants) * len(self.seeds)
 
     def __str__(self) -> str:
         seeds = f"{self.seeds[0]} … {self.seeds[-1]}" if self.seeds[1:] else str(self.seeds[0])
-        names = ", ".join(entry.text for entry in self.entries)
-        return f"{self.variant.scenario().name}, seeds {seeds}, {names}"
+        first, *more = self.variants
+        names = ", ".join(entry.text for entry in first.entries)
+        others = f" and {len(more)} variants of it" if more else ""
+        return f"{first.scenario().name}{others}, seeds {seeds}, {names}"
 
 
 @dataclass(frozen=True)
@@ -97,20 +136,29 @@ class Plan:
     Attributes
     ----------
     study : Study
-    variants : tuple of Variant
+    groups : tuple of tuple of Variant
+        Those that share their records together.
     shard : (int, int)
         Number of this share, from 1, and of all shares.
+    repeat : int
+        As in `Unit`.
     """
 
     study: Study
-    variants: tuple[Variant, ...]
+    groups: tuple[tuple[Variant, ...], ...]
     shard: tuple[int, int] = (1, 1)
+    repeat: int = 0
+
+    @property
+    def variants(self) -> tuple[Variant, ...]:
+        """All variants."""
+        return tuple(variant for group in self.groups for variant in group)
 
     @property
     def block(self) -> int:
         """Seeds in a unit; it depends on the study alone, as does who gets which unit."""
-        records = len(self.variants) * len(self.study.seeds)
-        return min(SEEDS_PER_TASK, max(1, records // UNITS))
+        records = len(self.groups) * len(self.study.seeds)
+        return min(SEEDS_PER_UNIT, max(1, records // UNITS))
 
     def units(self, done: NDArray[np.uint64] | None = None) -> Iterator[Unit]:
         """Yield the units of our share, without the cases that are done.
@@ -122,11 +170,13 @@ class Plan:
         """
         seeds, number = self.study.seeds, 0
         mine, shares = self.shard
-        for variant in self.variants:
+        for group in self.groups:
             for first in range(0, len(seeds), self.block):
-                if number % shares == mine - 1:
-                    yield from _missing(variant, seeds[first : first + self.block], done)
-                number += 1
+                some = seeds[first : first + self.block]
+                for variants in _portions(group, len(some)):
+                    if number % shares == mine - 1:
+                        yield from _missing(Unit(variants, some, self.repeat), done)
+                    number += 1
 
     def work(self, done: NDArray[np.uint64] | None = None) -> Work:
         """Return how much there is to do."""
@@ -134,30 +184,42 @@ class Plan:
         for unit in self.units(done):
             cases += unit.cases
             records += len(unit.seeds)
-            seconds += len(unit.seeds) * unit.variant.duration
+            seconds += len(unit.seeds) * unit.variants[0].duration
         return Work(cases, records, seconds)
 
 
-def _missing(
-    variant: Variant, seeds: tuple[int, ...], done: NDArray[np.uint64] | None
-) -> Iterator[Unit]:
-    """Yield what is missing of a block: one unit, or one for each set of estimators missing."""
+def _portions(group: tuple[Variant, ...], seeds: int) -> Iterator[tuple[Variant, ...]]:
+    most = max(len(variant.entries) for variant in group) * seeds
+    size = max(1, CASES_PER_UNIT // max(1, most))
+    for first in range(0, len(group), size):
+        yield group[first : first + size]
+
+
+def _missing(unit: Unit, done: NDArray[np.uint64] | None) -> Iterator[Unit]:
+    """Yield what is missing of a unit: itself, or a part for each set of cases missing."""
     if done is None or not done.size:
-        yield Unit(variant, variant.entries, seeds)
+        yield unit
         return
-    groups: dict[tuple[bool, ...], list[int]] = {}
-    for seed in seeds:
-        names = [case_id(variant.hash, entry.text, seed) for entry in variant.entries]
+    sets: dict[tuple[bool, ...], list[int]] = {}
+    pairs = [(variant, entry) for variant in unit.variants for entry in variant.entries]
+    for seed in unit.seeds:
+        names = [case_id(variant.hash, entry.text, seed) for variant, entry in pairs]
         ids = np.array([int(name, 16) for name in names], np.uint64)
         there = done[np.minimum(np.searchsorted(done, ids), done.size - 1)] == ids
-        groups.setdefault(tuple(there.tolist()), []).append(seed)
-    for known, some in groups.items():
-        if not all(known):
-            lacking = (e for e, there in zip(variant.entries, known, strict=True) if not there)
-            yield Unit(variant, tuple(lacking), tuple(some))
+        sets.setdefault(tuple(there.tolist()), []).append(seed)
+    for known, some in sets.items():
+        lacking: dict[str, tuple[Variant, list[Entry]]] = {}
+        for (variant, entry), there in zip(pairs, known, strict=True):
+            if not there:
+                lacking.setdefault(variant.hash, (variant, []))[1].append(entry)
+        variants = tuple(replace(v, entries=tuple(e)) for v, e in lacking.values())
+        if variants:
+            yield replace(unit, variants=variants, seeds=tuple(some))
 
 
-def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1), run_code: bool = False) -> Plan:
+def make_plan(
+    study: Study, *, shard: tuple[int, int] = (1, 1), repeat: int = 0, run_code: bool = False
+) -> Plan:
     """Return the plan of a study; every variant and every estimator is tried on the way.
 
     Parameters
@@ -165,6 +227,8 @@ def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1), run_code: bool =
     study : Study
     shard : (int, int)
         As in `Plan`.
+    repeat : int
+        As in `Unit`.
     run_code : bool
         Whether to try estimators that name code, too; else the plan is made without running it.
 
@@ -172,35 +236,57 @@ def make_plan(study: Study, *, shard: tuple[int, int] = (1, 1), run_code: bool =
     ------
     StudyError
         With one line for each problem, naming the point of the sweep.
+    EstimatorCrash
+        If the code of an estimator raises something when it is made.
     """
-    variants: dict[str, Variant] = {}
-    problems: dict[str, str] = {}  # by what is wrong: the first point tells it
+    groups: dict[str, dict[str, Variant]] = {}
+    problems = _Problems(study)
     entries = _entries(study, problems, run_code)
+    common = study.streams == "common"
     for base in study.scenarios:
         for key, texts in entries.items():
             axes = json.loads(key)
             try:
-                scenario = base.override(axes) if axes else base
+                scenario = varied(base, axes, common=common)
             except ScenarioError as error:
                 for problem in error.problems:
-                    text = problem.removeprefix(f"{base.name}: ")
-                    problems.setdefault(text, f"{words(axes)}: {text}")
+                    problems.add(problem.removeprefix(f"{base.name}: "), in_words(axes))
                 continue
+            group = groups.setdefault(scenario.record_hash, {})
             # Two points may define the same run: then it is one variant, with all estimators.
-            known = variants.get(scenario.hash, Variant(base, axes, scenario.hash, 0.0, ()))
+            new = Variant(base, axes, scenario.hash, scenario.duration, (), common)
+            known = group.get(scenario.hash, new)
             all_of_it = {entry.text: entry for entry in known.entries} | texts
-            variants[scenario.hash] = replace(
-                known, duration=scenario.duration, entries=tuple(all_of_it.values())
-            )
+            group[scenario.hash] = replace(known, entries=tuple(all_of_it.values()))
         _try_estimators(base, entries, problems, run_code)
-    if problems:
-        more = len(problems) - SHOWN
-        told = [f"{study.name}: sweep: {text}" for text in list(problems.values())[:SHOWN]]
-        raise StudyError("\n".join(told + ([f"… and {more} more"] if more > 0 else [])))
-    return Plan(study, tuple(variants.values()), shard)
+    problems.tell()
+    return Plan(study, tuple(tuple(group.values()) for group in groups.values()), shard, repeat)
 
 
-def _entries(study: Study, problems: dict[str, str], run_code: bool) -> dict[str, dict[str, Entry]]:
+class _Problems:
+    """What is wrong with a study: each once, with the first point at which it is."""
+
+    def __init__(self, study: Study) -> None:
+        self._name, self._found, self._crashed = study.name, dict[str, str](), False
+
+    def add(self, problem: str | Exception, where: str) -> None:
+        self._crashed |= isinstance(problem, EstimatorCrash)
+        self._found.setdefault(str(problem), where)
+
+    def tell(self) -> None:
+        """Raise if there is anything to tell."""
+        if not self._found:
+            return
+        told = [
+            f"{self._name}: sweep: {where}: {text}" if where else text
+            for text, where in list(self._found.items())[:SHOWN]
+        ]
+        more = len(self._found) - len(told)
+        text = "\n".join(told + ([f"… and {more} more"] if more else []))
+        raise EstimatorCrash(text) if self._crashed else StudyError(text)
+
+
+def _entries(study: Study, problems: _Problems, run_code: bool) -> dict[str, dict[str, Entry]]:
     """Return for each point of the scenario axes the estimators, by their text."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
     found: dict[str, dict[str, Entry]] = {}
@@ -214,7 +300,7 @@ def _entries(study: Study, problems: dict[str, str], run_code: bool) -> dict[str
             try:
                 entry = Entry(method, _text(method, axes, run_code), axes)
             except EstimatorError as error:
-                problems.setdefault(str(error), f"{words(axes)}: {error}")
+                problems.add(error, in_words(axes))
             else:
                 mine.setdefault(entry.text, entry)
     return found
@@ -222,21 +308,21 @@ def _entries(study: Study, problems: dict[str, str], run_code: bool) -> dict[str
 
 def _text(method: str, axes: Point, run_code: bool) -> str:
     """Return the text of an estimator with options set: "rpem-forgetting[forgetting=0.99]"."""
-    if not axes:
-        return method
-    given = {key.rpartition(".")[2]: value for key, value in axes.items()}
-    options = specs.written_options(method) | given
-    inside = ",".join(f"{key}={json.dumps(value)}" for key, value in options.items())
-    text = f"{method.partition('[')[0].strip()}[{inside}]"
+    text = method
+    if axes:
+        given = {key.rpartition(".")[2]: value for key, value in axes.items()}
+        options = specs.written_options(method) | given
+        inside = ",".join(f"{key}={json.dumps(value)}" for key, value in options.items())
+        text = f"{method.partition('[')[0].strip()}[{inside}]"
     if run_code or not names_code(text):
-        specs.parse(text)  # an unknown option is told with the nearest right one
+        specs.parse(text)  # an unknown estimator or option is told with the nearest right one
     return text
 
 
 def _try_estimators(
     base: Scenario,
     entries: Mapping[str, Mapping[str, Entry]],
-    problems: dict[str, str],
+    problems: _Problems,
     run_code: bool,
 ) -> None:
     for text, entry in {t: e for texts in entries.values() for t, e in texts.items()}.items():
@@ -245,9 +331,10 @@ def _try_estimators(
         try:
             specs.build(specs.parse(text), base)
         except EstimatorError as error:
-            problems.setdefault(str(error), f"{words(entry.axes) or 'estimators'}: {error}")
+            problems.add(error, in_words(entry.axes))
 
 
-def words(axes: Mapping[str, Any]) -> str:
-    """Return a point in words: "fault[0].factor = 1.5, start = 1.2"."""
-    return ", ".join(f"{key} = {json.dumps(value)}" for key, value in axes.items())
+def expected(plan: Plan) -> int:
+    """Return the number of cases of the whole study, whatever our share of it."""
+    entries: Sequence[int] = [len(variant.entries) for variant in plan.variants]
+    return sum(entries) * len(plan.study.seeds)

@@ -27,7 +27,10 @@ def _end_with(sentinel: int) -> None:
 
 @contextmanager
 def process_pool(jobs: int) -> Iterator[Executor]:
-    """Give a pool of processes with one BLAS thread each, which end with this process."""
+    """Give a pool of processes with one BLAS thread each, which end with this process.
+
+    They are killed where the block is left by an error or by Ctrl-C.
+    """
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     before = {key: os.environ.get(key) for key in single}
     os.environ.update(single)  # read by the children when they import NumPy
@@ -38,6 +41,10 @@ def process_pool(jobs: int) -> Iterator[Executor]:
     )
     try:
         yield pool
+    except BaseException:  # nobody waits for what they do any more
+        for process in list((pool._processes or {}).values()):
+            process.kill()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
         for key, value in before.items():

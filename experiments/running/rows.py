@@ -19,12 +19,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.studies.definition import StudyError
 
 START = b'{"case": "'
 ID = slice(len(START), len(START) + 16)
-FILES = re.compile(r"(scores|rows)(-\d+-of-\d+)?\.jsonl")  # rows: as studies were called once
 SYNC_EVERY = 5.0  # s: what a power failure may cost; a kill costs nothing
 
 
@@ -77,8 +76,18 @@ def scan(path: Path) -> Scan:
 
 
 def row_files(folder: Path) -> list[Path]:
-    """Return the files of rows in a folder: the whole, or shares of it."""
-    return sorted(path for path in folder.glob("*.jsonl") if FILES.fullmatch(path.name))
+    """Return the files of rows in a folder."""
+    return sorted(path for path in folder.glob("*.jsonl") if _NAME.fullmatch(path.name))
+
+
+def share_of(path: Path) -> int | None:
+    """Return of how many shares a file of rows is one, None if it is of no share."""
+    found = _NAME.fullmatch(path.name)
+    return int(found[2]) if found and found[2] else None
+
+
+# Files were called rows before runs and studies had the same.
+_NAME = re.compile(r"(?:scores|rows)(?:-(\d+)-of-(\d+))?\.jsonl")
 
 
 def done(folder: Path) -> NDArray[np.uint64]:

@@ -61,7 +61,12 @@ def parse(text: str) -> Spec:
     name, _, rest = text.partition("[")
     make = _find(name.strip())
     options = _options(rest, text)
-    known = _keywords(make)
+    try:
+        known = _keywords(make)
+    except (TypeError, ValueError) as error:  # as of a number, or of a class in C
+        raise EstimatorError(
+            f"{name} cannot be made like an estimator, from nominal values and a period: {error}"
+        ) from error
     for key in options:
         if key not in known:
             raise EstimatorError(
@@ -121,24 +126,13 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     EstimatorCrash
         If its constructor raises anything.
     """
-    known = _keywords(spec.make)
     offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
     if spec.make is oracle_reset:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
-    given = {k: v for k, v in offered.items() if k in known} | dict(spec.options)
-    if "torque" in known and "P0" not in given and not _has_stored_prior(scenario):
-        given["torque"] = nominal_torque(scenario)
-    try:
-        estimator = spec.make(started_nominal(scenario), scenario.period, **given)
-    except EstimatorError as error:
-        raise EstimatorError(f"{spec.text}: {error}") from error
-    except Exception as error:
-        if isinstance(error, TypeError | ValueError) and user_code(error) is None:
-            raise EstimatorError(f"{spec.text}: {error}") from error  # a shipped one refuses it
-        raise crash(spec.text, "when it was made", error) from error
-    for attribute in ("names", "output", "step"):
-        if not hasattr(estimator, attribute):
-            raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
+    wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
+    if wanted and not _has_stored_prior(scenario):
+        offered["torque"] = nominal_torque(scenario)
+    estimator = made(spec, started_nominal(scenario), scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
     if estimator.output != scenario.output:
         raise EstimatorError(
@@ -148,14 +142,53 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     return estimator
 
 
-def _check_names(text: str, names: Any, scenario: Scenario) -> None:
-    """Refuse names that no score could be taken for."""
+def made(
+    spec: Spec, nominal: Any, period: float, offered: Mapping[str, Any] | None = None
+) -> Estimator:
+    """Return an estimator; whatever is built by name is built here, and refused in these words.
+
+    Parameters
+    ----------
+    spec : Spec
+    nominal : mapping of str to float, or a model
+        What its constructor takes.
+    period : float
+        [s].
+    offered : mapping, optional
+        Given to it where it has a keyword of that name; options of the spec go before.
+
+    Raises
+    ------
+    EstimatorError
+        If it refuses an option, or is no estimator.
+    EstimatorCrash
+        If its constructor raises anything else.
+    """
+    known = _keywords(spec.make)
+    given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
+    try:
+        estimator = spec.make(nominal, period, **given)
+    except EstimatorError as error:
+        raise EstimatorError(f"{spec.text}: {error}") from error
+    except Exception as error:
+        if isinstance(error, TypeError | ValueError) and user_code(error) is None:
+            raise EstimatorError(f"{spec.text}: {error}") from error  # a shipped one refuses it
+        raise crash(spec.text, "when it was made", error) from error
+    for attribute in ("names", "output", "step"):
+        if not hasattr(estimator, attribute):
+            raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
+    names = estimator.names
     wrong = isinstance(names, str) or not isinstance(names, Sequence | np.ndarray)
     if wrong or not len(names) or not all(isinstance(name, str) for name in names):
         raise EstimatorError(
-            f"{text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a') or "
+            f"{spec.text}: `names` must be a sequence of parameters, such as ('k_T', '1/J_a') or "
             f"('f_m',), not {names!r}"
         )
+    return estimator
+
+
+def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
+    """Refuse names that no score could be taken for."""
     if tuple(names) == scenario.identify:  # which was checked when the scenario was made
         return
     problems = estimated_problems(names, scenario.model_dump(), key="names")
@@ -195,7 +228,7 @@ def _find(name: str) -> Callable[..., Estimator]:
         return found
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
-        return installed[name].load()
+        return _imported(name, installed[name].load)
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
@@ -203,11 +236,15 @@ def _find(name: str) -> Callable[..., Estimator]:
 
 
 def _module(name: str) -> Any:
-    """Import a user's module; whatever goes wrong in it is the user's to read, in one line."""
+    if name.endswith(".py"):
+        return _imported(name, lambda: _file(Path(name).resolve()))
+    return _imported(name, lambda: importlib.import_module(name))
+
+
+def _imported(name: str, load: Callable[[], Any]) -> Any:
+    """Import a user's code; whatever goes wrong in it is the user's to read, in one line."""
     try:
-        return (
-            _file(Path(name).resolve()) if name.endswith(".py") else importlib.import_module(name)
-        )
+        return load()
     except Exception as error:
         raise EstimatorError(
             f"{name} cannot be imported: {type(error).__name__}: {error}"

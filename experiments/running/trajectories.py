@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -46,8 +47,11 @@ def keep_worst(folder: Path, plan: Plan) -> None:
         found = plan.variants[variant]
         if (folder / TRAJECTORIES / f"{case.id}.nc").exists():
             continue
-        entry = next(entry for entry in found.entries if entry.text == text)
-        keep_all(folder, run_unit(Unit(found, (entry,), (case.seed,)), whole=True).kept)
+        # An estimator that is no more in the study has its rows here still.
+        entries = tuple(entry for entry in found.entries if entry.text == text)
+        if entries:
+            unit = Unit((dataclasses.replace(found, entries=entries),), (case.seed,))
+            keep_all(folder, run_unit(unit, whole=True).kept)
 
 
 @dataclass(frozen=True, order=True)

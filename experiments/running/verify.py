@@ -5,26 +5,26 @@ from __future__ import annotations
 import json
 import math
 import platform
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.plan import Entry, Unit, Variant
+from flexaxis.experiments.running.plan import Entry, Unit, find_point
 from flexaxis.experiments.running.rows import blocks, row_files
 from flexaxis.experiments.running.work import made_with, run_unit
-from flexaxis.experiments.studies.definition import applies
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.scenario import Scenario, scenario_from
+from flexaxis.sim.scenario import Scenario, stored_scenario
 
 RELATIVE, ABSOLUTE = 1e-6, 1e-9  # what another machine or version may change in a number
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Repeated:
     """A case that was run again.
 
     Attributes
@@ -50,7 +50,7 @@ def verify(
     seed: int = 0,
     run_code: bool = False,
     command: str | None = None,
-) -> Iterator[Verdict]:
+) -> Iterator[Repeated]:
     """Yield the verdicts on a random sample of the cases in a folder.
 
     Rows made on this machine with these versions must be identical but for `cost`; others agree
@@ -76,15 +76,14 @@ def verify(
         If a row names code that may not be run; then nothing is.
     """
     content = read_study(folder)
-    bases = {
-        entry["definition"]["name"]: scenario_from(entry["definition"], source=str(folder))
-        for entry in content["scenarios"]
-    }
+    bases = [
+        stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
+    ]
     chosen = _sample(folder, sample, Random(seed))
     named = (row["estimator"] for rows in chosen for row in rows)
     require(run_code, named, source=str(folder), command=command)
     for rows in chosen:
-        yield _again(rows, bases[rows[0]["base"]])
+        yield _again(rows, bases)
 
 
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
@@ -99,31 +98,34 @@ def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, An
     return [[json.loads(line) for line in block] for block in chosen]
 
 
-def _again(rows: list[dict[str, Any]], base: Scenario) -> Verdict:
+def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
     first = rows[0]
     what = f"{first['scenario']}, {first['estimator']}, seed {first['seed']}"
     cost = first["cost"]
     exact = cost["versions"] == made_with() and cost["host"] in {platform.node(), None}
     try:
-        made = _run(first, base)
+        made = _run(first, bases)
     except ScenarioError as error:
-        return Verdict(first["case"], what, exact, (str(error),))
+        return Repeated(first["case"], what, exact, (str(error),))
     if len(made) != len(rows):
-        return Verdict(first["case"], what, exact, (f"{len(rows)} rows were, {len(made)} are",))
+        return Repeated(first["case"], what, exact, (f"{len(rows)} rows were, {len(made)} are",))
     told = [
         f"{row['parameter'] or 'case'}: {text}"
         for row, other in zip(rows, made, strict=True)
         for text in differences(row, other, exact=exact)
     ]
-    return Verdict(first["case"], what, exact, tuple(told))
+    return Repeated(first["case"], what, exact, tuple(told))
 
 
-def _run(row: Mapping[str, Any], base: Scenario) -> list[dict[str, Any]]:
+def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:
     axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
-    scenario = base.override(axes) if axes else base
     entry = Entry(row["method"], row["estimator"], {})
-    variant = Variant(base, axes, scenario.hash, scenario.duration, (entry,))
-    made = run_unit(Unit(variant, (entry,), (row["seed"],)))
+    variant = find_point(bases, axes, row["hash"])
+    if variant is None:
+        raise ScenarioError(
+            f"no scenario of the study gives the hash {row['hash'][:12]} of this row"
+        )
+    made = run_unit(Unit((replace(variant, entries=(entry,)),), (row["seed"],)))
     return [json.loads(line) for line in made.lines.splitlines()]
 
 

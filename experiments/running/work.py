@@ -1,10 +1,11 @@
-"""What a worker does: simulate some seeds of a variant, run estimators, give back rows as text."""
+"""What a worker does: simulate some seeds, run estimators on them, give back rows as text."""
 
 from __future__ import annotations
 
+import platform
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -15,14 +16,19 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running import specs
 from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.code import digest, own_digest
 from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.harness import case_id, run_case, warm
 from flexaxis.experiments.running.plan import Entry, Unit, Variant
+from flexaxis.experiments.running.traces import Trace
+from flexaxis.experiments.scoring.pooling import Case
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import versions
+
+Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -50,6 +56,10 @@ class Outcome:
         How many, and how many of them could not be run.
     kept : tuple of Kept
         Estimates, where they were asked for.
+    traces : tuple of Trace
+        What trajectories are drawn from, where it was asked for.
+    simulated : int
+        Records that were not in the cache.
     simulating, estimating : float
         Time taken [s].
     """
@@ -57,12 +67,25 @@ class Outcome:
     lines: bytes
     cases: int
     failed: int
-    kept: tuple[Kept, ...]
-    simulating: float
-    estimating: float
+    kept: tuple[Kept, ...] = ()
+    traces: tuple[Trace, ...] = ()
+    simulated: int = 0
+    simulating: float = 0.0
+    estimating: float = 0.0
 
 
-def run_unit(unit: Unit, store: RecordCache | None = None, whole: bool = False) -> Outcome:
+@dataclass
+class _Done:
+    """The cases of a unit, as they come."""
+
+    rows: list[list[Row]] = field(default_factory=list)
+    kept: list[Kept] = field(default_factory=list)
+    traces: list[Trace] = field(default_factory=list)
+
+
+def run_unit(
+    unit: Unit, store: RecordCache | None = None, whole: bool = False, traced: bool = False
+) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
 
     Parameters
@@ -72,84 +95,98 @@ def run_unit(unit: Unit, store: RecordCache | None = None, whole: bool = False) 
         Where records are kept.
     whole : bool
         Whether to give back the estimates themselves too.
+    traced : bool
+        Whether to give back what trajectories are drawn from.
     """
-    scenario = unit.variant.scenario()
     started = time.perf_counter()
-    found, failed = _records(scenario, unit.seeds, store)
-    simulated = time.perf_counter()
-    cases = [
-        _failure(unit.variant, entry, seed, text, scenario.name)
-        for seed, text in failed.items()
-        for entry in unit.entries
-    ]
-    kept: list[Kept] = []
-    for entry in unit.entries:
-        problem = _warmed(entry, scenario)
-        for record in found:
-            rows, estimates = _rows(unit.variant, scenario, entry, record, problem, whole)
-            cases.append(rows)
-            kept += estimates
+    found, failed, simulated = _records(unit, unit.seeds, store)
+    between = time.perf_counter()
+    done = _Done()
+    for variant in unit.variants:
+        scenario = variant.scenario()
+        for seed, text in failed.items():
+            done.rows += [_failure(variant, e, seed, text, scenario.name) for e in variant.entries]
+        for entry in variant.entries:
+            for case in _cases(variant, scenario, entry, found):
+                _keep(done, case, whole=whole, traced=traced)
     return Outcome(
-        lines="".join(dumps(row) + "\n" for rows in cases for row in rows).encode(),
-        cases=len(cases),
-        failed=sum(rows[0]["error"] is not None for rows in cases),
-        kept=tuple(kept),
-        simulating=simulated - started,
-        estimating=time.perf_counter() - simulated,
+        lines="".join(dumps(row) + "\n" for rows in done.rows for row in rows).encode(),
+        cases=len(done.rows),
+        failed=sum(rows[0]["error"] is not None for rows in done.rows),
+        kept=tuple(done.kept),
+        traces=tuple(done.traces),
+        simulated=simulated,
+        simulating=between - started,
+        estimating=time.perf_counter() - between,
     )
 
 
 def _records(
-    scenario: Scenario, seeds: Sequence[int], store: RecordCache | None
-) -> tuple[list[Record], dict[int, str]]:
-    """Return the records, and for seeds that cannot be simulated the reason."""
+    unit: Unit, seeds: Sequence[int], store: RecordCache | None
+) -> tuple[list[Record], dict[int, str], int]:
+    """Return the records, for seeds that cannot be simulated the reason, and how many are new.
+
+    All variants of a unit share them.
+    """
+    scenario = unit.variants[0].scenario()
     try:
-        return records(scenario, seeds, store)[0], {}
+        found, simulated = records(scenario, seeds, store, repeat=unit.repeat)
+        return found, {}, simulated
     except SimulationError as error:
         if len(seeds) == 1:
-            return [], {seeds[0]: f"SimulationError: {error}"}
+            return [], {seeds[0]: f"SimulationError: {error}"}, 1
     # One run stops the batch it is in: each alone, so that the others are not lost with it.
-    parts = [_records(scenario, [seed], store) for seed in seeds]
-    return [r for part, _ in parts for r in part], {k: v for _, f in parts for k, v in f.items()}
+    parts = [_records(unit, [seed], store) for seed in seeds]
+    return (
+        [record for part, _, _ in parts for record in part],
+        {seed: text for _, failed, _ in parts for seed, text in failed.items()},
+        sum(count for _, _, count in parts),
+    )
 
 
-def _warmed(entry: Entry, scenario: Scenario) -> str | None:
-    """Let an estimator compile what it compiles; return why it cannot be run here, if so."""
+def _cases(
+    variant: Variant, scenario: Scenario, entry: Entry, found: Sequence[Record]
+) -> Iterator[tuple[list[Row], Case | None]]:
+    """Yield the rows of each record, and what was scored; None for what could not be run."""
+    spec, problem = None, None
     try:
-        warm(specs.parse(entry.text), scenario)
+        spec = specs.parse(entry.text)
+        warm(spec, scenario)
     except EstimatorError as error:
-        return f"EstimatorError: {error}"
-    return None
+        problem = error
+    columns = _columns(variant, entry)
+    for record in found:
+        failure, case = problem, None
+        if spec is not None and failure is None:
+            try:
+                case = run_case(scenario, record, spec, whole=True)
+            except EstimatorError as error:
+                failure = error
+        if case is None:
+            text = f"{type(failure).__name__}: {failure}"
+            yield _failure(variant, entry, record.seed or 0, text, scenario.name), None
+            continue
+        more = columns | {"rows": len(case.rows), "error": None}
+        yield [row | more | {"cost": row["cost"] | {"versions": made_with()}}
+               for row in case.rows], case  # fmt: skip
 
 
-def _rows(  # noqa: PLR0917
-    variant: Variant,
-    scenario: Scenario,
-    entry: Entry,
-    record: Record,
-    problem: str | None,
-    whole: bool,
-) -> tuple[list[dict[str, Any]], list[Kept]]:
-    seed = record.seed or 0
-    if problem is None:
-        try:
-            case = run_case(scenario, record, specs.parse(entry.text), whole=whole)
-        except EstimatorError as error:
-            problem = f"EstimatorError: {error}"
-    if problem is not None:
-        return _failure(variant, entry, seed, problem, scenario.name), []
-    study = _study_columns(variant, entry) | {"rows": len(case.rows), "error": None}
-    rows = [row | study | {"cost": row["cost"] | {"versions": made_with()}} for row in case.rows]
-    if case.theta is None:
-        return rows, []
-    kept = Kept(rows[0]["case"], entry.text, variant.hash, seed, scenario.period, case.names,
-                case.theta)  # fmt: skip
-    return rows, [kept]
+def _keep(done: _Done, found: tuple[list[Row], Case | None], *, whole: bool, traced: bool) -> None:
+    rows, case = found
+    done.rows.append(rows)
+    if case is None:
+        return
+    first = rows[0]
+    if whole and case.theta is not None:
+        period = first["seconds"] / len(case.theta)
+        done.kept.append(Kept(first["case"], case.estimator, first["hash"], case.seed,
+                              period, case.names, case.theta))  # fmt: skip
+    if traced:
+        done.traces.append(Trace(first["case"], first["hash"], case.estimator, case.names,
+                                 case.curve, case.relative))  # fmt: skip
 
 
-def _failure(
-    variant: Variant, entry: Entry, seed: int, problem: str, name: str
-) -> list[dict[str, Any]]:
+def _failure(variant: Variant, entry: Entry, seed: int, problem: str, name: str) -> list[Row]:
     identity = {
         "case": case_id(variant.hash, entry.text, seed),
         "hash": variant.hash,
@@ -158,25 +195,26 @@ def _failure(
         "seed": seed,
     }
     cost = {"us_per_sample": None, "seconds": None, "host": None, "versions": made_with()}
-    study = _study_columns(variant, entry) | {"rows": 1, "error": problem}
+    more = _columns(variant, entry) | {"rows": 1, "error": problem}
     # A case that fails has one row, in which every score is null.
-    return [identity | undefined() | {"cost": cost} | study]
+    return [identity | undefined() | {"cost": cost} | more]
 
 
-def _study_columns(variant: Variant, entry: Entry) -> dict[str, Any]:
+def _columns(variant: Variant, entry: Entry) -> Row:
+    """Return what stands in a row besides the case and its scores."""
     return {
         "base": variant.base.name,
         "method": entry.method,
         "axes": dict(variant.axes) | dict(entry.axes),
         "seconds": variant.duration,
+        "code": digest(entry.text),
     }
 
 
 @cache
 def made_with() -> str:
-    """Return what decides about the bits of a row: the machine's kind and the versions."""
-    import platform
-
+    """Return what decides about the bits of a row: the machine's kind, versions, our own code."""
     parts = versions() | {name: version(name) for name in ("scipy", "numba")}
     words = [f"{name} {number}" for name, number in parts.items()]
+    words.append(f"code {own_digest()}")
     return ", ".join([*words, platform.system(), platform.machine()])

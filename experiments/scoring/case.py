@@ -125,7 +125,7 @@ class Track:
 
     def relative(self, i: int) -> list[Array]:
         """Return θ̃/D in each window of one estimated parameter."""
-        return [self.error[w.start : w.stop, i] / w.size for w in self.mine(i)]
+        return [self.error[w.start : w.stop, i] / w.D for w in self.mine(i)]
 
     def ends(self, i: int) -> Array:
         """Return θ̃ in % in the last 2 s of the windows of one parameter that are longer."""

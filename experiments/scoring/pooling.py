@@ -101,6 +101,20 @@ def scored(
         )
 
 
+def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
+    """Return a case from its rows, without trajectories unless there is a trace."""
+    first = own[0]
+    return Case(
+        scenario=first["scenario"],
+        estimator=first["estimator"],
+        seed=first["seed"],
+        names=tuple(row["parameter"] for row in own),
+        rows=list(own),
+        curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
+        relative={} if trace is None else dict(trace.relative),
+    )
+
+
 @dataclass(frozen=True)
 class Curve:
     """Trajectories of one estimator on one scenario, over all seeds, over nominal.
@@ -140,7 +154,10 @@ def pool(
     curves = []
     for (key, _), group in groups.items():
         pooled += pool_group(group, by_hash[key])
-        curves.append(_curve(group, by_hash[key]))
+        if drawn := [case for case in group if case.curve.size]:
+            curves.append(
+                curve_of(by_hash[key], group[0].estimator, drawn[0].names, [c.curve for c in drawn])
+            )
     return pooled, curves
 
 
@@ -269,17 +286,30 @@ def of_trajectories(
     }
 
 
-def _curve(group: Sequence[Case], scenario: Scenario) -> Curve:
-    names = group[0].names
+def curve_of(
+    scenario: Scenario, estimator: str, names: Sequence[str], runs: Sequence[NDArray[np.float32]]
+) -> Curve:
+    """Return the trajectories of an estimator on a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    estimator : str
+        What to call it.
+    names : sequence of str
+        Estimated parameters.
+    runs : sequence of ndarray (M, p)
+        Every tenth estimate over its nominal value, of each run.
+    """
     nominal = true_theta(names, scenario.nominal.as_array())
     truth = true_theta(names, scenario.true_parameters()) / nominal
-    runs = np.stack([case.curve for case in group]).astype(float)
+    drawn = np.stack(runs).astype(float)
     with np.errstate(all="ignore"):  # a lost run may hold anything
-        low, median, high = np.percentile(np.where(np.isnan(runs), np.inf, runs), BAND, axis=0)
+        low, median, high = np.percentile(np.where(np.isnan(drawn), np.inf, drawn), BAND, axis=0)
     return Curve(
         scenario=scenario.name,
-        estimator=group[0].estimator,
-        names=names,
+        estimator=estimator,
+        names=tuple(names),
         time=scenario.times[::CURVE_STEP],
         truth=truth[::CURVE_STEP],
         low=low,

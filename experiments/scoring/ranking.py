@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.intervals import LEAST, mean_interval
 from flexaxis.experiments.scoring.matching import MATCHED, NOISIER, QUIETER
-from flexaxis.experiments.scoring.statistics import Paired, holm_levels, sign_p
+from flexaxis.experiments.scoring.statistics import LogRatios, holm_levels, sign_p
 
 Row = Mapping[str, Any]
 Array = NDArray[np.float64]
@@ -23,11 +23,11 @@ AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # chance that any of those that are equally good is wrongly told apart
 
 
-def difference(first: Sequence[float], second: Sequence[float]) -> Paired:
+def difference(first: Sequence[float], second: Sequence[float]) -> LogRatios:
     """Return the paired difference first − second of two scores, seed by seed."""
     d = np.subtract(first, second)
     spread = float(d.std(ddof=1)) if len(d) > 1 and np.ptp(d) > 1e-12 else 0.0
-    return Paired(len(d), float(d.mean()), spread)
+    return LogRatios(len(d), float(d.mean()), spread)
 
 
 def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> list[str]:

@@ -25,7 +25,7 @@ MOST_SEEDS = 4000  # a number of seeds above this is no answer
 
 
 @dataclass(frozen=True)
-class Paired:
+class LogRatios:
     """Summary of paired log-ratios: how many, their mean and their standard deviation."""
 
     n: int
@@ -48,10 +48,10 @@ def log_ratio(base: ArrayLike, candidate: ArrayLike) -> Array:
     return np.asarray(np.log(np.maximum(candidate, FLOOR)) - np.log(np.maximum(base, FLOOR)))
 
 
-def paired(base: ArrayLike, candidate: ArrayLike) -> Paired:
+def paired(base: ArrayLike, candidate: ArrayLike) -> LogRatios:
     """Summarise log(candidate/base) over pairs (n,); scores are ≥ 0."""
     n, mean, sd = summary(log_ratio(base, candidate))
-    return Paired(int(n), float(mean), float(sd))
+    return LogRatios(int(n), float(mean), float(sd))
 
 
 def summary(values: Array) -> tuple[NDArray[np.int64], Array, Array]:
@@ -168,7 +168,7 @@ def unseen_shift(n: ArrayLike, alpha: ArrayLike, far: float) -> Any:
         return far * np.expm1(-np.log(alpha) / np.asarray(n, float))
 
 
-def seeds_for_ratio(found: Paired, level: float, margin: float) -> int | None:
+def seeds_for_ratio(found: LogRatios, level: float, margin: float) -> int | None:
     """Return how many seeds would decide, if mean and deviation stay what they are now.
 
     The interval must lie beyond the margin, or within ± the margin, wherever the mean lies. None

@@ -93,11 +93,9 @@ def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limi
         found.append(
             Limits(
                 lag_null=_lag_null(scenario, names, i, window),
-                lag_bound=lag_bound(unknown, window.size, period=scenario.period),
-                lag_bound_single=lag_bound(single, window.size, period=scenario.period),
-                bound={
-                    str(n): float(unknown[n] / window.size) for n in RMSE_AT if n < len(unknown)
-                },
+                lag_bound=lag_bound(unknown, window.D, period=scenario.period),
+                lag_bound_single=lag_bound(single, window.D, period=scenario.period),
+                bound={str(n): float(unknown[n] / window.D) for n in RMSE_AT if n < len(unknown)},
             )
         )
     return found
@@ -127,7 +125,7 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
 def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
     start = started_theta(scenario, names)[i]
     truth = true_theta(names, scenario.true_parameters()[window.start : window.stop])[:, i]
-    return finite(scenario.period * np.sum(np.abs(start - truth)) / window.size)
+    return finite(scenario.period * np.sum(np.abs(start - truth)) / window.D)
 
 
 def score(lag: float | None, limit: Limits) -> float | None:

@@ -21,13 +21,13 @@ QUIET_WITHOUT_FAULT = 10.0  # s at the end, where there is no fault
 class Window:
     """The samples `start` … `stop`−1 that are scored after the change of one parameter.
 
-    `size` is D, the size of the fault in the unit of the estimated parameter.
+    `D` is the size of the fault, |θ_after − θ_before|, in the unit of the estimated parameter.
     """
 
     parameter: str
     start: int
     stop: int
-    size: float
+    D: float
 
 
 def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:

@@ -1,38 +1,44 @@
-"""A benchmark from names to a folder: run, write rows as they come, pool, report."""
+"""A run, from names to a folder: a study without axes, with its summary, figures and report."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.reporting.run_page import render
-from flexaxis.experiments.running import files as results
-from flexaxis.experiments.running import harness
-from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.scoring.pooling import pool
+from flexaxis.experiments.running.engine import Bench, Means, run_study
+from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.pooled import Pooled, save
+from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies import sweep
-from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.scenario import Scenario, stored_scenario
+
+FAILURES = 20  # shown in a report
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What a benchmark runs.
+class Benchmark:
+    """What a run runs.
 
     Attributes
     ----------
+    study : Study
+        Without axes.
     title : str
         Headline of the report.
-    scenarios : sequence of Scenario
-    estimators : sequence of str
-        Texts as for `--estimator`.
-    seeds : sequence of int
     command : str
         The line that runs it again.
     swept_scenarios : sequence of Scenario
@@ -40,10 +46,8 @@ class Plan:
         Those to sweep over their knobs on these, to compare them at equal noise.
     """
 
+    study: Study
     title: str
-    scenarios: Sequence[Scenario]
-    estimators: Sequence[str]
-    seeds: Sequence[int]
     command: str
     swept_scenarios: Sequence[Scenario] = ()
     swept_estimators: Sequence[str] = ()
@@ -51,34 +55,33 @@ class Plan:
     @property
     def cases(self) -> int:
         """Number of cases: one estimator, at one setting, on one record."""
-        plain = len(self.scenarios) * len(self.estimators)
+        plain = len(self.study.scenarios) * len(self.study.estimators)
         swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
-        return (plain + swept) * len(self.seeds)
+        return (plain + swept) * len(self.study.seeds)
 
 
 def benchmark(
-    plan: Plan,
+    wanted: Benchmark,
     folder: Path,
+    means: Means | None = None,
     *,
-    jobs: int = 1,
-    store: RecordCache | None = None,
-    advance: Callable[[harness.Done], None] | None = None,
+    shard: tuple[int, int] = (1, 1),
+    resume: bool = False,
     say: Callable[[str], None] | None = None,
-) -> results.Results:
-    """Run a plan and write scores.jsonl, summary.json, curves.nc and report.html to a folder.
+) -> Pooled | None:
+    """Run what is missing, and write summary.json, curves.nc and report.html to the folder.
 
     Parameters
     ----------
-    plan : Plan
+    wanted : Benchmark
     folder : Path
-        Made if it is missing. An older complete result in it is replaced when this one is
-        complete.
-    jobs : int
-        Processes.
-    store : RecordCache, optional
-        Where records are kept for the next run.
-    advance : callable, optional
-        Called with what was done since the last call.
+        Made if it is missing. An older complete result in it is kept in `previous` until this one
+        is complete.
+    means : Means, optional
+    shard : (int, int)
+        As in `Plan`. A share has no summary, for which all are merged; then None is returned.
+    resume : bool
+        Whether to go on with what is there.
     say : callable, optional
         Called with what goes on after the last case, which may take a while.
 
@@ -86,63 +89,113 @@ def benchmark(
     ------
     OutputError
         If the folder cannot be written to; that is tried before anything is computed.
-    EstimatorError, SimulationError
-        As from `harness.run`; the rows so far are in scores.part.jsonl.
+    StudyError, EstimatorCrash
+        If an estimator cannot be made, or as from `run_study`. One that fails on a record is a row
+        with its error.
     """
-    cases: list[harness.Case] = []
-    # Wrong estimators are found here, before the folder is touched.
-    tasks = harness.run(plan.scenarios, plan.estimators, plan.seeds, jobs=jobs, store=store)
-    with results.RowWriter(folder) as writer:
-        for done in tasks:
-            writer.write([row for case in done.cases for row in case.rows])
-            cases += done.cases
-            if advance:
-                advance(done)
-        swept = _sweep(plan, jobs=jobs, store=store, advance=advance)
-        if say:
-            say("pooling scores and drawing the report …")
-        rows, curves = pool(cases, plan.scenarios)
-        summary = _summary(plan, rows) | {"as_set": sweep.as_set(cases), "tradeoff": swept}
-        found = results.Results(summary, curves)
-        results.save(folder, found)
-        results.write_text(folder / results.REPORT, render(found))
-        writer.finish()
+    plan = make_plan(wanted.study, shard=shard, run_code=True)
+    sweeping = {
+        "scenarios": [s.resolved() for s in wanted.swept_scenarios],
+        "estimators": list(wanted.swept_estimators),
+    }
+    about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
+    run_study(
+        plan, folder, means, resume=resume, replace=shard == (1, 1), traced=True, run_code=True,
+        about=about,
+    )  # fmt: skip
+    if shard != (1, 1):
+        return None
+    found = finish(folder, means, say=say)
+    completed(folder)
     return found
 
 
-def _sweep(
-    plan: Plan,
-    *,
-    jobs: int,
-    store: RecordCache | None,
-    advance: Callable[[harness.Done], None] | None,
-) -> dict[str, Any] | None:
-    """Return the points of the trade-off figure, and the lags at equal noise."""
-    if not plan.swept_scenarios:
-        return None
-    found = sweep.sweep(
-        plan.swept_scenarios,
-        plan.swept_estimators,
-        plan.seeds,
-        jobs=jobs,
-        store=store,
-        advance=advance,
+def finish(
+    folder: Path, means: Means | None = None, *, say: Callable[[str], None] | None = None
+) -> Pooled:
+    """Sweep what is still to be swept, pool the rows in the folder of a run, write its report.
+
+    Parameters
+    ----------
+    folder : Path
+        All cases of its study.json are there, as after `run_study` or `merge`.
+    means : Means, optional
+    say : callable, optional
+        As for `benchmark`.
+    """
+    study = read_study(folder)
+    scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
+    swept = _sweep(study, folder, means)
+    if say:
+        say("pooling scores and drawing the report …")
+    results = Results.load(folder)
+    groups = results.grouped(["base", "method"])
+    pooled, curves = _with_trajectories(
+        folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
     )
+    summary = _summary(study, pooled) | {
+        "failures": [{k: row[k] for k in FAILURE} for row in results.failures()],
+        "as_set": sweep.as_set(groups),
+        "tradeoff": swept,
+    }
+    found = Pooled(summary, curves)
+    write_text(folder / REPORT, render(found))
+    save(folder, found)  # the summary last: a folder without one is not complete
+    return found
+
+
+def _with_trajectories(
+    folder: Path, scenarios: Mapping[str, Scenario], rows: Sequence[Mapping[str, Any]]
+) -> tuple[list[dict[str, Any]], list[Curve]]:
+    """Return the pooled rows of a run with what takes trajectories, and these themselves.
+
+    Those of one estimator on one scenario are in memory at a time.
+    """
+    traces = Traces.of(folder)
+    found, curves = [], []
+    for (name, estimator), own in groupby(rows, key=lambda row: (row["base"], row["method"])):
+        scenario = scenarios[name]
+        known = traces.find(scenario.hash, estimator)
+        if known:
+            curves.append(curve_of(scenario, estimator, known[0].names, [t.curve for t in known]))
+        for row in own:
+            errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
+            identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator,
+                        "parameter": row["parameter"], "changed": row["changed"],
+                        "seeds": row["cases"]}  # fmt: skip
+            scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
+            further = of_trajectories(errors, row["bound"], period=scenario.period)
+            found.append(identity | scores | further)
+    return found, curves
+
+
+OF_A_STUDY = ("base", "method", "cases", "hours", "false_alarms_per_hour")
+FAILURE = ("scenario", "estimator", "seed", "error")
+
+
+def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[str, Any] | None:
+    """Return the points of the trade-off figure, and the lags at equal noise."""
+    wanted = study.get("tradeoff") or {"scenarios": []}
+    if not wanted["scenarios"]:
+        return None
+    scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
+    with Bench(scenarios, folder / SWEEP, means, resume=True) as bench:
+        found = sweep.sweep(scenarios, wanted["estimators"], study["seeds"], bench)
     return asdict(found) | {
         "overall": overall(found.at_excess),
-        "faults": {s.name: happens(s) for s in plan.swept_scenarios},
+        "faults": {s.name: happens(s) for s in scenarios},
     }
 
 
-def _summary(plan: Plan, rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:
     return {
-        "title": plan.title,
-        "command": plan.command,
+        "title": study.get("title", study["name"]),
+        "command": study.get("command", ""),
         "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "numba")},
-        "seeds": list(plan.seeds),
-        "scenarios": {s.name: {"hash": s.hash, "definition": s.resolved()} for s in plan.scenarios},
-        "estimators": {text: describe(text) for text in plan.estimators},
-        "rows": rows,
+        "seeds": list(study["seeds"]),
+        "scenarios": {e["definition"]["name"]: e for e in study["scenarios"]},
+        "estimators": {text: describe(text) for text in study["estimators"]},
+        "rows": pooled,
     }
 
 

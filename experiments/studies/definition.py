@@ -6,8 +6,6 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -16,22 +14,18 @@ from pydantic import BeforeValidator, Field, ValidationError
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running import specs
+from flexaxis.experiments.running.axes import ALL, is_option
 from flexaxis.experiments.running.consent import names_code
-from flexaxis.experiments.running.files import dumps
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.seeds import parse_seeds
-from flexaxis.experiments.studies.design import Point, Span, listed, product, sobol
+from flexaxis.experiments.running.study import Point, Study
+from flexaxis.experiments.studies.design import Span, listed, product, sobol
 from flexaxis.sim.config import Config
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.problems import explain
 from flexaxis.sim.scenario import Scenario
 
-ALL = "estimator"  # before the name of an option: that of every estimator
-SHOWN = 20  # problems told at once
 Problem = tuple[str, str]
-
-
-class StudyError(FlexaxisError):
-    """A study is wrong, or cannot go on; the message has one line for each problem."""
 
 
 def _one_or_more(given: Any) -> Any:
@@ -88,41 +82,7 @@ class StudyFile(Config):
     design: Literal["product", "list", "sobol"] = "product"
     samples: Annotated[int, Field(ge=1)] | None = None
     design_seed: Annotated[int, Field(ge=0)] = 0
-
-
-@dataclass(frozen=True)
-class Study:
-    """What is run: every estimator, at every point, on every seed of every scenario.
-
-    Attributes
-    ----------
-    name : str
-    scenarios : tuple of Scenario
-        With the study's `override` applied.
-    estimators : tuple of str
-        Texts as for `--estimator`.
-    seeds : tuple of int
-    axes : tuple of str
-        Swept keys.
-    points : tuple of dict
-        Values of these.
-    """
-
-    name: str
-    scenarios: tuple[Scenario, ...]
-    estimators: tuple[str, ...]
-    seeds: tuple[int, ...]
-    axes: tuple[str, ...]
-    points: tuple[Point, ...]
-
-    @property
-    def identity(self) -> str:
-        """What a folder holds rows of: the same scenarios and the same axes.
-
-        Values on the axes, estimators and seeds may be added later.
-        """
-        content = [[s.hash for s in self.scenarios], sorted(self.axes)]
-        return sha256(dumps(content).encode()).hexdigest()
+    streams: Literal["common", "own"] = "common"
 
 
 def load_study(path: str | os.PathLike[str]) -> Study:
@@ -182,6 +142,7 @@ def study_from(
         seeds=file.seeds,
         axes=tuple(file.sweep),
         points=tuple(_points(file)),
+        streams=file.streams,
     )
 
 
@@ -241,24 +202,6 @@ def _estimator_problems(file: StudyFile) -> Iterator[Problem]:
             specs.written_options(text) if names_code(text) else specs.parse(text)
         except EstimatorError as error:
             yield "estimators", str(error)
-
-
-def applies(key: str, estimator: str) -> bool:
-    """Whether an axis is an option of this estimator: "estimator.X" of all, "NAME.X" of one.
-
-    Examples
-    --------
-    >>> applies("estimator.forgetting", "rpem-forgetting")
-    True
-    >>> applies("ekf.walk", "rpem-forgetting")
-    False
-    """
-    return key.rpartition(".")[0] in {ALL, estimator.partition("[")[0].strip()}
-
-
-def is_option(key: str, estimators: tuple[str, ...]) -> bool:
-    """Whether an axis is an option of estimators, and not a key of the scenario."""
-    return key.rpartition(".")[0] == ALL or any(applies(key, text) for text in estimators)
 
 
 def _first(key: str) -> str:

@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.running.study import Point
 from flexaxis.sim.config import Config
-
-Point = dict[str, Any]
-"""Values by dotted key, one for each axis."""
 
 DIGITS = 6  # of a drawn value: enough to fill any axis, and still to be read in a name
 

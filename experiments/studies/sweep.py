@@ -7,15 +7,16 @@ is swept over its knob, and compared where its standard deviation is that of a r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running import harness
-from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.engine import Bench, Runs
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.groups import Groups
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.matching import (
@@ -27,7 +28,7 @@ from flexaxis.experiments.scoring.matching import (
     match,
     plain,
 )
-from flexaxis.experiments.scoring.pooling import biases_of, columns_of, pool_group
+from flexaxis.experiments.scoring.pooling import biases_of, case_of, columns_of, pool_group
 from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.experiments.scoring.windows import windows
@@ -94,11 +95,9 @@ def sweep(
     scenarios: Sequence[Scenario],
     estimators: Sequence[str],
     seeds: Sequence[int],
+    bench: Bench,
     *,
     factors: Sequence[float] = FACTORS,
-    jobs: int = 1,
-    store: RecordCache | None = None,
-    advance: Callable[[harness.Done], None] | None = None,
 ) -> Sweep:
     """
     Run every estimator at several settings of its knob, and match them to the reference.
@@ -106,17 +105,27 @@ def sweep(
     Where these settings are all quieter than the reference, or all noisier, the knob is turned
     further, up to 1024 times, as far as the estimator allows.
 
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    estimators : sequence of str
+    seeds : sequence of int
+    bench : Bench
+        Where the cases are run.
+    factors : sequence of float
+        Of the knob, over its default, in the first sweep.
+
     Raises
     ------
     FlexaxisError
         If no scenario has a fault in a parameter that it asks to be estimated.
     """
-    if not any(w.size > 0 for s in scenarios for w in windows(s, s.identify)):
+    if not any(w.D > 0 for s in scenarios for w in windows(s, s.identify)):
         raise FlexaxisError(
             f"{', '.join(s.name for s in scenarios)}: no fault in an estimated parameter, so there "
             "is no lag to compare; name a scenario with one (`flexaxis list`)"
         )
-    runs = _Runs(scenarios, seeds, settings(estimators, factors=factors), jobs, store, advance)
+    runs = _Runs(scenarios, seeds, settings(estimators, factors=factors), bench)
     runs.run(scenarios, texts(settings(estimators, factors=factors)))
     for factor in WIDER:
         for scenario in scenarios:
@@ -125,42 +134,31 @@ def sweep(
 
 
 class _Runs:
-    """The cases of a sweep: by scenario and setting, and which settings are whose."""
+    """The runs of a sweep: by scenario and setting, and which settings are whose."""
 
-    def __init__(  # noqa: PLR0917
+    def __init__(
         self,
         scenarios: Sequence[Scenario],
         seeds: Sequence[int],
         lines: Mapping[str, Line],
-        jobs: int,
-        store: RecordCache | None,
-        advance: Callable[[harness.Done], None] | None,
+        bench: Bench,
     ) -> None:
-        self.scenarios, self._seeds, self._jobs, self._store = scenarios, seeds, jobs, store
-        self._advance = advance
+        self.scenarios, self._seeds, self._bench = scenarios, seeds, bench
         self.lines = {s.name: {name: dict(line) for name, line in lines.items()} for s in scenarios}
-        self._cases: dict[str, dict[str, list[harness.Case]]] = {s.name: {} for s in scenarios}
+        self._runs: dict[tuple[str, str], Runs] = {}
 
     def run(self, scenarios: Sequence[Scenario], wanted: Sequence[str]) -> None:
         """Run some settings on some scenarios; a setting that was run there is not run again."""
-        wanted = [t for t in wanted if any(t not in self._cases[s.name] for s in scenarios)]
-        if not wanted:
-            return
-        for done in harness.run(scenarios, wanted, self._seeds, jobs=self._jobs, store=self._store):
-            for case in done.cases:
-                held = self._cases[case.scenario].setdefault(case.estimator, [])
-                held.append(replace(case, curve=_NOTHING, relative={}))
-            if self._advance:
-                self._advance(done)
+        self._runs |= self._bench.runs(scenarios, wanted, self._seeds)
 
-    def cases(self, scenario: Scenario, text: str) -> list[harness.Case]:
-        """Return the cases of a setting, in the order of the seeds."""
-        return self._cases[scenario.name][text]
+    def of(self, scenario: Scenario, text: str) -> Runs:
+        """Return the rows of a setting, a list a seed."""
+        return self._runs[scenario.hash, text]
 
     def faults(self, scenario: Scenario, name: str) -> list[str]:
         """Return the parameters of an estimator that change."""
         text = next(iter(self.lines[scenario.name][name]))
-        return [r["parameter"] for r in self.cases(scenario, text)[0].rows if r["changed"]]
+        return [row["parameter"] for row in self.of(scenario, text)[0] if row["changed"]]
 
     def match(self, scenario: Scenario, name: str, parameter: str, noise: Noise) -> Match | None:
         """Return an estimator at the noise of the reference; None where that has no such row."""
@@ -170,13 +168,10 @@ class _Runs:
         return match(reference_, own, noise)
 
     def _setting(self, scenario: Scenario, text: str, factor: float, parameter: str) -> Setting:
-        cases = self.cases(scenario, text)
-        biases = biases_of([case.rows for case in cases], scenario)
-        rows = [next(r for r in case.rows if r["parameter"] == parameter) for case in cases]
+        runs = self.of(scenario, text)
+        biases = biases_of(runs, scenario)
+        rows = [next(row for row in run if row["parameter"] == parameter) for run in runs]
         return Setting(text, factor, rows, biases, information(scenario))
-
-
-_NOTHING = np.empty((0, 0), np.float32)
 
 
 def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
@@ -192,14 +187,19 @@ def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
             if text is not None and text != name:
                 try:
                     runs.run([scenario], [text])
-                except EstimatorError:  # so far the knob does not turn
+                except (EstimatorError, StudyError):  # so far the knob does not turn
                     continue
                 line[text] = turn
 
 
-def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
+def as_set(groups: Groups) -> list[dict[str, Any]]:
     """
     Return what each estimator is worth at the one setting it was run at, seed by seed.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of the rows of a run, by scenario (base) and estimator (method).
 
     Returns
     -------
@@ -207,22 +207,25 @@ def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
         One for each fault and estimator: ``scenario, parameter, estimator, lag, std, diverged,
         seeds`` and ``values`` of lag and std: their logarithms, as the jackknife's values.
     """
-    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    for case in cases:
-        for row in case.rows:
-            if row["changed"] and row["lag"] is not None and row["std"] is not None:
-                key = row["scenario"], row["parameter"], row["estimator"]
-                groups.setdefault(key, []).append(row)
     found = []
-    for (scenario, parameter, estimator), rows in groups.items():
-        setting = Setting(estimator, 1.0, rows)
+    for group, key in enumerate(groups.keys):
+        if not key["changed"]:
+            continue
+        columns = {name: groups.columns(group)[name] for name in _AS_SET}
+        there = ~np.isnan(columns["lag"]) & ~np.isnan(columns["std"])
+        columns = {name: values[there] for name, values in columns.items()}
+        rows = [
+            dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True)
+        ]
+        if not rows:
+            continue
+        setting = Setting(key["method"], 1.0, rows)
         values = {name: plain(setting, name) for name in ("lag", "std")}
-        columns = columns_of(rows)
         found.append(
             {
-                "scenario": scenario,
-                "parameter": parameter,
-                "estimator": estimator,
+                "scenario": key["base"],
+                "parameter": key["parameter"],
+                "estimator": key["method"],
                 "seeds": len(rows),
                 **geometric(columns, "lag"),
                 **deviation("bias", "lost_before")(columns, "std"),
@@ -233,6 +236,9 @@ def as_set(cases: Sequence[harness.Case]) -> list[dict[str, Any]]:
     return found
 
 
+_AS_SET = ("lag", "std", "bias", "lost_before", "diverged")
+
+
 def _matched(runs: _Runs) -> Sweep:
     points: list[dict[str, Any]] = []
     at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
@@ -240,7 +246,8 @@ def _matched(runs: _Runs) -> Sweep:
         for name, line in runs.lines[scenario.name].items():
             for text, factor in line.items():
                 extra = {"estimator": name, "setting": text, "factor": factor}
-                pooled = pool_group(runs.cases(scenario, text), scenario)
+                cases = [case_of(run) for run in runs.of(scenario, text)]
+                pooled = pool_group(cases, scenario)
                 points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
             for parameter in runs.faults(scenario, name):
                 for noise in NOISES:

@@ -14,11 +14,10 @@ from scipy.optimize import minimize_scalar
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running import harness
-from flexaxis.experiments.running.cache import RecordCache
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.specs import parse
-from flexaxis.experiments.scoring.pooling import pool
+from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
@@ -63,23 +62,27 @@ class Tuned:
     lag: float | None = None
 
 
+def tuning_scenario() -> Scenario:
+    """Return where the noise is matched: the nominal axis without a fault, started at the truth."""
+    return find_scenario("paper_nominal-v1").override({"start": 1.0})
+
+
 @dataclass(frozen=True)
-class Bench:
-    """Where settings are tried.
+class Trials:
+    """Where settings are tried, and how noisy they were.
 
     Attributes
     ----------
     seeds : sequence of int
         Those for tuning.
-    jobs, store
-        As for `flexaxis.experiments.running.harness.run`.
+    bench : Bench
+        Where the cases are run.
     match : str
         What is to be matched: "excess", or the parameter whose std is.
     """
 
     seeds: Sequence[int]
-    jobs: int = 1
-    store: RecordCache | None = None
+    bench: Bench
     match: str = EXCESS
     _known: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
 
@@ -89,8 +92,7 @@ class Bench:
         On the nominal axis, started at the truth.
         """
         if setting not in self._known:
-            scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})
-            rows = self._rows(scenario, setting)
+            rows = self._rows(tuning_scenario(), setting)
             found = {row["parameter"]: row["std"] for row in rows if row["std"]}
             if rows[0]["excess"]:
                 found[EXCESS] = float(np.sqrt(rows[0]["excess"]))
@@ -105,11 +107,11 @@ class Bench:
         return float(np.exp(np.mean([np.log(row["lag"]) for row in rows])))
 
     def _rows(self, scenario: Scenario, setting: str) -> list[dict[str, Any]]:
-        done = harness.run([scenario], [setting], self.seeds, jobs=self.jobs, store=self.store)
-        return pool([case for task in done for case in task.cases], [scenario])[0]
+        runs = self.bench.runs([scenario], [setting], self.seeds)[scenario.hash, setting]
+        return pool_group([case_of(run) for run in runs], scenario)
 
 
-def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = None) -> Tuned:
+def match_noise(name: str, trials: Trials, options: Mapping[str, float] | None = None) -> Tuned:
     """
     Turn the knob until the noise is that of `rpem-forgetting` at its default, on the nominal axis.
 
@@ -119,7 +121,7 @@ def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = N
     ----------
     name : str
         A registered estimator with a knob.
-    bench : Bench
+    trials : Trials
     options : mapping, optional
         Other options of the estimator, as they are to be.
 
@@ -129,10 +131,10 @@ def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = N
         If the estimator has no knob, or no setting is found.
     """
     knob, speed = _knob(name)
-    wanted = bench.noises(reference())
-    if bench.match not in wanted:
+    wanted = trials.noises(reference())
+    if trials.match not in wanted:
         raise FlexaxisError(
-            f"{bench.match!r} cannot be matched.{did_you_mean(bench.match, wanted)} "
+            f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, wanted)} "
             f"There are: {', '.join(wanted)}"
         )
     slope, before, tried = 0.5, None, ""
@@ -140,14 +142,14 @@ def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = N
         speed = float(f"{speed:.{DIGITS}g}")
         value = 1 - speed if knob == "forgetting" else speed
         tried = setting(name, {**(options or {}), knob: value})
-        own = bench.noises(tried)
-        if bench.match not in own:
+        own = trials.noises(tried)
+        if trials.match not in own:
             break
         ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
-        ratio = ratios.pop(EXCESS, 1.0) if bench.match == EXCESS else ratios[bench.match]
+        ratio = ratios.pop(EXCESS, 1.0) if trials.match == EXCESS else ratios[trials.match]
         error = float(np.log(ratio))
         if abs(error) < TOLERANCE:
-            return Tuned(tried, knob, round(value, 12), bench.match, ratio, ratios)
+            return Tuned(tried, knob, round(value, 12), trials.match, ratio, ratios)
         if before is not None and abs(np.log(speed) - before[0]) > 1e-6:
             slope = np.clip((error - before[1]) / (np.log(speed) - before[0]), 0.1, 2.0)
         before = np.log(speed), error
@@ -157,7 +159,7 @@ def match_noise(name: str, bench: Bench, options: Mapping[str, float] | None = N
     )
 
 
-def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Bench) -> Tuned:
+def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Trials) -> Tuned:
     """
     Find the options with which an estimator is fastest after a fault, at matched noise.
 
@@ -172,7 +174,7 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Benc
         The options to turn, besides the knob.
     scenario : Scenario
         With a fault in an estimated parameter.
-    bench : Bench
+    trials : Trials
 
     Raises
     ------
@@ -188,10 +190,10 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, bench: Benc
     def attempt(given: dict[str, float]) -> float:
         given = {key: float(f"{value:.{DIGITS}g}") for key, value in given.items()}
         try:
-            found = match_noise(name, bench, given)
+            found = match_noise(name, trials, given)
         except FlexaxisError:
             return np.inf
-        lag = bench.lag(found.setting, scenario)
+        lag = trials.lag(found.setting, scenario)
         tried.setdefault(found.setting, Tuned(**{**asdict(found), "lag": lag}))
         return lag
 

@@ -4,29 +4,30 @@ import os
 import time
 from pathlib import Path
 
+from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.harness import case_id
 from flexaxis.experiments.running.work import Outcome
 from flexaxis.experiments.scoring.table import undefined
 
 PARAMETERS = ("k_T", "1/J_a", "f_m")
 
 
-def case_rows(unit, entry, seed):
+def case_rows(variant, entry, seed):
     known = {
-        "case": case_id(unit.variant.hash, entry.text, seed),
-        "hash": unit.variant.hash,
-        "scenario": unit.variant.base.name,
+        "case": case_id(variant.hash, entry.text, seed),
+        "hash": variant.hash,
+        "scenario": variant.base.name,
         "estimator": entry.text,
         "seed": seed,
     }
     rest = {
         "cost": {"us_per_sample": 0.1, "seconds": 0.1, "host": "x", "versions": ""},
-        "base": unit.variant.base.name,
+        "base": variant.base.name,
         "method": entry.method,
-        "axes": dict(unit.variant.axes) | dict(entry.axes),
-        "seconds": unit.variant.duration,
+        "axes": dict(variant.axes) | dict(entry.axes),
+        "seconds": variant.duration,
         "rows": len(PARAMETERS),
+        "code": None,
         "error": None,
     }
     scores = undefined() | {"changed": False, "diverged": False, "std": seed % 7 / 10}
@@ -34,9 +35,14 @@ def case_rows(unit, entry, seed):
 
 
 def quick(unit):
-    rows = [case_rows(unit, entry, seed) for entry in unit.entries for seed in unit.seeds]
+    rows = [
+        case_rows(variant, entry, seed)
+        for variant in unit.variants
+        for entry in variant.entries
+        for seed in unit.seeds
+    ]
     lines = "".join(dumps(row) + "\n" for case in rows for row in case).encode()
-    return Outcome(lines, len(rows), 0, (), 0.0, 0.0)
+    return Outcome(lines, len(rows), 0)
 
 
 def slowly(unit):

@@ -7,6 +7,7 @@ import pytest
 
 from flexaxis.experiments.running import cache
 from flexaxis.experiments.running.cache import SIGNALS, RecordCache, records
+from flexaxis.sim.simulate import simulate
 
 
 @pytest.fixture
@@ -32,6 +33,27 @@ def test_another_content_is_another_entry(short, store, monkeypatch):
     assert records(short.override({"name": "renamed"}), [0], store)[1] == 0
     monkeypatch.setattr(cache, "_code", lambda: "another plant")
     assert records(short, [0], store)[1] == 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"start": 1.2}, {"identify": ["k_T", "f_m"]}, {"told": {"k_g": 1.1}}, {"output": "increment"},
+     {"burn_in": 2.0}],
+    ids=str,
+)  # fmt: skip
+def test_what_estimators_are_told_is_not_simulated_again(short, store, changes):
+    """And the record given is that of the scenario that asks."""
+    records(short, [0], store)
+    asking = short.override(changes, inherit=True)
+    (kept,), simulated = records(asking, [0], store)
+    (made,) = simulate(asking, [0])
+    assert simulated == 0
+    for name in (*SIGNALS, "true_parameters"):
+        assert getattr(made, name).tobytes() == getattr(kept, name).tobytes()
+    assert kept.hash == asking.hash == made.hash != short.hash
+    assert (kept.scenario, kept.burn_in) == (asking.resolved(), asking.burn_in)
+    # but a fault of another size is, with the same random numbers or not
+    assert records(short.override({"fault[0].factor": 2.0}, inherit=True), [0], store)[1] == 1
 
 
 @pytest.mark.parametrize("damage", ["cut", "flip", "foreign"])

@@ -106,6 +106,7 @@ def test_a_scenario_says_its_name_and_what_it_tests(name):
     assert scenario.noise.speed == 0.1 and scenario.group in GROUPS and scenario.difficulty
     card = reference_card(scenario)
     assert card["tests"] == scenario.card and all(card.values())
+    assert (card["unmodelled"] == "nothing") == scenario.linear
 
 
 @pytest.mark.parametrize("kind", ["step", "ramp", "intermittent"])
@@ -152,10 +153,12 @@ def test_the_page_on_scenarios_names_them_all():
         ("kg_step-v1", "k_g -20 % at 10 s; not estimated"),
         ("fg_ramp-v1", "f_g 20-fold from 10 to 15 s; not estimated"),
         ("fm_intermittent-v1", "f_m +50 % from 10 s, 2 s of 4"),
-        ("coarse_encoder_fm_step-v1", "f_m +50 % at 10 s; increment of 2048 counts"),
+        ("coarse_encoder_fm_step-v1", "f_m +50 % at 10 s; increment; encoder of 2048 counts"),
         ("warming_fm-v1", "no fault: f_m -30 % from 5 s, 20 s to 63 %"),
         ("n2_nominal-v1", "no fault; n2"),
         ("torque_delay_fm_step-v1", "f_m +50 % at 10 s; torque late by 1 ms"),
+        ("coulomb-v1", "no fault; Coulomb friction of 0.1 N m"),
+        ("told_kg_fm_step-v1", "f_m +50 % at 10 s; told k_g × 1.1"),
         ("moves_ja_step-v1", "J_a +30 % at 10.35 s; moves of 0.4 s within 4 rad, 0.2 s apart"),
         ("standstill-v1", "no fault; standstill"),
     ],

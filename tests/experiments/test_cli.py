@@ -127,7 +127,7 @@ def test_all_errors_of_a_file_at_once(capsys, tmp_path):
         (["show", "smoek"], "Did you mean 'smoke'"),
         (["simulate", "missing.toml"], "missing.toml"),
         (["estimate", "missing.nc"], "missing.nc"),
-        (["report", "missing"], "holds no complete result"),
+        (["report", "missing"], "is not the folder of a run or a study"),
     ],
 )
 def test_wrong_use_is_one_clear_line_and_status_2(capsys, tmp_path, monkeypatch, words, hint):
@@ -160,7 +160,7 @@ def test_ctrl_c_leaves_130_and_what_was_computed(short_toml, tmp_path):
     words = ["run", str(short_toml), "--seeds", "400", "--jobs", "1", "-o", str(tmp_path / "out")]
     command = [sys.executable, "-m", "flexaxis.experiments", *words, "--estimator", "frozen"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    part = tmp_path / "out" / "scores.part.jsonl"
+    part = tmp_path / "out" / "scores.jsonl"
     while not (part.exists() and part.stat().st_size):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)

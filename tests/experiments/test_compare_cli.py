@@ -106,12 +106,13 @@ def test_stored_runs(capsys, short_toml, tmp_path):
         assert (status, out) == (2, "") and f"{option[0]}: no option of finished runs" in err
 
 
-def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch):
+def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     from flexaxis.experiments.gate import gate
 
     asked = []
 
-    def compare(question, **options):
+    def compare(question, bench):
         asked.append(len(question.seeds))
         raise gate.FlexaxisError("enough")
 

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from flexaxis.experiments.scoring.statistics import (
-    Paired,
+    LogRatios,
     half_width,
     holm_levels,
     paired,
@@ -35,7 +35,7 @@ def test_the_t_test_is_scipys():
 def test_scores_of_zero_compare():
     """An estimator that never moves has a std of zero."""
     zero, some = np.zeros(4), np.full(4, 0.1)
-    assert paired(zero, zero) == Paired(4, 0.0, 0.0) and paired(zero, zero).p == 1
+    assert paired(zero, zero) == LogRatios(4, 0.0, 0.0) and paired(zero, zero).p == 1
     assert paired(zero, some).mean > 5 and paired(zero, some).p == 0
     assert paired(some, zero).mean < -5
 
@@ -136,13 +136,13 @@ def test_the_number_of_runs_is_the_first_that_leaves_no_doubt(mean):
 
 @pytest.mark.parametrize(("mean", "sd"), [(0.05, 0.06), (0.004, 0.03), (-0.05, 0.06)])
 def test_the_number_of_seeds_is_the_first_that_decides(mean, sd):
-    n = seeds_for_ratio(Paired(8, mean, sd), 0.001, 0.02)
+    n = seeds_for_ratio(LogRatios(8, mean, sd), 0.001, 0.02)
     gap = abs(abs(mean) - 0.02)  # beyond the margin, or within it, with the whole interval
     assert half_width(sd, n, 0.001) < gap <= half_width(sd, n - 1, 0.001)
 
 
 def test_seeds_that_no_one_has():
-    assert seeds_for_ratio(Paired(8, 0.02, 0.5), 0.001, 0.02) is None
+    assert seeds_for_ratio(LogRatios(8, 0.02, 0.5), 0.001, 0.02) is None
 
 
 def test_the_interval_of_a_rate():

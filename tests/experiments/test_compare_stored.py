@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.gate import stored
+from flexaxis.experiments.gate.comparison_report import write
 from flexaxis.experiments.gate.pairs import MARGINS
-from flexaxis.experiments.gate.report import write
-from flexaxis.experiments.running import files as results
+from flexaxis.experiments.running import folder as results
 from flexaxis.sim.errors import FlexaxisError
 
 

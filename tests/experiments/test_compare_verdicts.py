@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate import gate
+from flexaxis.experiments.gate.comparison_report import cells, markdown, row_command, worst, write
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
-from flexaxis.experiments.gate.report import cells, markdown, row_command, worst, write
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -104,7 +104,7 @@ def test_a_word_for_each_metric():
 
 def comparison(base, candidate):
     found = list(verdicts(base, candidate).values())
-    return Comparison("mine", "yours", list(range(8)), 1, 1, 0.01, found, [])
+    return Comparison("mine", "yours", list(range(8)), 1, 1, 0.01, found)
 
 
 def test_the_headline_is_a_sentence_for_each_word():
@@ -166,52 +166,44 @@ def gate_p(values):
     return paired(np.ones(len(values)), np.exp(values)).p
 
 
-def fake_run(monkeypatch, candidate):
-    """Let the gate see made-up scores; returns the seeds asked for."""
-    asked = []
+class Made:
+    """A bench with made-up scores; `asked` are the seeds that were."""
 
-    def run(scenarios, names, seeds, **options):
-        asked.append(list(seeds))
-        pool = {"a": rows(seeds=100, spread=0.1), "b": candidate}
-        for name in names:
-            kept = [row | {"estimator": name} for row in pool[name] if row["seed"] in seeds]
-            yield FakeDone([FakeCase(name, kept)])
+    def __init__(self, candidate):
+        self.pool = {"a": rows(seeds=100, spread=0.1), "b": candidate}
+        self.asked = []
 
-    monkeypatch.setattr(gate.harness, "run", run)
-    return asked
-
-
-class FakeDone:
-    def __init__(self, cases):
-        self.cases = cases
+    def runs(self, scenarios, names, seeds):
+        self.asked.append(list(seeds))
+        return {
+            ("hash", name): [[row | {"estimator": name} for row in self.pool[name]
+                              if row["seed"] in seeds]]
+            for name in names
+        }  # fmt: skip
 
 
-class FakeCase:
-    def __init__(self, estimator, rows):
-        self.estimator, self.rows = estimator, rows
-
-
-def test_seeds_are_added_until_it_is_decided(monkeypatch):
-    asked = fake_run(monkeypatch, rows(1.4, std=1.4, seeds=100, spread=0.1, seed=1))
-    found = compare(Question("a", "b", [], range(8), MARGINS, max_seeds=64))
+def test_seeds_are_added_until_it_is_decided():
+    bench = Made(rows(1.4, std=1.4, seeds=100, spread=0.1, seed=1))
+    found = compare(Question("a", "b", [], range(8), MARGINS, max_seeds=64), bench)
     assert found.verdict == "worse" and found.look > 1 and found.looks == 4
-    assert [k for seeds in asked for k in seeds] == found.seeds  # each seed once
+    assert bench.asked[-1] == found.seeds and len(bench.asked) == found.look
     assert found.alpha == pytest.approx(0.01 / 4)
     assert found.status() == 1
 
 
 def test_one_seed_is_refused():
     with pytest.raises(FlexaxisError, match="at least 2 seeds"):
-        compare(Question("a", "b", [], [1], MARGINS))
+        compare(Question("a", "b", [], [1], MARGINS), Bench([]))
     with pytest.raises(FlexaxisError, match="--max-seeds 4 is less than the 8 seeds"):
-        compare(Question("a", "b", [], range(8), MARGINS, max_seeds=4))
+        compare(Question("a", "b", [], range(8), MARGINS, max_seeds=4), Bench([]))
 
 
 def test_a_comparison_end_to_end(short, tmp_path):
     """On simulated records: 8 s with a fault at 6 s; λ = .98 is four times as fast and noisier."""
     fast = "rpem-forgetting[forgetting=0.98]"
     question = Question("rpem-forgetting", fast, [short], range(6), MARGINS)
-    found = compare(question)
+    with Bench([short], tmp_path, traced=True) as bench:
+        found = compare(question, bench)
     words = by_metric(found.verdicts)
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
     page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
@@ -226,7 +218,9 @@ def test_a_comparison_end_to_end(short, tmp_path):
 
 
 def test_an_estimator_is_the_same_as_itself(short):
-    found = compare(Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS))
+    found = compare(
+        Question("rpem-drift", "rpem-drift", [short], range(3), MARGINS), Bench([short])
+    )
     assert found.verdict == "same" and "rpem-drift" in markdown(found)
 
 
@@ -275,7 +269,7 @@ def test_who_does_not_estimate_what_changes_is_not_better():
     for rest, missing in (([], (("s", "f_m"),)), (of("f_m", 1.0, True), ())):
         paired = pair(base, table([*of("k_T", 0.5, False), *rest]), MARGINS)
         assert paired.missing == missing
-        found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS), [],
+        found = Comparison("a", "b", list(range(32)), 1, 1, 0.01, judge(paired, MARGINS),
                            paired.missing)  # fmt: skip
         assert found.verdict == ("undecided" if missing else "better")
         assert ("f_m of s is not estimated" in headline(found)) == bool(missing)

@@ -123,11 +123,11 @@ def test_rows_that_name_code_are_refused_until_told(code, study_file, tmp_path, 
     folder = tmp_path / "out"
     run_study(study_from({"name": "s", "scenario": str(tmp_path / "short.toml"), "seeds": 3,
                           "estimators": ["frozen"]}), folder)  # fmt: skip
-    lines = (folder / "rows.jsonl").read_text().splitlines()
+    lines = (folder / "scores.jsonl").read_text().splitlines()
     last = json.loads(lines[-1])["case"]
     rows = [json.loads(line) for line in lines]
     changed = [row | {"estimator": text} if row["case"] == last else row for row in rows]
-    (folder / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
+    (folder / "scores.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
     status, out, err = flexaxis(capsys, "verify", folder)
     again = refused(status, err, text, "verify", folder)
     assert not out and not mark.exists()

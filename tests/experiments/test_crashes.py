@@ -2,8 +2,15 @@
 
 import pytest
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import cli
 from flexaxis.experiments.cli import CRASH, FINDING, WRONG_USE, main
+from flexaxis.experiments.demo.racer import Racer
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.track import track
+from flexaxis.experiments.running.specs import build, parse
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.simulate import simulate
 
 OWN = """\
 import multiprocessing, os, sys
@@ -142,6 +149,29 @@ def test_a_constructor_that_raises(capsys, command, name, what, line):
     for traced in (["--traceback", *words], [*words, "--traceback"]):
         status, err = told(capsys, *traced)
         assert status == CRASH and "Traceback" in err and what in err
+
+
+def test_whoever_builds_an_estimator_refuses_it_in_the_same_words(short):
+    """Of the demo and of a log too, which tell it other values and have other knobs."""
+    axis, log = find_axis("three_mass"), simulate(short, [0])[0]
+    builders = (
+        lambda spec: build(spec, short),
+        lambda spec: track(log, axis, spec, identify=["f_m"]),
+        lambda spec: Racer(spec, preset("n1")),
+    )
+    for name in ("Key", "Value", "Needs", "Text", "Number", "Nothing"):
+        said = set()
+        for builder in builders:
+            with pytest.raises(EstimatorError) as raised:
+                builder(parse(f"own.py:{name}"))
+            said.add((type(raised.value), str(raised.value)))
+        assert len(said) == 1, name
+
+
+@pytest.mark.parametrize("text", ["builtins:int", "math:pi", "builtins:None"])
+def test_what_cannot_be_made_at_all_is_wrong_use(capsys, text):
+    status, err = told(capsys, *RUN, text)
+    assert status == WRONG_USE and text in err and len(err.splitlines()) == 1
 
 
 def test_a_constructor_that_asks_for_more_is_wrong_use(capsys):

@@ -8,8 +8,8 @@ import pytest
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.priors import known_P
-from flexaxis.experiments.demo.axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.dots import Scorer
+from flexaxis.experiments.demo.live_axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import MARK, SPAN, DemoSession
 from flexaxis.sim.errors import FlexaxisError

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.delay import delay_slope, delayed
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.axis import find_axis
+from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import find_changes
 from flexaxis.experiments.logs.identify import noise_model
 from flexaxis.experiments.logs.importing import import_log

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.running import harness
 from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.sim.simulate import simulate
 
 
@@ -32,8 +32,7 @@ class Silent(Counter):
 
 
 def nees(scenario, name):
-    (done,) = harness.run([scenario], [f"{Path(__file__)}:{name}"], [0])
-    (row,) = done.cases[0].rows
+    (((row,),),) = Bench([scenario]).runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
     return row["nees"]
 
 

@@ -1,4 +1,4 @@
-"""No command writes over what it reads, by whatever name it is called."""
+"""No command writes over what it reads; what is written is written whole."""
 
 import os
 import shutil
@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.running.files import OutputError, write_json, write_text
 from flexaxis.experiments.running.outputs import spare
 from flexaxis.sim.simulate import simulate
 
@@ -75,7 +75,7 @@ REFUSED = {
     "report": ["report", "run", "-o", "run/summary.json"],
     "report, rows": ["report", "run", "-o", "run/scores.jsonl"],
     "report, curves": ["report", "run", "-o", "run/curves.nc"],
-    "export": ["export", "share", "--csv", "share/rows.jsonl"],
+    "export": ["export", "share", "--csv", "share/scores.jsonl"],
     "export, study": ["export", "share", "--netcdf", "share/study.json"],
     "merge": ["merge", "share", "-o", "share"],
     "study": ["study", "study.toml", "-o", "study.toml"],
@@ -115,3 +115,22 @@ def test_what_is_not_there_cannot_be_lost(here):
     spare(["fm_step-v1", None, "", "x" * 5000], "fm_step-v1", None, "new.nc")
     with pytest.raises(OutputError, match=r"rec\.nc is read"):
         spare(["missing", "rec.nc"], "new.nc", "rec.nc")
+
+
+def test_what_cannot_be_written_is_one_line_that_names_the_file(tmp_path):
+    target = tmp_path / "missing" / "results.json"
+    with pytest.raises(OutputError) as raised:
+        write_json(target, {})
+    assert str(raised.value).startswith(f"{target}: cannot be written: No such file or directory.")
+    assert "\n" not in str(raised.value)
+
+
+def test_a_text_that_cannot_be_written_whole_leaves_the_old_one(tmp_path):
+    target = tmp_path / "results.json"
+    write_json(target, {"k_T": 1.0})
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(target, {"k_T": float("nan")})
+    with pytest.raises(UnicodeEncodeError):
+        write_text(target, "half a text, then \ud800")
+    assert target.read_text() == '{\n "k_T": 1.0\n}\n'
+    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]

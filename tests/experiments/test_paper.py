@@ -14,7 +14,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import reproduce
 from flexaxis.experiments.paper.claims import Claim
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.page import claims_table, in_words, render, symbols
+from flexaxis.experiments.paper.paper_page import claims_table, in_words, render, symbols
 from flexaxis.experiments.paper.style import RC
 
 # Seeds below 100: what is reported is on others. The least for which the claims that are

@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.running.harness import run
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.experiments.running.pipe import PipeEstimator
 from flexaxis.experiments.running.specs import build, parse
 from flexaxis.sim.simulate import simulate
@@ -60,9 +60,9 @@ def test_the_octave_example_is_the_shipped_method(short, record):
 
 
 def test_in_the_benchmark(short):
-    done = run([short], [f"pipe:{example('pipe_friction.py')}"], [0])
-    (case,) = (case for task in done for case in task.cases)
-    assert case.names == ("f_m",) and 0 < case.rows[0]["lag"] < 2
+    text = f"pipe:{example('pipe_friction.py')}"
+    (((row,),),) = Bench([short]).runs([short], [text], [0]).values()
+    assert row["parameter"] == "f_m" and 0 < row["lag"] < 2
 
 
 def test_what_is_said(tmp_path):

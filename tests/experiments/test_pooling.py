@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.harness import Case, run_case
+from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.pooling import pool, pool_group
+from flexaxis.experiments.scoring.pooling import Case, pool, pool_group
 from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.theta import true_theta

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.harness import run
-from flexaxis.experiments.scoring.pooling import pool
+from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.scoring.pooling import case_of, pool_group
 
 SEEDS = range(1000, 1060)
 STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
@@ -22,12 +22,12 @@ STD = (0.121, 0.048, 0.307)  # % of nominal: k_T, 1/J_a, f_m
 )
 def test_forgetting_of_0995(name, column, lag):
     scenario = find_scenario(name)
-    done = run([scenario], ["rpem-forgetting[forgetting=0.995]"], SEEDS)
-    cases = [case for task in done for case in task.cases]
-    lags = [case.rows[column]["lag"] for case in cases]
-    pooled, _ = pool(cases, [scenario])
+    text = "rpem-forgetting[forgetting=0.995]"
+    (runs,) = Bench([scenario]).runs([scenario], [text], SEEDS).values()
+    lags = [run[column]["lag"] for run in runs]
+    pooled = pool_group([case_of(run) for run in runs], scenario)
     std = [row["std"] for row in pooled]
     print(f"{name}: lag {np.mean(lags):.3f} s, std before {np.round(std, 4)} %")
     assert np.mean(lags) == pytest.approx(lag, rel=0.15)
     assert std == pytest.approx(STD, rel=0.20)
-    assert not any(case.rows[0]["diverged"] for case in cases)
+    assert not any(run[0]["diverged"] for run in runs)

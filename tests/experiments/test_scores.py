@@ -89,7 +89,7 @@ def test_in_a_pause_the_clock_starts_when_the_excitation_returns():
     scenario = find_scenario("pause_fm_step-v1")
     (window,) = windows(scenario, NAMES)
     assert (window.start, window.stop) == (6000, 7000)
-    assert window.size == pytest.approx(0.025)
+    assert pytest.approx(0.025) == window.D
     assert quiet(scenario)[0] == 1000 and quiet(scenario)[-1] == 1999
 
 
@@ -101,7 +101,7 @@ def test_the_next_event_ends_a_window():
     scenario = find_scenario("fm_step-v1").override({"fault": fault})
     first, second = windows(scenario, NAMES)
     assert (first.start, first.stop, second.start, second.stop) == (2000, 2200, 2200, 3200)
-    assert second.size == pytest.approx(1 / 0.8 - 1 / 0.88)
+    assert pytest.approx(1 / 0.8 - 1 / 0.88) == second.D
 
 
 def test_without_a_fault_the_last_ten_seconds_are_scored():
@@ -196,7 +196,7 @@ def test_changes_in_one_pause_are_met_together_when_it_ends():
     scenario = find_scenario("pause_fm_step-v1").override({"fault": faults})
     friction, inertia = windows(scenario, NAMES)
     assert (friction.start, friction.stop) == (inertia.start, inertia.stop) == (6000, 7000)
-    assert friction.size == pytest.approx(0.1)  # .05 to .15 in all
+    assert pytest.approx(0.1) == friction.D  # .05 to .15 in all
     still = np.tile(truth_of(scenario)[0], (scenario.samples, 1))
     rows = rows_of(scenario, still)
     assert rows["f_m"].lag == pytest.approx(5.0) == pytest.approx(rows["1/J_a"].lag)

@@ -10,9 +10,10 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.columns import COLUMNS
 from flexaxis.experiments.running.engine import run_study
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.studies.definition import StudyError, load_study, study_from
+from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
 
 FILE = """\
@@ -128,9 +129,10 @@ def plan(sweep, *, estimators=("rpem-forgetting",), seeds=3, shard=(1, 1), **mor
 
 def cases(made):
     return [
-        (unit.variant.scenario().hash, entry.text, seed)
+        (variant.scenario().hash, entry.text, seed)
         for unit in made.units()
-        for entry in unit.entries
+        for variant in unit.variants
+        for entry in variant.entries
         for seed in unit.seeds
     ]
 
@@ -141,8 +143,9 @@ def test_an_option_of_one_estimator_does_not_multiply_the_others():
     found = cases(made)
     assert len(found) == len(set(found)) == 2 * (3 + 1) * 3
     assert "rpem-forgetting[forgetting=0.95]" in {text for _, text, _ in found}
-    assert made.work().cases == len(found) and made.work().records == 2 * 3
-    assert made.work().seconds == 2 * 3 * 20.0
+    # where estimates start is nothing to the axis: both values share their records
+    assert made.work().cases == len(found) and made.work().records == 3
+    assert made.work().seconds == 3 * 20.0
 
 
 def test_points_that_define_the_same_run_are_one():
@@ -205,7 +208,7 @@ def test_the_folder_of_a_study(finished):
     assert status == 0
     rows = rows_of(folder)
     assert len(rows) == 2 * 2 * (2 + 1) * 3
-    assert [f.name for f in folder.glob("*.jsonl")] == ["rows.jsonl"]
+    assert [f.name for f in folder.glob("*.jsonl")] == ["scores.jsonl"]
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") >= 3 and "src=" not in page and "rpem-forgetting" in page
     one = next(row for row in rows.values() if row["method"] == "rpem-forgetting")
@@ -213,12 +216,15 @@ def test_the_folder_of_a_study(finished):
 
 
 def test_rows_are_those_of_a_run(finished, short):
-    """The study adds columns; the scores are what the harness gives for the same definition."""
-    from flexaxis.experiments.running.harness import run
+    """The study adds columns; the scores are those of the same definition by itself."""
+    from flexaxis.experiments.running.case import run_case
+    from flexaxis.experiments.running.specs import parse
+    from flexaxis.sim.simulate import simulate
 
-    scenario = short.override({"duration": 4.0, "fault[0].at": 2.5, "fault[0].factor": 2.0})
-    text = "rpem-forgetting[forgetting=0.99]"
-    case = next(iter(run([scenario], [text], [1001]))).cases[0]
+    base = short.override({"duration": 4.0, "fault[0].at": 2.5})
+    scenario = base.override({"fault[0].factor": 2.0}, inherit=True)
+    spec = parse("rpem-forgetting[forgetting=0.99]")
+    case = run_case(scenario, simulate(scenario, [1001])[0], spec)
     rows = rows_of(finished[0])
     for row in json.loads(json.dumps(case.rows)):
         there = rows[row["case"], row["parameter"]]
@@ -262,7 +268,7 @@ def test_another_folder_is_left_alone(study_toml, capsys, tmp_path):
     status, _, err = flexaxis(capsys, "study", study_toml, "-o", tmp_path / "out", "--resume")
     assert status == 2 and "not of a study" in err
     status, _, err = flexaxis(capsys, "verify", tmp_path)
-    assert status == 2 and "is not the folder of a study" in err
+    assert status == 2 and "is not the folder of a run or a study" in err
 
 
 def test_worst_trajectories_are_those_of_the_largest_lag(finished):
@@ -286,7 +292,7 @@ def test_shares_merge_to_what_one_process_gives(finished, capsys, tmp_path):
     status, out, _ = flexaxis(capsys, *words)
     assert status == 0 and out.splitlines()[-1] == str(parts[0])
     run_study(make_plan(load_study(source), shard=(2, 2)), parts[1])
-    assert [f.name for f in parts[1].glob("*.jsonl")] == ["rows-2-of-2.jsonl"]
+    assert [f.name for f in parts[1].glob("*.jsonl")] == ["scores-2-of-2.jsonl"]
     status, out, _ = flexaxis(capsys, "merge", *parts, parts[0], "-o", tmp_path / "all", "--json")
     assert json.loads(out)["doubles"] == len(rows_of(parts[0])) // 3
     assert rows_of(tmp_path / "all") == rows_of(folder)
@@ -301,7 +307,7 @@ def test_verify_finds_a_row_that_was_changed(finished, capsys, tmp_path):
     shutil.copytree(finished[0], folder)
     status, out, _ = flexaxis(capsys, "verify", folder, "--sample", 2)
     assert status == 0 and "2 of 2 cases agree; 2 had to be identical" in out
-    path = folder / "rows.jsonl"
+    path = folder / "scores.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     for row in rows:
         row["std"] *= 1 + 1e-12  # far less than what another machine may change

@@ -10,16 +10,18 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tuned, tunings
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.studies import tuning
-from flexaxis.experiments.studies.tuning import TOLERANCE, Bench, least_lag, match_noise
+from flexaxis.experiments.studies.tuning import TOLERANCE, Trials, least_lag, match_noise
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
 NOISIER = {"imm"}  # its excess error is above the reference's however slowly θ walks
 OWN = PAPER | {"relocate", "oracle-reset"}  # these keep the value they are known for
 
 
-def test_tuning_finds_the_reference_itself_and_its_equal(capsys):
+def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert main(["tune", "rpem-forgetting-mu", "--seeds", "0:2", "--jobs", "1"]) == 0
     ratio = float(re.search(r"excess ([\d.]+) times the reference's", capsys.readouterr().out)[1])
     assert abs(ratio - 1) < TOLERANCE
@@ -27,7 +29,7 @@ def test_tuning_finds_the_reference_itself_and_its_equal(capsys):
     assert "no knob" in capsys.readouterr().err
 
 
-class Powers(Bench):
+class Powers(Trials):
     """Instead of runs: noise goes as the root of 1−λ, lag has its least at an option of 0.3."""
 
     def noises(self, setting):
@@ -40,13 +42,15 @@ class Powers(Bench):
 
 
 def test_secants_find_the_match():
-    found = match_noise("cusum-reset", Powers(range(2)))
+    found = match_noise("cusum-reset", Powers(range(2), Bench([])))
     assert found.value == pytest.approx(1 - 0.005 / 4, abs=0.005 / 4 * 0.025)
     assert abs(found.ratio - 1) < TOLERANCE and found.knob == "forgetting"
 
 
 def test_an_option_is_turned_to_the_least_lag_at_matched_noise():
-    found = least_lag("cusum-reset", ["reset"], find_scenario("fm_step-v1"), Powers(range(2)))
+    found = least_lag(
+        "cusum-reset", ["reset"], find_scenario("fm_step-v1"), Powers(range(2), Bench([]))
+    )
     assert parse(found.setting).options["reset"] == pytest.approx(0.3, rel=0.1)
     assert found.lag == pytest.approx(1.0, abs=0.002) and abs(found.ratio - 1) < TOLERANCE
 
@@ -57,9 +61,9 @@ def test_no_match_and_wrong_words_are_said(capsys):
             return {"excess": 1.0 if setting.startswith("rpem") else 2.0}
 
     with pytest.raises(ValueError, match=r"no setting of its knob.*last tried ekf"):
-        match_noise("ekf", Flat(range(1)))
+        match_noise("ekf", Flat(range(1), Bench([])))
     with pytest.raises(ValueError, match=r"no option 'rest'.*reset"):
-        least_lag("cusum-reset", ["rest"], find_scenario("fm_step-v1"), Powers(range(1)))
+        least_lag("cusum-reset", ["rest"], find_scenario("fm_step-v1"), Powers(range(1), Bench([])))
     for words, said in (
         ([], "name one estimator, or give --all"),
         (["--all", "--match", "f_m"], "leave --match"),
@@ -73,7 +77,8 @@ def test_no_match_and_wrong_words_are_said(capsys):
 
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
-    monkeypatch.setattr(tuning, "Bench", Powers)
+    monkeypatch.setattr(tuning, "Trials", Powers)
+    monkeypatch.chdir(tmp_path)
     words = ["tune", "cusum-reset", "--seeds", "0:2", "--save", str(path)]
     fault = ["--minimize", "lag", "--option", "reset", "--scenario", "fm_step-v1"]
     for more in ([], fault, []):
@@ -103,7 +108,7 @@ def test_the_registry_has_what_was_tuned():
 @pytest.mark.parametrize("name", ["ekf", "moving-horizon"])
 def test_tuning_again_finds_the_same(name):
     (stored,) = (t for t in tunings() if t.estimator == name and t.scenario is None)
-    found = match_noise(name, Bench(range(16)))
+    found = match_noise(name, Trials(range(16), Bench([])))
     # it starts from the stored value, which other processors leave within the tolerance
     assert found.value == pytest.approx(stored.value)
     assert found.ratio == pytest.approx(stored.ratio, rel=1e-3)

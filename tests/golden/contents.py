@@ -15,7 +15,7 @@ import numpy as np
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
-from flexaxis.experiments.running.harness import run
+from flexaxis.experiments.running.engine import Bench
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 
@@ -65,10 +65,23 @@ RECORD_RTOL = 1e-9
 
 def score_rows(name: str) -> list[dict[str, Any]]:
     """Return the rows of every registered estimator on one scenario, flat, without times."""
-    done = run([find_scenario(name)], list(REGISTRY), SEEDS)
-    rows = [row for task in done for case in task.cases for row in case.rows]
+    scenario = find_scenario(name)
+    found = Bench([scenario]).runs([scenario], list(REGISTRY), SEEDS)
+    by_seed = zip(*found.values(), strict=True)
+    rows = [without(row) for runs in by_seed for run in runs for row in run]
     # what a run costs is another number every time; that it is told is not
-    return [flat(json.loads(json.dumps(row | {"cost": sorted(row["cost"])}))) for row in rows]
+    return [
+        flat(json.loads(json.dumps(row | {"cost": sorted(row["cost"].keys() - {"versions"})})))
+        for row in rows
+    ]
+
+
+def without(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row without what says only from which study it is."""
+    return {key: value for key, value in row.items() if key not in OF_THE_STUDY}
+
+
+OF_THE_STUDY = ("base", "method", "axes", "seconds", "code", "rows", "error")
 
 
 def flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -29,7 +29,7 @@ def exact_ticks(scenario, command):
 
 
 def reference_of(scenario, seed=0):
-    rng = stream(scenario.hash, seed, "excitation")
+    rng = stream(scenario.key, seed, "excitation")
     return scenario.excitation.reference(scenario.times, rng)
 
 
@@ -81,7 +81,7 @@ def test_a_torque_acts_late_and_is_logged_as_commanded(late, make):
 def test_the_filter_smooths_the_measured_speed_with_its_noise(make):
     scenario = make("filter.speed = 0.002\n", duration=1.0)
     (record,) = simulate(scenario, [3])
-    noise = 0.1 * stream(scenario.hash, 3, "noise.speed").standard_normal(scenario.samples)
+    noise = 0.1 * stream(scenario.key, 3, "noise.speed").standard_normal(scenario.samples)
     a, out = np.exp(-0.005 / 0.002), 0.0
     for k, value in enumerate(record.true_speed + noise):
         out = a * out + (1 - a) * value

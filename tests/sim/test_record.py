@@ -4,6 +4,8 @@ import dataclasses
 import json
 import os
 import stat
+import subprocess
+import sys
 
 import h5netcdf
 import h5py
@@ -213,6 +215,28 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(record, tmp_path, mo
     monkeypatch.setattr("flexaxis.sim.record_file._write_parameters", full)
     with pytest.raises(RecordError, match="No space left on device"):
         record.save(path)
+    assert path.read_bytes() == before and os.listdir(tmp_path) == ["run.nc"]
+
+
+@pytest.mark.parametrize("room", [1_000, 20_000])
+def test_a_full_disk_is_said_and_ends_no_process(record, tmp_path, room):
+    """A limit on the size of files fails the same writes as a disk without room."""
+    import resource
+
+    path = record.save(tmp_path / "run.nc")
+    before, limits = path.read_bytes(), resource.getrlimit(resource.RLIMIT_FSIZE)
+    assert len(before) > room
+    code = (
+        "import sys; from flexaxis.sim.record import load_record; from resource import *\n"
+        f"record = load_record({str(path)!r}); setrlimit(RLIMIT_FSIZE, ({room}, {limits[1]}))\n"
+        "try: record.save(sys.argv[1])\n"
+        "except ValueError as error: print(error)"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=False
+    )
+    assert (child.returncode, child.stderr) == (0, "")
+    assert child.stdout.endswith("run.nc: cannot be written: [Errno 27] File too large.\n")
     assert path.read_bytes() == before and os.listdir(tmp_path) == ["run.nc"]
 
 

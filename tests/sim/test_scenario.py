@@ -109,10 +109,15 @@ def test_resolved_writes_everything_out():
 
 
 def test_hash_pinned():
-    """A change of this number is a change of every record's identity and random streams."""
-    assert parse_scenario(STEP).hash == PINNED
+    """A change of these numbers is a change of every record's identity and random streams."""
+    old = parse_scenario('streams = "content"' + STEP)
+    assert (old.hash, old.key) == (PINNED, PINNED)
+    new = parse_scenario(STEP)
+    assert (new.hash, new.key) == (PINNED_NEW, PINNED_KEY)
 
 
+PINNED_NEW = "89d7f0caa7e88965b1fba3f54abbec18838074a71205b41bbc191961b0dfb713"
+PINNED_KEY = "a2d120ea5b235f9ae071ca3b7373315003bf13071567f55444d05fc25688ed9a"
 PINNED = "4728e23aa5f4f74468f2682bcb7e2fe9b144cc2062cf0196e3c4cef2ba775db9"
 
 

@@ -122,6 +122,9 @@ CASES = [
        "estimated, which would become infinite", "") for fault in TO_ZERO),
     (f"identify = ['1/f_m']\n{TO_ZERO[0]}".replace("[[fault", "[[nuisance"),
      "nuisance[0].factor: must be above 0 where 1/f_m is estimated", ""),
+    ("streams = 'planet'", 'streams: must be "plant", "content", or the `key` of another scenario',
+     " (64 hex digits), not 'planet'"),
+    ("streams = 'ABC123'", "streams: must be ", "not 'ABC123'"),
     ("difficulty = 'easi'", "difficulty: must be 'easy', 'medium' or 'hard', not 'easi'", ""),
 ]  # fmt: skip
 

@@ -1,26 +1,61 @@
-"""Sensors: rounding, increments and delays by their definitions."""
+"""Sensors: delay, noise, rounding and filter by their definitions, one sample or all at a time."""
+
+import math
+from typing import ClassVar
 
 import numpy as np
+import pytest
 
-from flexaxis.sim.sensors import angle_increment, delayed, measured_angle
+from flexaxis.sim.config import Config
+from flexaxis.sim.scenario import Scenario, parse_scenario
+from flexaxis.sim.sensors import (
+    DelayConfig,
+    EncoderConfig,
+    FilterConfig,
+    NoiseConfig,
+    angle_increment,
+    reading,
+)
+from flexaxis.sim.simulate import simulate
 
 ANGLE = np.cumsum(np.random.default_rng(0).normal(0, 0.01, (500, 2)), axis=0)
+ALL = (DelayConfig(measurement=3), NoiseConfig(speed=0.1, angle=1e-3), EncoderConfig(counts=2048),
+       FilterConfig(speed=0.002))  # fmt: skip
 
 
-def test_ideal_encoder_adds_the_noise_and_nothing_else():
-    noise = np.random.default_rng(1).normal(0, 0.01, ANGLE.shape)
-    assert np.array_equal(measured_angle(ANGLE, noise, counts=0), ANGLE + noise)
-    assert np.array_equal(measured_angle(ANGLE, 0.0, counts=0), ANGLE)
+def white(purpose):
+    """Noise for a purpose; another purpose, other noise."""
+    seed = {"noise.speed": 1, "noise.angle": 2}[purpose]
+    return np.random.default_rng(seed).normal(size=ANGLE.shape)
+
+
+def read(*sensors, signal="angle"):
+    return reading(sensors, signal, white)(ANGLE)
+
+
+def test_without_sensors_the_truth_is_read():
+    assert np.array_equal(read(), ANGLE)
+    off = (DelayConfig(), NoiseConfig(speed=0, angle=0), EncoderConfig())
+    for signal in ("angle", "speed"):
+        assert np.array_equal(read(*off, signal=signal), ANGLE)
+
+
+@pytest.mark.parametrize("signal", ["angle", "speed"])
+def test_noise_has_the_deviation_of_its_signal(signal):
+    deviation = {"angle": 1e-3, "speed": 0.1}[signal]
+    noisy = read(NoiseConfig(speed=0.1, angle=1e-3), signal=signal)
+    assert np.array_equal(noisy, ANGLE + deviation * white(f"noise.{signal}"))
 
 
 def test_encoder_reads_the_nearest_count():
     step = 2 * np.pi / 2048
-    read = measured_angle(ANGLE, 0.0, counts=2048)
-    counts = read / step
+    angle = read(EncoderConfig(counts=2048))
+    counts = angle / step
     assert np.max(np.abs(counts - np.round(counts))) < 1e-9
-    assert np.max(np.abs(read - ANGLE)) <= step / 2 * (1 + 1e-12)
+    assert np.max(np.abs(angle - ANGLE)) <= step / 2 * (1 + 1e-12)
     # Rounding is uniform over a count: rms step/sqrt(12), here within the scatter of 1000 values.
-    assert np.isclose(np.std(read - ANGLE), step / np.sqrt(12), rtol=0.1)
+    assert np.isclose(np.std(angle - ANGLE), step / np.sqrt(12), rtol=0.1)
+    assert np.array_equal(read(EncoderConfig(counts=2048), signal="speed"), ANGLE)
 
 
 def test_increments_add_up_to_the_angle_and_start_at_zero():
@@ -30,7 +65,70 @@ def test_increments_add_up_to_the_angle_and_start_at_zero():
 
 
 def test_delay_shifts_and_begins_at_rest():
-    assert delayed(ANGLE, 0) is not ANGLE and np.array_equal(delayed(ANGLE, 0), ANGLE)
-    late = delayed(ANGLE, 3)
+    late = read(DelayConfig(measurement=3))
     assert not late[:3].any() and np.array_equal(late[3:], ANGLE[:-3])
-    assert not delayed(ANGLE[:2], 5).any() and delayed(ANGLE[:2], 5).shape == (2, 2)
+    short = reading([DelayConfig(measurement=5)], "angle", white)(ANGLE[:2])
+    assert not short.any() and short.shape == (2, 2)
+
+
+@pytest.mark.parametrize("signal", ["angle", "speed"])
+def test_a_signal_meets_delay_noise_encoder_and_filter_in_turn(signal):
+    """The textbook, a sample at a time; as the keys of a scenario stand."""
+    assert tuple(parse_scenario(
+        'name = "x"\nduration = 1\nfilter.speed = 0.002\nencoder.counts = 2048\n'
+        "noise = { angle = 1e-3, speed = 0.1 }\ndelay.measurement = 3\n"
+    ).sensors.values()) == ALL  # fmt: skip
+    a, step, filtered, expected = math.exp(-0.005 / 0.002), 2 * math.pi / 2048, 0.0, []
+    noise = white(f"noise.{signal}")[:, 1]
+    for k in range(len(ANGLE)):
+        value = ANGLE[k - 3, 1] if k >= 3 else 0.0
+        if signal == "angle":
+            expected.append(round((value + 1e-3 * noise[k]) / step) * step)
+        else:
+            filtered = a * filtered + (1 - a) * (value + 0.1 * noise[k])
+            expected.append(filtered)
+    np.testing.assert_allclose(read(*ALL, signal=signal)[:, 1], expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("signal", ["angle", "speed"])
+@pytest.mark.parametrize("size", [1, 2, 7])
+def test_a_sample_at_a_time_gives_the_same_bits(signal, size):
+    one = reading(ALL, signal, white)
+    pieces = [one(ANGLE[k : k + size]) for k in range(0, len(ANGLE), size)]
+    assert np.concatenate(pieces).tobytes() == read(*ALL, signal=signal).tobytes()
+
+
+class Gain(Config):
+    """A sensor of a test: it reads everything by a factor too large."""
+
+    exact: ClassVar[bool] = False
+    factor: float
+
+    def stage(self, signal, white):
+        """Return the multiplication."""
+        del signal, white
+        return lambda values: self.factor * values
+
+    def in_words(self):
+        """Return the factor."""
+        return f"all read × {self.factor:g}"
+
+
+class Own(Scenario):
+    """A scenario with one more sensor."""
+
+    gain: Gain | None = None
+
+
+@pytest.mark.parametrize("feedback", ["clean", "measured"])
+def test_a_new_sensor_is_a_class_and_a_key(feedback):
+    """Log, loop, `linear` and hash know it."""
+    content = {"name": "x", "duration": 1.0, "noise": {"speed": 0.0}, "feedback": feedback}
+    plain, own = Own(**content), Own(**content, gain=Gain(factor=1.1))
+    assert plain.linear and not own.linear and own.hash != plain.hash
+    (record,) = simulate(own, [0])
+    assert np.array_equal(record.speed, 1.1 * record.true_speed)
+    assert np.array_equal(record.angle, 1.1 * record.true_angle_m)
+    shared = Own(**content, streams=own.key)
+    (without,) = simulate(shared, [0])
+    assert np.array_equal(record.torque, without.torque) == (feedback == "clean")

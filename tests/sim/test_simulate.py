@@ -74,7 +74,7 @@ def test_torque_is_the_textbook_loop_on_reference_and_angle(sensors, make):
     """Pins the order of things in a sample: measure at t_k, then act on [t_k, t_{k+1})."""
     scenario = make(sensors + step("f_m"), duration=3.0)
     (record,) = simulate(scenario, [5])
-    rng = stream(scenario.hash, 5, "excitation")
+    rng = stream(scenario.key, 5, "excitation")
     reference = scenario.excitation.reference(scenario.times, rng)
     T, a = scenario.period, np.exp(-scenario.period / 0.0005)
     before = speed = integral = 0.0
@@ -154,7 +154,7 @@ def test_measured_feedback_sees_exactly_the_recorded_angle(make):
         duration=2.0,
     )
     (record,) = simulate(scenario, [0])
-    rng = stream(scenario.hash, 0, "excitation")
+    rng = stream(scenario.key, 0, "excitation")
     error = scenario.excitation.reference(scenario.times, rng) - record.angle
     T, a = scenario.period, np.exp(-scenario.period / 0.0005)
     speed = integral = before = 0.0

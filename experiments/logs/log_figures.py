@@ -11,7 +11,7 @@ from scipy.signal import welch
 
 from flexaxis.estimators.frequency import frequency_response
 from flexaxis.estimators.model import increment
-from flexaxis.experiments.logs.axis import output_of, usable
+from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.plausibility import Check
 from flexaxis.experiments.logs.track import Tracked

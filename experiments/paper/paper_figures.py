@@ -14,7 +14,7 @@ from flexaxis.experiments.paper.checks_model import PEAKS, low_energy, torque_li
 from flexaxis.experiments.paper.claims import Evidence
 from flexaxis.experiments.paper.convergence import FORGETTING, drift
 from flexaxis.experiments.paper.data import Data
-from flexaxis.experiments.paper.filters import STRIDE, Runs
+from flexaxis.experiments.paper.filters import STRIDE, FilterRuns
 from flexaxis.experiments.paper.style import COLOURS, GREY, HIGHLIGHT, LINES, WIDTH, note
 from flexaxis.experiments.reporting.figures import symbol
 
@@ -159,7 +159,7 @@ def fig9(e: Evidence) -> Figure:
     return _diagonal(e.data, e.convergence.drift, theory, "P Q P = Δ, eq. (30)")
 
 
-def _estimates(e: Evidence, runs: Runs) -> Figure:
+def _estimates(e: Evidence, runs: FilterRuns) -> Figure:
     fig = Figure(figsize=(WIDTH, 5.0), layout="constrained")
     axes = fig.subplots(3, 1, sharex=True, sharey=True)
     time = e.data.scenario.times[::STEP]
@@ -177,7 +177,7 @@ def _estimates(e: Evidence, runs: Runs) -> Figure:
     return fig
 
 
-def _diagonal(data: Data, runs: Runs, theory: Array, label: str) -> Figure:
+def _diagonal(data: Data, runs: FilterRuns, theory: Array, label: str) -> Figure:
     fig = Figure(figsize=(WIDTH, 3.4), layout="constrained")
     ax = fig.subplots()
     time = data.scenario.times[STRIDE - 1 :: STRIDE]

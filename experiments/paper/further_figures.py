@@ -8,12 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexaxis.experiments.paper.answers import RESETS, WANTED, Windup
-from flexaxis.experiments.paper.checks_answers import price
+from flexaxis.experiments.paper.checks_further import price
 from flexaxis.experiments.paper.claims import Evidence
 from flexaxis.experiments.paper.convergence import FORGETTING
 from flexaxis.experiments.paper.data import PAUSE
 from flexaxis.experiments.paper.filters import STRIDE
+from flexaxis.experiments.paper.further_work import RESETS, WANTED, Windup
 from flexaxis.experiments.paper.style import COLOURS, GREY, WIDTH, note
 from flexaxis.experiments.reporting.figures import colour, symbol
 
@@ -28,7 +28,7 @@ def figA(e: Evidence) -> Figure:
     """Draw wanted and measured time constants, and what they cost."""
     fig = Figure(figsize=(WIDE, 3.7), layout="constrained")
     small, large, std = fig.subplots(1, 3)
-    diagonal, coupled = e.answers.diagonal, e.answers.coupled
+    diagonal, coupled = e.further.diagonal, e.further.coupled
     for i, name in enumerate(e.data.names):
         _over_wanted(small, [design.measured[i] for design in diagonal], "o", name)
         _over_wanted(small, [design.measured[i] for design in coupled], "x", name)
@@ -78,7 +78,7 @@ def figB(e: Evidence) -> Figure:
 def _standstill(e: Evidence, growth: Axes, estimate: Axes) -> None:
     """Draw P and 1/J_a of one run through a standstill."""
     time, shown = e.data.pause[0].time, e.data.names.index("1/J_a")
-    studies = {study.mu: study for study in e.answers.forgetting}
+    studies = {study.mu: study for study in e.further.forgetting}
     for mu, shade in SHOWN_MU.items():
         runs = studies[mu].runs
         largest = runs.P[0].max(axis=1)
@@ -102,7 +102,7 @@ def _standstill(e: Evidence, growth: Axes, estimate: Axes) -> None:
 def _over_mu(ax: Axes, e: Evidence, score: Callable[[list[Windup], Windup], float]) -> None:
     """Draw a score of both methods over μ; μ = 0 stands at the left end."""
     for (label, shade), studies in zip(
-        METHODS.items(), (e.answers.forgetting, e.answers.drift), strict=True
+        METHODS.items(), (e.further.forgetting, e.further.drift), strict=True
     ):
         left = min(study.mu for study in studies if study.mu) / 10
         places = [study.mu or left for study in studies]
@@ -120,8 +120,8 @@ def figC(e: Evidence) -> Figure:
     estimate, lag, talk = fig.subplots(1, 3)
     _after_the_fault(e, estimate)
     for name in e.data.names:
-        _over_resets(lag, {study.fraction: study.lag[name] for study in e.answers.resets}, name)
-        others = {study.fraction: study.cross_talk[name] for study in e.answers.resets}
+        _over_resets(lag, {study.fraction: study.lag[name] for study in e.further.resets}, name)
+        others = {study.fraction: study.cross_talk[name] for study in e.further.resets}
         _over_resets(talk, others, name)
     lag.set(ylabel="lag [s]", ylim=(0.1, 8))
     _plain(lag, y=[0.2, 0.5, 1, 2, 5])
@@ -135,7 +135,7 @@ def figC(e: Evidence) -> Figure:
 
 def _after_the_fault(e: Evidence, ax: Axes) -> None:
     """Draw the median estimate of f_m around its fault."""
-    studies = {study.fraction: study for study in e.answers.resets}
+    studies = {study.fraction: study for study in e.further.resets}
     time = e.data.faults["f_m"][0].time - e.data.onset * e.data.scenario.period
     shown = e.data.names.index("f_m")
     for fraction, shade in SHOWN_RESETS.items():

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 from rich.table import Table
@@ -17,11 +15,13 @@ from flexaxis.experiments.gate.lost import SILENT
 from flexaxis.experiments.gate.pairs import LOST, METRICS
 from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
-from flexaxis.experiments.reporting import figures
-from flexaxis.experiments.reporting.run_page import number
-from flexaxis.experiments.running import files as results
-from flexaxis.experiments.scoring.pooling import CURVE_STEP, Case, Curve
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.reporting import figures, page
+from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.running.case import case_id
+from flexaxis.experiments.running.files import write_json, write_text, writing
+from flexaxis.experiments.running.folder import REPORT
+from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.scoring.pooling import curve_of
 from flexaxis.sim.scenario import Scenario
 
 JSON, MARKDOWN = "compare.json", "verdict.md"
@@ -130,7 +130,7 @@ def write(
     sources: Mapping[str, str] | None = None,
     command: str = "",
 ) -> Path:
-    """Write compare.json, verdict.md, report.html and scores.jsonl to a folder.
+    """Write compare.json, verdict.md and report.html to a folder.
 
     Parameters
     ----------
@@ -149,71 +149,55 @@ def write(
     Path
         The report.
     """
-    with results.writing(folder):
+    with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(found.as_dict() | {"command": command}, allow_nan=False, indent=1)
-    results.write_text(folder / JSON, text + "\n")
-    results.write_text(folder / MARKDOWN, markdown(found))
-    if found.cases:
-        rows = [results.dumps(row) for case in found.cases for row in case.rows]
-        results.write_text(folder / results.SCORES, "\n".join(rows) + "\n")
-    page = _page(found, scenarios, sources or {}, command)
-    results.write_text(folder / results.REPORT, page)
-    return folder / results.REPORT
+    write_text(folder / MARKDOWN, markdown(found))
+    text = _page(found, scenarios, sources or {}, command, Traces.of(folder))
+    write_text(folder / REPORT, text)
+    # Last: a folder that has none is not complete.
+    write_json(folder / JSON, found.as_dict() | {"command": command})
+    return folder / REPORT
 
 
 def _page(
-    found: Comparison, scenarios: Sequence[Scenario], sources: Mapping[str, str], command: str
+    found: Comparison,
+    scenarios: Sequence[Scenario],
+    sources: Mapping[str, str],
+    command: str,
+    traces: Traces,
 ) -> str:
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(autoescape=True, undefined=StrictUndefined)
-    folder = files("flexaxis.experiments.gate") / "templates"
-    template = environment.from_string((folder / "compare.html").read_text(encoding="utf-8"))
     focus = worst(found)
-    return template.render(
-        found=found,
-        headline=headline(found),
-        meaning=meaning(found),
-        explanation=explanation(found),
-        columns=COLUMNS,
-        rows=[
+    content = {
+        "found": found,
+        "headline": headline(found),
+        "meaning": meaning(found),
+        "explanation": explanation(found),
+        "columns": COLUMNS,
+        "rows": [
             (v.verdict, cells(v), row_command(found, v, sources)) for v in ordered(found.verdicts)
         ],
-        focus=focus,
-        focus_cells=cells(focus),
-        figure=_drawn(found, focus, {s.name: s for s in scenarios}),
-        command=command,
-    )
+        "focus": focus,
+        "focus_cells": cells(focus),
+        "figure": _drawn(found, focus, {s.name: s for s in scenarios}, traces),
+        "command": command,
+    }
+    return page.render("gate/templates/compare.html", content)
 
 
-def _drawn(found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario]) -> str | None:
+def _drawn(
+    found: Comparison, focus: Verdict, scenarios: Mapping[str, Scenario], traces: Traces
+) -> str | None:
     """Return the figure of both runs on the worst seed as SVG."""
     scenario = scenarios.get(focus.worst_scenario)
     if scenario is None:
         return None
-    cases = {
-        case.estimator: case
-        for case in found.cases
-        if (case.scenario, case.seed) == (focus.worst_scenario, focus.worst_seed)
-    }
     sides = {"base": found.base, "candidate": found.candidate}
-    curves = [_curve(cases[text], side, scenario) for side, text in sides.items()]
+    curves = []
+    for side, text in sides.items():
+        case = case_id(scenario.hash, text, focus.worst_seed)
+        known = [t for t in traces.find(scenario.hash, text) if t.case == case]
+        if not known:
+            return None
+        curves.append(curve_of(scenario, side, known[0].names, [known[0].curve]))
     labels = {side: f"{side}: {text}" for side, text in sides.items()}
     return figures.svg(figures.trajectories(curves, scenario, labels=labels))
-
-
-def _curve(case: Case, side: str, scenario: Scenario) -> Curve:
-    nominal = true_theta(case.names, scenario.nominal.as_array())
-    truth = true_theta(case.names, scenario.true_parameters()) / nominal
-    run = case.curve.astype(float)
-    return Curve(
-        scenario=scenario.name,
-        estimator=side,
-        names=case.names,
-        time=scenario.times[::CURVE_STEP],
-        truth=truth[::CURVE_STEP],
-        low=run,
-        median=run,
-        high=run,
-    )

@@ -15,9 +15,9 @@ from flexaxis.estimators.adaptation import (
     tracking_error,
 )
 from flexaxis.estimators.registry import REGULARIZATION
-from flexaxis.experiments.paper.convergence import FORGETTING, drift, spread
+from flexaxis.experiments.paper.convergence import FORGETTING, drift, pooled_std
 from flexaxis.experiments.paper.data import PAUSE, Data
-from flexaxis.experiments.paper.filters import COARSE, Runs, Tuning, filtered
+from flexaxis.experiments.paper.filters import COARSE, Adaptation, FilterRuns, filtered
 from flexaxis.experiments.scoring.pools import settles
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
@@ -40,7 +40,7 @@ WINDOW = 5.0  # s after a change
 
 
 @dataclass(frozen=True)
-class Design:
+class DriftChoice:
     """Δ for wanted time constants: what the theory says, and what came out.
 
     Attributes
@@ -50,7 +50,7 @@ class Design:
     measured, large : ndarray (p,)
         Time of 63 % of a step of each parameter [s]: of a small step, and of a fault's size.
     predicted_std, measured_std : ndarray (p,)
-        Standard deviations without any change [% of nominal].
+        Standard pooled_std without any change [% of nominal].
     """
 
     wanted: Array
@@ -68,7 +68,7 @@ class Windup:
     Attributes
     ----------
     mu : float
-    runs : Runs
+    runs : FilterRuns
     peak : float
         Largest diagonal element of P.
     burst : float
@@ -78,7 +78,7 @@ class Windup:
     """
 
     mu: float
-    runs: Runs
+    runs: FilterRuns
     peak: float
     burst: float
     lag: dict[str, float]
@@ -96,29 +96,29 @@ class Reset:
         By the parameter that changed [s].
     cross_talk : dict of str to float
         Largest rms error of the others over 1 s after the change, in % of nominal.
-    runs : Runs
+    runs : FilterRuns
         Those of the fault in f_m.
     """
 
     fraction: float | None
     lag: dict[str, float]
     cross_talk: dict[str, float]
-    runs: Runs
+    runs: FilterRuns
 
 
 @dataclass(frozen=True)
-class Answers:
+class FurtherWork:
     """The three studies."""
 
-    diagonal: list[Design]
-    coupled: list[Design]
-    apart: Design
+    diagonal: list[DriftChoice]
+    coupled: list[DriftChoice]
+    apart: DriftChoice
     forgetting: list[Windup]
     drift: list[Windup]
     resets: list[Reset]
 
 
-def answer(data: Data, Q: Array) -> Answers:
+def further_work(data: Data, Q: Array) -> FurtherWork:
     """Run the three studies.
 
     Parameters
@@ -128,19 +128,19 @@ def answer(data: Data, Q: Array) -> Answers:
         E ψψᵀ at nominal parameters.
     """
     mus = sorted({*MU, REGULARIZATION})
-    return Answers(
-        diagonal=[design(data, Q, np.full(3, tau)) for tau in WANTED],
-        coupled=[design(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],
-        apart=design(data, Q, np.array(APART)),
+    return FurtherWork(
+        diagonal=[choose_drift(data, Q, np.full(3, tau)) for tau in WANTED],
+        coupled=[choose_drift(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],
+        apart=choose_drift(data, Q, np.array(APART)),
         forgetting=[
-            windup(data, Q, Tuning(forgetting=FORGETTING, regularization=mu)) for mu in mus
+            windup(data, Q, Adaptation(forgetting=FORGETTING, regularization=mu)) for mu in mus
         ],
-        drift=[windup(data, Q, Tuning(drift=drift(), regularization=mu)) for mu in mus],
+        drift=[windup(data, Q, Adaptation(drift=drift(), regularization=mu)) for mu in mus],
         resets=[reset(data, Q, fraction) for fraction in (None, *RESETS)],
     )
 
 
-def design(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> Design:
+def choose_drift(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> DriftChoice:
     """Choose Δ for wanted time constants (p,) [s], predict and measure what it does."""
     period = data.scenario.period
     chosen = drift_for(wanted, Q, period=period, coupled=coupled)
@@ -150,37 +150,36 @@ def design(data: Data, Q: Array, wanted: Array, *, coupled: bool = False) -> Des
     left = np.abs(tracking_error(P, Q, seconds, period=period))
     nominal = data.parametrization.theta
     noise = data.scenario.noise.speed**2
-    return Design(
+    runs = filtered(data, data.nominal, Adaptation(drift=chosen), P0=P, stride=COARSE)
+    return DriftChoice(
         wanted=wanted,
         predicted=np.array([seconds[np.argmax(left[:, i, i] < 0.37)] for i in range(len(wanted))]),
         measured=small,
         large=large,
         predicted_std=100 * np.sqrt(np.diag(estimate_covariance(P, noise))) / nominal,
-        measured_std=spread(
-            filtered(data, data.nominal, Tuning(drift=chosen), P0=P, stride=COARSE), period=period
-        ),
+        measured_std=pooled_std(runs, period=period),
     )
 
 
 def _steps(data: Data, faults: Mapping[str, list[Record]], drift: Array, P0: Array) -> Array:
     """Return t63 (p,) of a step of each parameter [s]."""
-    runs = _filtered(data, faults, Tuning(drift=drift), P0)
+    runs = _filtered(data, faults, Adaptation(drift=drift), P0)
     return np.array([t63(data, runs[name], faults[name], name) for name in data.names])
 
 
-def windup(data: Data, Q: Array, tuning: Tuning) -> Windup:
+def windup(data: Data, Q: Array, adaptation: Adaptation) -> Windup:
     """Go through a standstill, and through step faults without one."""
     period = data.scenario.period
-    P0 = steady_P(Q, forgetting=tuning.forgetting, drift=tuning.drift)
-    runs = filtered(data, data.pause, tuning, P0=P0)
+    P0 = steady_P(Q, forgetting=adaptation.forgetting, drift=adaptation.drift)
+    runs = filtered(data, data.pause, adaptation, P0=P0)
     restart = round(PAUSE[1] / period)
     after = np.abs(runs.theta[:, restart : restart + round(WINDOW / period)] - 1)
     return Windup(
-        mu=tuning.regularization,
+        mu=adaptation.regularization,
         runs=runs,
         peak=float(runs.P.max()),
         burst=100 * float(np.median(after.max(axis=(1, 2)))),
-        lag=lags(data, _filtered(data, data.faults, tuning, P0)),
+        lag=lags(data, _filtered(data, data.faults, adaptation, P0)),
     )
 
 
@@ -192,7 +191,7 @@ def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
     runs = _filtered(
         data,
         data.faults,
-        Tuning(forgetting=FORGETTING),
+        Adaptation(forgetting=FORGETTING),
         steady_P(Q, forgetting=FORGETTING),
         reset=None if fraction is None else (data.onset, new),
     )
@@ -207,18 +206,18 @@ def reset(data: Data, Q: Array, fraction: float | None) -> Reset:
 def _filtered(
     data: Data,
     faults: Mapping[str, list[Record]],
-    tuning: Tuning,
+    adaptation: Adaptation,
     P0: Array,
     *,
     reset: tuple[int, Array] | None = None,
-) -> dict[str, Runs]:
+) -> dict[str, FilterRuns]:
     return {
-        name: filtered(data, records, tuning, P0=P0, reset=reset, stride=COARSE)
+        name: filtered(data, records, adaptation, P0=P0, reset=reset, stride=COARSE)
         for name, records in faults.items()
     }
 
 
-def lags(data: Data, runs: Mapping[str, Runs]) -> dict[str, float]:
+def lags(data: Data, runs: Mapping[str, FilterRuns]) -> dict[str, float]:
     """Return the lag after each fault [s], the mean over its runs."""
     period = data.scenario.period
     window = round(WINDOW / period)
@@ -229,7 +228,7 @@ def lags(data: Data, runs: Mapping[str, Runs]) -> dict[str, float]:
     return found
 
 
-def relative_error(data: Data, runs: Runs, records: Sequence[Record], name: str) -> Array:
+def relative_error(data: Data, runs: FilterRuns, records: Sequence[Record], name: str) -> Array:
     """Return θ̃/D (S, n) of the parameter that changed, from the onset of the fault on."""
     i = data.names.index(name)
     parameters = records[0].true_parameters
@@ -239,14 +238,14 @@ def relative_error(data: Data, runs: Runs, records: Sequence[Record], name: str)
     return error / abs(truth[data.onset] - truth[data.onset - 1])
 
 
-def t63(data: Data, runs: Runs, records: Sequence[Record], name: str) -> float:
+def t63(data: Data, runs: FilterRuns, records: Sequence[Record], name: str) -> float:
     """Return when the median run has 63 % of a fault behind it [s]; NaN for never."""
     error = relative_error(data, runs, records, name)
     found = settles(list(error), 0.37, data.scenario.period)
     return np.nan if found is None else found
 
 
-def cross_talk(data: Data, runs: Runs, name: str) -> float:
+def cross_talk(data: Data, runs: FilterRuns, name: str) -> float:
     """Return the largest rms error of the other parameters over 1 s, in % of nominal."""
     others = [i for i, other in enumerate(data.names) if other != name]
     after = runs.theta[:, data.onset : data.onset + round(1 / data.scenario.period)]

@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
-from importlib.resources import files
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.paper.claims import Claim, Evidence, Measured
+from flexaxis.experiments.reporting import page
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-TEMPLATE, EQUATIONS = "page.html", "equations.html"
 
 
 def render(e: Evidence, claims: Sequence[Claim], figures: Mapping[str, str], command: str) -> str:
@@ -30,25 +28,20 @@ def render(e: Evidence, claims: Sequence[Claim], figures: Mapping[str, str], com
     command : str
         The line that makes the page again.
     """
-    from jinja2 import DictLoader, Environment, StrictUndefined
-
-    folder = files("flexaxis.experiments.paper")
-    texts = {name: (folder / name).read_text(encoding="utf-8") for name in (TEMPLATE, EQUATIONS)}
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, loader=DictLoader(texts), trim_blocks=True
-    )
-    environment.filters |= {"measured": in_words, "symbols": symbols}
-    return environment.get_template(TEMPLATE).render(
-        claims=claims,
-        about=lambda *words, but=None: _about(claims, words, but),
-        figures=figures,
-        seeds=[record.seed for record in e.data.nominal],
-        runs={"long": len(e.data.long), "few": len(e.data.pause)},
-        measured={claim.id: claim.measured for claim in claims},
-        nominal=e.data.scenario.nominal.as_dict(),
-        command=command,
-        versions={name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
-    )
+    content = {
+        "claims": claims,
+        "about": lambda *words, but=None: _about(claims, words, but),
+        "figures": figures,
+        "seeds": [record.seed for record in e.data.nominal],
+        "runs": {"long": len(e.data.long), "few": len(e.data.pause)},
+        "measured": {claim.id: claim.measured for claim in claims},
+        "nominal": e.data.scenario.nominal.as_dict(),
+        "command": command,
+        "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
+        "symbols": symbols,
+        "written": in_words,
+    }
+    return page.render("paper/templates/paper.html", content)
 
 
 def _about(claims: Sequence[Claim], words: Sequence[str], but: str | None) -> list[Claim]:

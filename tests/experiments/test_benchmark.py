@@ -9,32 +9,30 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.reporting import run_page as report
-from flexaxis.experiments.running import files as results
-from flexaxis.experiments.running import harness
+from flexaxis.experiments.running import files, pooled
+from flexaxis.experiments.running.engine import Bench, Means
 from flexaxis.experiments.running.specs import build, parse
-from flexaxis.experiments.studies.benchmark import Plan, benchmark
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 ESTIMATORS = ["rpem-forgetting", "frozen"]
 
 
-def plan(short, **changes):
-    given = {
-        "title": "t",
-        "scenarios": [short],
-        "estimators": ESTIMATORS,
-        "seeds": range(1000, 1003),
-    }
-    return Plan(**(given | {"command": "flexaxis run short"} | changes))
+def plan(scenario, *, estimators=ESTIMATORS, seeds=range(1000, 1003), scenarios=None, **swept):
+    study = Study("t", tuple(scenarios or [scenario]), tuple(estimators), tuple(seeds))
+    return Benchmark(study, title="t", command="flexaxis run short", **swept)
 
 
 def without_cost(folder: Path):
-    lines = (folder / results.SCORES).read_text(encoding="utf-8").splitlines()
-    return [{k: v for k, v in json.loads(line).items() if k != "cost"} for line in lines]
+    """Return the rows, in an order that does not depend on which came first."""
+    lines = (folder / "scores.jsonl").read_text(encoding="utf-8").splitlines()
+    found = [{k: v for k, v in json.loads(line).items() if k != "cost"} for line in lines]
+    return sorted(found, key=lambda row: (row["case"], str(row["parameter"])))
 
 
 def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
     for jobs in (1, 2):
-        benchmark(plan(short), tmp_path / str(jobs), jobs=jobs)
+        benchmark(plan(short), tmp_path / str(jobs), Means(jobs=jobs))
     rows = without_cost(tmp_path / "1")
     assert rows == without_cost(tmp_path / "2")
     assert len(rows) == 2 * 3 * 3
@@ -43,17 +41,21 @@ def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
 
 def test_any_executor_will_do(short):
     with ThreadPoolExecutor(2) as executor:
-        done = list(harness.run([short], ["frozen"], range(4), jobs=2, executor=executor))
-    assert [case.seed for task in done for case in task.cases] == [0, 1, 2, 3]
+        bench = Bench([short], means=Means(executor=executor, in_flight=2))
+        (runs,) = bench.runs([short], ["frozen"], range(4)).values()
+    assert [run[0]["seed"] for run in runs] == [0, 1, 2, 3]
 
 
 def test_a_folder_holds_what_the_report_needs(short, tmp_path):
     made = benchmark(plan(short), tmp_path)
-    read = results.load(tmp_path)
+    read = pooled.load(tmp_path)
     assert read.summary == json.loads(json.dumps(made.summary))
     np.testing.assert_allclose(read.curves[0].median, made.curves[0].median, rtol=1e-6)
     assert {f.name for f in tmp_path.iterdir()} == {
+        ".lock",
+        "study.json",
         "scores.jsonl",
+        "traces",
         "summary.json",
         "curves.nc",
         "report.html",
@@ -65,7 +67,8 @@ def test_a_folder_holds_what_the_report_needs(short, tmp_path):
 def test_a_swept_knob_leads_the_report(short, tmp_path):
     swept = plan(short, swept_scenarios=[short], swept_estimators=["rpem-drift"])
     count = []
-    made = benchmark(swept, tmp_path, advance=lambda done: count.append(len(done.cases)))
+    means = Means(advance=lambda outcome: count.append(outcome.cases))
+    made = benchmark(swept, tmp_path, means)
     assert swept.cases == 3 * (2 + 5 + 1)  # the reference comes along
     assert sum(count) >= swept.cases  # and more where five settings do not reach its noise
     matched = made.summary["tradeoff"]["matched"]
@@ -125,32 +128,68 @@ def test_a_diverging_estimator_is_counted_and_the_others_stay(short, tmp_path):
         json.loads(line, parse_constant=lambda word: pytest.fail(f"{word} is not JSON"))
 
 
-def test_an_estimator_that_raises_is_named_with_its_record(short, tmp_path):
-    other = short.override({"name": "other", "burn_in": 2.0})
-    wanted = plan(short, scenarios=[short, other], estimators=["frozen"], seeds=[7])
-    benchmark(wanted, tmp_path)
-    with pytest.raises(EstimatorError, match=r"Broken crashed on short, seed 7: ZeroDivisionError"):
-        benchmark(plan(short, estimators=[own("Broken")], seeds=[7]), tmp_path)
-    # the complete result from before is still there
-    assert len(results.load(tmp_path).summary["rows"]) == 6
+def test_an_estimator_that_raises_is_a_row_and_the_others_go_on(short, tmp_path):
+    made = benchmark(plan(short, estimators=[own("Broken"), "frozen"], seeds=[7, 8]), tmp_path)
+    assert {row["estimator"] for row in made.summary["rows"]} == {"frozen"}
+    failed = made.summary["failures"]
+    assert [row["seed"] for row in failed] == [7, 8]
+    assert {row["estimator"] for row in failed} == {own("Broken")}
+    assert "crashed on short, seed 7: ZeroDivisionError: no luck" in failed[0]["error"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "2 cases could not be run" in page and "no luck" in page
 
 
-def test_rows_before_a_failure_are_kept(short, tmp_path):
+def test_a_simulation_that_fails_is_a_row_and_the_others_go_on(short, tmp_path):
     late = short.override({"name": "late", "controller.Kv": 50.0})  # unstable: the engine warns
-    with pytest.raises(ValueError, match=r"late, seed 5: .* t = "):
-        benchmark(plan(short, scenarios=[short, late], estimators=["frozen"], seeds=[5]), tmp_path)
-    assert len((tmp_path / results.PART).read_text().splitlines()) == 3
+    made = benchmark(plan(short, scenarios=[late, short], estimators=["frozen"], seeds=[5]),
+                     tmp_path)  # fmt: skip
+    assert {row["scenario"] for row in made.summary["rows"]} == {"short"}
+    (failed,) = made.summary["failures"]
+    assert failed["error"].startswith("SimulationError: late, seed 5: ")
+
+
+def test_a_run_goes_on_where_it_was_stopped(short, tmp_path):
+    """Also where estimators and seeds were added since; nothing is run twice."""
+    whole = plan(short, estimators=["frozen", "ekf"], seeds=range(6))
+    counted = []
+    means = Means(advance=lambda outcome: counted.append(outcome.cases))
+    benchmark(plan(short, estimators=["frozen"], seeds=range(4)), tmp_path / "a", means)
+    benchmark(whole, tmp_path / "a", means, resume=True)
+    assert sum(counted) == 12
+    benchmark(whole, tmp_path / "b")
+    assert without_cost(tmp_path / "a") == without_cost(tmp_path / "b")
+    summaries = [pooled.load(tmp_path / name) for name in "ab"]
+    rows = [[{k: v for k, v in row.items() if k != "cost"} for row in s.summary["rows"]]
+            for s in summaries]  # fmt: skip
+    assert rows[0] == rows[1]
+    np.testing.assert_array_equal(summaries[0].curves[1].high, summaries[1].curves[1].high)
+
+
+def test_a_complete_result_stays_until_another_is(short, tmp_path):
+    benchmark(plan(short, estimators=["frozen"]), tmp_path)
+
+    def stop(outcome):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        benchmark(plan(short, estimators=["ekf"]), tmp_path, Means(advance=stop))
+    assert not (tmp_path / "summary.json").exists()
+    kept = pooled.load(tmp_path / "previous")
+    assert list(kept.summary["estimators"]) == ["frozen"]
+    benchmark(plan(short, estimators=["ekf"]), tmp_path, resume=True)
+    assert not (tmp_path / "previous").exists()
+    assert list(pooled.load(tmp_path).summary["estimators"]) == ["ekf"]
 
 
 def test_a_folder_that_cannot_be_written_is_found_first(short, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(results.OutputError, match="cannot be written"):
+    with pytest.raises(files.OutputError, match="cannot be written"):
         benchmark(plan(short), tmp_path / "file" / "out")
 
 
 def test_a_full_disk_is_said_in_one_line(short):
-    with pytest.raises(results.OutputError, match="/dev/full: cannot be written: No space left"), \
-            results.writing(Path("/dev/full")), open("/dev/full", "w") as file:  # fmt: skip
+    with pytest.raises(files.OutputError, match="/dev/full: cannot be written: No space left"), \
+            files.writing(Path("/dev/full")), open("/dev/full", "w") as file:  # fmt: skip
         file.write("x")
 
 
@@ -178,6 +217,17 @@ def test_other_parameters_get_their_P0_from_a_nominal_run(short):
     estimator = build(parse("rpem-forgetting"), scenario)
     assert estimator.names == ("k_T", "f_m", "1/J_m")
     assert (np.diag(estimator.P) > 0).all()
+
+
+def test_points_of_a_sweep_are_told_the_same_nominal_torque(short):
+    """Which comes from random numbers of its own: neither from those of the records, nor anew."""
+    from flexaxis.experiments.running.nominal import nominal_torque
+
+    torque = nominal_torque(short)
+    for changes in ({"fault[0].factor": 2.0}, {"start": 1.2}):
+        point = short.override(changes, inherit=True)
+        assert point.streams == short.key
+        np.testing.assert_array_equal(nominal_torque(point), torque)
 
 
 def test_start_is_told_through_the_nominal_values(short):

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
 from flexaxis.experiments.reporting.figures import svg
+from flexaxis.experiments.reporting.page import render
 from flexaxis.experiments.running.files import write_text
 
 
 @dataclass(frozen=True)
-class Page:
+class LogPage:
     """What a page shows.
 
     Attributes
@@ -34,18 +34,14 @@ class Page:
     figures: Sequence[tuple[str, Figure, str]]
 
 
-def write_page(page: Page, path: Path) -> None:
+def write_page(page: LogPage, path: Path) -> None:
     """Write a page as one HTML file that needs no network."""
-    from jinja2 import Environment, StrictUndefined
-
-    text = (files("flexaxis.experiments.logs") / "templates" / "log.html").read_text("utf-8")
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(text)
-    content = template.render(
-        title=page.title,
-        command=page.command,
-        version=version("flexaxis"),
-        remarks=page.remarks,
-        tables=page.tables,
-        figures=[(heading, svg(figure), text) for heading, figure, text in page.figures],
-    )
-    write_text(path, content)
+    content = {
+        "title": page.title,
+        "command": page.command,
+        "version": version("flexaxis"),
+        "remarks": page.remarks,
+        "tables": page.tables,
+        "figures": [(heading, svg(figure), text) for heading, figure, text in page.figures],
+    }
+    write_text(path, render("logs/templates/log.html", content))

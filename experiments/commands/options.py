@@ -1,0 +1,173 @@
+"""Options that commands which run cases have in common, and what they say on the way."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.running.engine import Means
+
+RESUME = "--resume"
+
+
+def add_jobs(parser: Any, *, what: str = "the scores do") -> None:
+    """Declare --jobs."""
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help=f"processes (default: one a core); {what} not depend on it",
+    )
+
+
+def add_resume(parser: argparse.ArgumentParser) -> None:
+    """Declare --resume."""
+    parser.add_argument(
+        RESUME, action="store_true", help="keep what DIR holds of it, and run what is missing"
+    )
+
+
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Declare where to work and what share of it: processes here, a cluster, a part of many."""
+    where = parser.add_mutually_exclusive_group()
+    add_jobs(where, what="the rows do")
+    where.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster that runs")
+    parser.add_argument(
+        "--shard", metavar="I/N", help="run only the I-th of N shares, to a file of rows of its own"
+    )
+    add_resume(parser)
+
+
+def check_jobs(args: argparse.Namespace) -> None:
+    """Refuse a number of processes that is none."""
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.jobs is not None and args.jobs < 1:
+        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+
+
+def shard(args: argparse.Namespace) -> tuple[int, int]:
+    """Return which share is to be run, of how many."""
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.shard is None:
+        return 1, 1
+    mine, _, shares = args.shard.partition("/")
+    if not (mine.isdigit() and shares.isdigit() and 1 <= int(mine) <= int(shares)):
+        raise FlexaxisError(f"--shard {args.shard!r}: give I/N with I from 1 to N, such as 3/100")
+    return int(mine), int(shares)
+
+
+def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
+    """Return where to work, None for processes of our own, and how many work there."""
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.dask is None:
+        return None, args.jobs
+    from flexaxis.experiments.running.results import needed
+
+    distributed = needed("distributed")
+    try:
+        client = stack.enter_context(distributed.Client(args.dask, timeout=10))
+    except (OSError, ValueError) as error:
+        raise FlexaxisError(f"--dask {args.dask}: no scheduler answers there: {error}") from error
+    workers = sum(client.nthreads().values())
+    if not workers:
+        raise FlexaxisError(f"--dask {args.dask}: the cluster has no workers yet")
+    return client.get_executor(), workers
+
+
+@contextmanager
+def working(
+    args: argparse.Namespace,
+    what: str,
+    total: float,
+    *,
+    cache: bool = True,
+    place: tuple[Any, int] | None = None,
+) -> Iterator[tuple[Means, Callable[[float], None]]]:
+    """Give the means to run cases, with progress, and say how to go on where that is stopped.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With `jobs`, and `words` as typed.
+    what : str
+        What is done, for the progress.
+    total : float
+        How much of it there is.
+    cache : bool
+        Whether records are kept.
+    place : (executor, int), optional
+        As from `executor`.
+
+    Yields
+    ------
+    Means
+    callable
+        To be called with what is done besides cases.
+    """
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Means
+    from flexaxis.experiments.running.progress import progress
+    from flexaxis.sim.errors import FlexaxisError
+
+    check_jobs(args)
+    elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
+    done = 0
+    with progress(what, total or 1) as advance:
+
+        def landed(outcome: Any) -> None:
+            nonlocal done
+            done += outcome.cases
+            advance(outcome.cases)
+
+        means = Means(
+            jobs=1 if elsewhere else workers,
+            executor=elsewhere,
+            in_flight=2 * workers,
+            store=default_cache() if cache else None,
+            advance=landed,
+        )
+        try:
+            yield means, advance
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(go_on(args, done)) from None
+        except FlexaxisError as error:
+            if done:
+                raise FlexaxisError(f"{error}\n{go_on(args, done)}") from error
+            raise
+
+
+def go_on(args: argparse.Namespace, done: int) -> str:
+    """Return how many cases were just run, and the line that goes on from there."""
+    words = [word for word in args.words if word != RESUME]
+    kept = f"{done} case{'s'[: done != 1]} done just now"
+    if not hasattr(args, "resume"):
+        return kept
+    return f"{kept}; go on with: " + shlex.join(["flexaxis", *words, RESUME])
+
+
+def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
+    """Say on stderr which estimators failed where, and why: each kind of failure once."""
+    from flexaxis.experiments.cli import say
+    from flexaxis.experiments.reporting.failures import in_words
+
+    for text, count in in_words(failures):
+        say(f"{text} (and {count - 1} like it)" if count > 1 else text)
+    if failures:
+        say(f"{len(failures)} cases could not be run: `error` in their rows says why")
+
+
+def failed(failures: Sequence[Mapping[str, Any]]) -> int:
+    """Return the exit status where some cases could not be run: 70 if code crashed, else 1."""
+    from flexaxis.experiments.cli import CRASH, FINDING
+
+    crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
+    return CRASH if crashed else FINDING if failures else 0

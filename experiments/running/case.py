@@ -1,0 +1,106 @@
+"""A case: one estimator on one record, scored."""
+
+from __future__ import annotations
+
+import platform
+import time
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.running.crashes import crash
+from flexaxis.experiments.running.specs import Spec, build
+from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.pooling import Case, scored
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+
+
+def warm(spec: Spec, scenario: Scenario) -> None:
+    """Let an estimator compile what it compiles, so that the cost scored is that of running."""
+    rest = np.zeros(2)
+    _estimates(spec, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)")
+
+
+def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
+    """Return the identity of a case: 64 bits in hexadecimal."""
+    return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
+
+
+def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = False) -> Case:
+    """Run an estimator on a record and score it; `whole` keeps all estimates.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator raises, or returns what it may not.
+    """
+    assert record.true_parameters is not None  # a simulated record knows the truth
+    estimator = build(spec, scenario)
+    start = time.perf_counter()
+    where = f"{scenario.name}, seed {record.seed}"
+    theta, claimed = _with_claim(spec, estimator, scenario, record, where=where)
+    seconds = time.perf_counter() - start
+    track = Track(
+        scenario=scenario,
+        names=tuple(estimator.names),
+        theta=theta,
+        true_parameters=record.true_parameters,
+        torque=record.torque,
+        claimed=claimed,
+        findings=getattr(estimator, "findings", None),
+    )
+    identity = {
+        "case": case_id(scenario.hash, spec.text, record.seed),
+        "hash": scenario.hash,
+        "scenario": scenario.name,
+        "estimator": spec.text,
+        "seed": record.seed,
+    }
+    cost = {
+        "us_per_sample": 1e6 * seconds / len(theta),
+        "seconds": seconds,
+        "host": platform.node(),
+    }
+    seed = record.seed or 0
+    return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
+
+
+def _with_claim(
+    spec: Spec, estimator: Any, scenario: Scenario, record: Record, *, where: str
+) -> tuple[NDArray[np.float64], Any]:
+    """Return the estimates, and the covariance claimed at the first fault, or at the end."""
+    events = scenario.events()
+    stop = events[0].index if events and hasattr(estimator, "covariance") else scenario.samples
+    y = getattr(record, scenario.output)
+    valid = record.valid
+    parts = []
+    claimed = None
+    for part in (slice(0, stop), slice(stop, None)):
+        if part.start < scenario.samples:
+            gaps = None if valid is None else valid[part]
+            u = record.torque[part]
+            parts.append(_estimates(spec, estimator, u, y[part], gaps, where=where))
+        if claimed is None:
+            claimed = getattr(estimator, "covariance", None)
+    return np.concatenate(parts), claimed
+
+
+def _estimates(
+    spec: Spec, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
+) -> NDArray[np.float64]:
+    """Run an estimator; what a user's code raises is said with its name and the record's."""
+    try:
+        theta = run_estimator(estimator, u, y, valid)
+    except Exception as error:
+        raise crash(spec.text, f"on {where}", error) from error
+    if theta.shape != (len(u), len(estimator.names)):
+        raise EstimatorError(
+            f"{spec.text} returned estimates of the shape {theta.shape} on {where}; "
+            f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
+        )
+    return theta

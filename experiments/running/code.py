@@ -1,0 +1,72 @@
+"""Digests of code: what an estimator of one's own, and flexaxis itself, was when it ran."""
+
+from __future__ import annotations
+
+import shlex
+from functools import cache
+from hashlib import sha256
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from importlib.util import find_spec
+from pathlib import Path
+
+from flexaxis.experiments.running.consent import names_code
+from flexaxis.experiments.running.specs import PIPE
+
+SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
+
+
+def digest(estimator: str) -> str | None:
+    """Return a digest of the files that an estimator names, None for a registered one.
+
+    That is the file of ``path.py:Class`` or ``module:Class``, and of ``pipe:COMMAND`` every word
+    of the command that is a file here. What these import or call in turn is not looked at.
+
+    Parameters
+    ----------
+    estimator : str
+        As for `--estimator`.
+    """
+    if not names_code(estimator):
+        return None
+    content = b"".join(_content(path) for path in _named(estimator))
+    return sha256(content).hexdigest()[:SHORT]
+
+
+def _named(estimator: str) -> list[Path]:
+    if estimator.startswith(PIPE):
+        return [Path(word) for word in shlex.split(estimator.removeprefix(PIPE))]
+    module = estimator.partition("[")[0].rpartition(":")[0]
+    if module.endswith(".py"):
+        return [Path(module)]
+    try:
+        found = find_spec(module)
+    except (ImportError, ValueError):  # it does not exist: said where it is to be built
+        return []
+    return [Path(found.origin)] if found and found.origin else []
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes() if path.is_file() else b""
+
+
+@cache
+def own_digest() -> str:
+    """Return a digest of the code of simulation, estimators and scores."""
+    found = [files(f"flexaxis.{part}") for part in ("models_mjcf", "sim", "estimators")]
+    found.append(files("flexaxis.experiments.scoring"))
+    content = sha256()
+    for source in (f for folder in found for f in sources(folder)):
+        content.update(source.read_bytes())
+    return content.hexdigest()[:SHORT]
+
+
+def sources(folder: Traversable) -> list[Traversable]:
+    """Return the files of code, models and settings in a folder and those inside, by name."""
+    found: list[Traversable] = []
+    for item in sorted(folder.iterdir(), key=lambda item: item.name):
+        if item.is_dir():
+            found += sources(item)
+        elif item.name.endswith((".py", ".xml", ".toml")):
+            found.append(item)
+    return found

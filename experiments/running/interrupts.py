@@ -1,0 +1,84 @@
+"""Ctrl-C in two stages: first finish what is at work, then end at once."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+
+class Interrupts:
+    """What was asked by Ctrl-C.
+
+    Attributes
+    ----------
+    asked : bool
+        Whether nothing new is to be begun.
+    at_work : int
+        Parts of the work that are out, for the words.
+    patience : float or None
+        For how long a wait may last before it looks whether anything was asked [s].
+    """
+
+    def __init__(self) -> None:
+        self.asked, self.at_work = False, 0
+        self.patience = 0.5
+
+    def until(self, items: Iterable[Item]) -> Iterator[Item]:
+        """Yield items until Ctrl-C."""
+        for item in items:
+            if self.asked:
+                return
+            yield item
+
+    def tell(self) -> None:
+        """Raise KeyboardInterrupt if it was asked for."""
+        if self.asked:
+            raise KeyboardInterrupt
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Take a Ctrl-C."""
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+        parts = f"{self.at_work} part{'s'[: self.at_work != 1]} of the work"
+        print(
+            f"\nflexaxis: stopping; waiting for {parts} to come in. Ctrl-C again ends at once; "
+            "what is done is kept",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+@contextmanager
+def two_stage() -> Iterator[Interrupts]:
+    """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
+    interrupts = Interrupts()
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not usual or threading.current_thread() is not threading.main_thread():
+        yield interrupts
+        return
+    signal.signal(signal.SIGINT, interrupts)
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Hold Ctrl-C back while a process may be started, which inherits that: it is for us alone."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,90 @@
+"""What a run comes to, pooled over its seeds: summary.json and curves.nc, in and out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexaxis.experiments.running.files import OutputError, write_json, writing
+from flexaxis.experiments.running.folder import CURVES, SUMMARY
+from flexaxis.experiments.scoring.pooling import Curve
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """What the report of a run is made of.
+
+    Attributes
+    ----------
+    summary : dict
+        As in summary.json: command, versions, seeds, scenarios, estimators, pooled rows.
+    curves : list of Curve
+        Trajectories of each estimator on each scenario.
+    """
+
+    summary: dict[str, Any]
+    curves: list[Curve]
+
+
+def save(folder: Path, pooled: Pooled) -> None:
+    """Write curves.nc and summary.json, each at once or not at all."""
+    with writing(folder / CURVES):
+        _save_curves(folder / CURVES, pooled.curves)
+    write_json(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
+
+
+def load(folder: Path) -> Pooled:
+    """Return what was pooled in the folder of a run.
+
+    Raises
+    ------
+    OutputError
+        If a file is missing or damaged.
+    """
+    try:
+        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        return Pooled(summary, _load_curves(folder / CURVES))
+    except (OSError, ValueError, KeyError) as error:
+        raise OutputError(
+            f"{folder} holds no complete result ({SUMMARY} and {CURVES} are needed): {error}. "
+            "Make one with `flexaxis run … -o FOLDER`"
+        ) from error
+
+
+_ARRAYS = ("truth", "low", "median", "high")
+
+
+def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
+    from flexaxis.sim.netcdf import add, new_netcdf
+
+    with new_netcdf(path) as file:
+        for number, curve in enumerate(curves):
+            group = file.create_group(str(number))
+            group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
+            group.attrs["names"] = json.dumps(curve.names)
+            group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
+            add(group, "time", ("time",), curve.time, units="s")
+            for name in _ARRAYS:
+                values = np.asarray(getattr(curve, name), np.float32)
+                add(group, name, ("time", "estimate"), values)
+
+
+def _load_curves(path: Path) -> list[Curve]:
+    import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
+
+    with h5py.File(path, "r") as file:
+        return [
+            Curve(
+                scenario=group.attrs["scenario"],
+                estimator=group.attrs["estimator"],
+                names=tuple(json.loads(group.attrs["names"])),
+                time=group["time"][:],
+                **{name: group[name][:].astype(float) for name in _ARRAYS},
+            )
+            for _, group in sorted(file.items(), key=lambda item: int(item[0]))
+        ]

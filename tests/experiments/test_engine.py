@@ -1,0 +1,247 @@
+"""One engine for runs and studies: what is shared, what is refused, and how it is stopped."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running import rows
+from flexaxis.experiments.running.crashes import EstimatorCrash
+from flexaxis.experiments.running.engine import Bench, Means, run_study
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.merge import merge
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.verify import verify
+from flexaxis.experiments.studies.definition import study_from
+
+OWN = """
+class Mine:
+    names, output = ("f_m",), "speed"
+    def __init__(self, nominal, period, gain=GAIN): self.f_m = nominal["f_m"] * gain
+    def step(self, u, y): return [self.f_m]
+"""
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    import study_stubs
+
+    return study_stubs
+
+
+def sweep_of(short_toml, **keys):
+    content = {"name": "s", "scenario": str(short_toml), "estimators": ["frozen"], "seeds": 3}
+    return study_from(content | keys)
+
+
+def found(folder):
+    return [row for path in rows.row_files(folder) for row in rows.read(path)]
+
+
+# ------------------------------------------------------------- records shared
+
+
+def test_a_sweep_of_what_only_estimators_see_simulates_once(short_toml, tmp_path):
+    study = sweep_of(short_toml, sweep={"start": [0.8, 1.0, 1.25], "identify": [["f_m"], ["J_a"]]})
+    finished = run_study(study, tmp_path / "a")
+    assert finished.cases == 18 and finished.simulated == 3
+    other = sweep_of(short_toml, sweep={"fault[0].factor": [1.1, 1.5, 2.0]})
+    assert run_study(other, tmp_path / "b").simulated == 9
+
+
+@pytest.mark.parametrize(("streams", "shared"), [("common", True), ("own", False)])
+def test_sizes_of_a_fault_share_what_is_random(short_toml, tmp_path, streams, shared):
+    """Before the fault the two axes are one: what is said of it is the same number."""
+    study = sweep_of(short_toml, sweep={"fault[0].factor": [1.2, 2.0]}, streams=streams,
+                     estimators=["rpem-forgetting"])  # fmt: skip
+    run_study(study, tmp_path)
+    std = {}
+    for row in found(tmp_path):
+        std.setdefault((row["seed"], row["parameter"]), set()).add(row["std"])
+    assert {len(values) for values in std.values()} == {1 if shared else 2}
+
+
+# ----------------------------------------------------------- what is refused
+
+
+def test_two_scenarios_of_one_name_are_refused(short):
+    other = short.override({"name": short.name, "duration": 9.0})
+    with pytest.raises(StudyError, match="two scenarios have the name 'short'"):
+        Study("s", (short, other), ("frozen",), (0,))
+
+
+def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short, tmp_path):
+    study = Study("s", (short,), ("frozen",), (0,))
+    run_study(study, tmp_path)
+    renamed = Study("s", (short.override({"name": "other"}),), ("frozen",), (0, 1))
+    with pytest.raises(StudyError, match="has the scenario other under the name short"):
+        run_study(renamed, tmp_path, resume=True)
+    path = tmp_path / "study.json"
+    path.write_text(path.read_text().replace('"short"', '"other"'))
+    assert [v.differences for v in verify(tmp_path)] == [
+        ("case: scenario was 'short' and is 'other'",)
+    ] or all("scenario" in d or "base" in d for v in verify(tmp_path) for d in v.differences)
+
+
+def test_shares_of_another_number_are_refused(stubs, tmp_path):
+    study = study_from({"name": "s", "scenario": "fm_step-v1", "estimators": "frozen", "seeds": 8})
+    means = Means(work=stubs.quick)
+    run_study(make_plan(study, shard=(1, 2)), tmp_path, means)
+    with pytest.raises(StudyError, match="holds shares of 2, and this is one of 3"):
+        run_study(make_plan(study, shard=(2, 3)), tmp_path, means)
+    run_study(make_plan(study, shard=(2, 2)), tmp_path, means)
+    assert len({row["case"] for row in found(tmp_path)}) == 8
+
+
+def test_code_that_changed_is_not_mixed(short_toml, short, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(OWN.replace("GAIN", "1.0"))
+    study = sweep_of(short_toml, estimators=[f"{own}:Mine"])
+    run_study(study, tmp_path / "out", run_code=True)
+    (code,) = {row["code"] for row in found(tmp_path / "out")}
+    assert re.fullmatch("[0-9a-f]{12}", code)
+    own.write_text(OWN.replace("GAIN", "2.0"))
+    told = f"as its code was before \\(digest {code}, now"
+    with pytest.raises(StudyError, match=told):
+        run_study(study, tmp_path / "out", run_code=True, resume=True)
+    with pytest.raises(StudyError, match=told), \
+            Bench(study.scenarios, tmp_path / "out", resume=True):  # fmt: skip
+        pass
+    shutil.copytree(tmp_path / "out", tmp_path / "other")
+    content = json.loads((tmp_path / "other" / "study.json").read_text())
+    content["code"] = {f"{own}:Mine": "0" * 12}
+    (tmp_path / "other" / "study.json").write_text(json.dumps(content))
+    with pytest.raises(StudyError, match="with different code"):
+        merge([tmp_path / "out", tmp_path / "other"], tmp_path / "whole")
+
+
+def test_versions_are_not_mixed(short_toml, tmp_path):
+    study = sweep_of(short_toml)
+    run_study(study, tmp_path)
+    path = tmp_path / "study.json"
+    path.write_text(path.read_text().replace("mujoco 4", "mujoco 3"))
+    with pytest.raises(StudyError, match=r"was made with .*mujoco 3.*this is .*mujoco 4"):
+        run_study(study, tmp_path, resume=True)
+
+
+def test_a_merge_that_lacks_a_share_says_so(short_toml, tmp_path, capsys):
+    study = sweep_of(short_toml, seeds=6)
+    for share in (1, 2, 3):
+        run_study(make_plan(study, shard=(share, 3)), tmp_path / str(share))
+    parts = [str(tmp_path / str(share)) for share in (1, 2, 3)]
+    assert main(["merge", *parts[:2], "-o", str(tmp_path / "two")]) == 1
+    said = capsys.readouterr()
+    assert "incomplete: 2 of 6 cases are missing" in said.err and "4 cases" in said.out
+    assert main(["merge", *parts, "-o", str(tmp_path / "whole")]) == 0
+
+
+def test_a_merge_that_was_cut_short_begins_again(short_toml, tmp_path):
+    study = sweep_of(short_toml, seeds=4)
+    run_study(study, tmp_path / "a")
+    merge([tmp_path / "a"], tmp_path / "b")
+    (tmp_path / "b" / "study.json").unlink()  # which is written last
+    path = tmp_path / "b" / "scores.jsonl"
+    path.write_bytes(path.read_bytes()[:5000])
+    assert merge([tmp_path / "a"], tmp_path / "b").cases == 4
+    with pytest.raises(StudyError, match="holds rows already"):
+        merge([tmp_path / "a"], tmp_path / "b")
+
+
+# ------------------------------------------------------------------ the bench
+
+
+def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
+    counted = []
+    means = Means(advance=lambda outcome: counted.append(outcome.cases))
+    with Bench([short], tmp_path, means) as bench:
+        first = bench.runs([short], ["frozen"], [0, 1])
+        bench.runs([short], ["frozen", "ekf"], [0, 1, 2])
+    assert sum(counted) == 6
+    with Bench([short], tmp_path, means, resume=True) as bench:
+        assert bench.runs([short], ["frozen"], [0, 1]) == first and bench.cases == 6
+    assert sum(counted) == 6
+    with ThreadPoolExecutor(2) as executor:
+        other = Bench([short], means=Means(executor=executor)).runs([short], ["frozen"], [0, 1])
+    scores = [[[{k: v for k, v in row.items() if k != "cost"} for row in run] for run in runs]
+              for given in (first, other) for runs in given.values()]  # fmt: skip
+    assert scores[0] == scores[1]
+
+
+def test_a_bench_says_what_failed_after_the_others_ran(short, tmp_path):
+    (tmp_path / "own.py").write_text(
+        OWN.replace("GAIN", "1.0").replace("return [self.f_m]", "return [1 / (u - u)]")
+    )
+    own = f"{tmp_path}/own.py:Mine"
+    with Bench([short], tmp_path / "out") as bench:
+        with pytest.raises(EstimatorCrash, match=r"ZeroDivisionError: .* \(.*own\.py:5\)"):
+            bench.runs([short], [own, "frozen"], [0])
+        assert bench.cases == 2
+        with pytest.raises(StudyError, match="unknown estimator 'ekff'"):
+            bench.runs([short], ["ekff"], [0])
+
+
+# ----------------------------------------------------------------- stopping it
+
+USUAL = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+COMMAND = USUAL + "from flexaxis.experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+
+
+def start(words, said):
+    """Start a command as a terminal would: alone in its group, to which Ctrl-C goes."""
+    with open(said, "w", encoding="utf-8") as stderr:
+        return subprocess.Popen([sys.executable, "-c", COMMAND, *map(str, words)],
+                                stderr=stderr, stdout=subprocess.DEVNULL,
+                                start_new_session=True)  # fmt: skip
+
+
+def wait_until(holds, patience, child=None):
+    began = time.monotonic()
+    while not holds():
+        assert child is None or child.poll() is None, "it ended"
+        assert time.monotonic() - began < patience
+        time.sleep(0.01)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
+@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp_path, jobs):
+    """To the whole group, as a terminal sends it. What is allowed is ten times what it takes."""
+    words = ["run", short_toml, "--estimator", "rpem-drift", "--seeds", "4000", "--no-cache",
+             "--jobs", jobs, "-o", tmp_path / "out"]  # fmt: skip
+    path, said = tmp_path / "out" / "scores.jsonl", tmp_path / "said"
+    for times in (1, 2):
+        there = path.stat().st_size if path.exists() else 0
+        child = start([*words, "--resume"], said)
+        wait_until(lambda there=there: path.exists() and path.stat().st_size > there, 120, child)
+        os.killpg(child.pid, signal.SIGINT)
+        wait_until(
+            lambda: "Ctrl-C again ends at once; what is done is kept" in said.read_text(), 10
+        )
+        if times == 2:
+            os.killpg(child.pid, signal.SIGINT)
+        assert child.wait(timeout=60 if times == 1 else 10) == 130
+        told = said.read_text()
+        assert "Traceback" not in told, told
+        assert re.search(r"interrupted; \d+ cases? done just now; go on with: flexaxis run", told)
+    assert rows.scan(path).size == path.stat().st_size
+    assert len(rows.done(path.parent)) == len(rows.scan(path).cases)
+
+
+def test_a_second_run_in_a_folder_is_refused(short_toml, tmp_path, capsys):
+    from flexaxis.experiments.running.lock import locked
+
+    (tmp_path / "out").mkdir()
+    with locked(tmp_path / "out" / ".lock"):
+        for words in (["run"], ["tradeoff"], ["compare", "--base", "frozen", "--candidate", "ekf"]):
+            assert main([*words, str(short_toml), "-o", str(tmp_path / "out")]) == 2
+            assert "another process is at work here" in capsys.readouterr().err

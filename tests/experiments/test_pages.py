@@ -1,0 +1,66 @@
+"""Every page: one environment, one base, one style sheet; readable without a network."""
+
+import ast
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from jinja2 import UndefinedError
+
+from flexaxis.experiments.reporting.page import render
+
+EXPERIMENTS = Path(__file__).parents[2] / "experiments"
+BASE = "reporting/templates/page.html"
+PAGES = sorted(
+    path.relative_to(EXPERIMENTS).as_posix()
+    for path in EXPERIMENTS.glob("*/templates/*.html")
+    if path.name not in ("page.html", "equations.html")
+)
+LOG = {"title": "t", "command": "c", "version": "1", "remarks": (), "tables": (), "figures": ()}
+
+
+def imported(path):
+    nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+    return {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+
+
+def test_there_is_one_environment():
+    users = [path for path in EXPERIMENTS.rglob("*.py") if "jinja2" in imported(path)]
+    assert [path.name for path in users] == ["page.py"], "make pages by reporting.page.render"
+
+
+@pytest.mark.parametrize("template", PAGES)
+def test_a_page_brings_no_style_of_its_own(template):
+    text = (EXPERIMENTS / template).read_text(encoding="utf-8")
+    assert text.startswith(f'{{% extends "{BASE}" %}}')
+    assert "<style" not in text and "http" not in text
+
+
+class Classes(HTMLParser):
+    """The classes of elements."""
+
+    def __init__(self):
+        super().__init__()
+        self.found = set()
+
+    def handle_starttag(self, tag, attrs):
+        self.found |= set(dict(attrs).get("class", "").split())
+
+
+def test_every_class_has_a_style():
+    sheet = (EXPERIMENTS / "reporting/templates/page.css").read_text(encoding="utf-8")
+    styled = set(re.findall(r"\.([a-z][a-z-]*)", sheet))
+    for template in PAGES:
+        text = (EXPERIMENTS / template).read_text(encoding="utf-8")
+        parser = Classes()
+        # What is made up by the template is a class of a row, and stands in quotes there.
+        parser.feed(re.sub(r"{[{%].*?[%}]}", "", text))
+        assert parser.found <= styled, template
+
+
+def test_text_is_escaped_and_what_is_missing_is_an_error():
+    html = render("logs/templates/log.html", LOG | {"title": "<script>a & b</script>"})
+    assert "<h1>&lt;script&gt;a &amp; b&lt;/script&gt;</h1>" in html and "<script>" not in html
+    with pytest.raises(UndefinedError, match="version"):
+        render("logs/templates/log.html", {k: v for k, v in LOG.items() if k != "version"})

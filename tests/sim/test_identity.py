@@ -1,0 +1,106 @@
+"""Identity, random numbers and records of a scenario: what each of them depends on."""
+
+import numpy as np
+import pytest
+
+from flexaxis.sim.scenario import parse_scenario, stored_scenario
+from flexaxis.sim.simulate import simulate
+
+from .test_scenario import BARE, FAULT, PINNED, STEP
+from .test_simulate import identical
+
+SHORT = (BARE + FAULT).replace("20.0", "2.0").replace("10.0", "1.0")
+OLD = 'streams = "content"' + SHORT
+
+# What the axis and its sensors do not see, and some of what they do.
+TOLD = {
+    "start": 1.2,
+    "identify": ["k_T", "f_m"],
+    "told": {"k_g": 1.1},
+    "output": "increment",
+    "burn_in": 0.5,
+    "card": "other words",
+}
+SEEN = {
+    "duration": 1.5,
+    "fault[0].factor": 2.0,
+    "noise.speed": 0.2,
+    "encoder.counts": 2048,
+    "controller.Kp": 5.0,
+    "excitation.rms": 0.04,
+    "parameters.k_g": 700.0,
+}
+
+
+def record(scenario):
+    return simulate(scenario, [3])[0]
+
+
+@pytest.mark.parametrize("key", TOLD)
+def test_what_estimators_are_told_moves_no_record(key):
+    before = parse_scenario(SHORT)
+    after = before.override({key: TOLD[key]})
+    assert (after.hash == before.hash) == (key == "card")
+    assert after.key == before.key and after.record_hash == before.record_hash
+    assert identical(record(after), record(before))
+
+
+@pytest.mark.parametrize("key", SEEN)
+def test_what_the_plant_sees_draws_other_numbers(key):
+    before = parse_scenario(SHORT)
+    after = before.override({key: SEEN[key]})
+    ours, theirs = record(after), record(before)
+    samples = slice(20, 100)  # before the fault; a torque of zero is the same for all
+    assert len({before.hash, after.hash, before.key, after.key}) == 4
+    assert after.record_hash != before.record_hash
+    assert not np.isclose(ours.torque[samples], theirs.torque[samples]).all()
+
+
+@pytest.mark.parametrize("key", [*SEEN, *TOLD])
+def test_with_streams_of_the_content_every_value_counts(key):
+    before = parse_scenario(OLD)
+    after = before.override({key: (SEEN | TOLD)[key]})
+    same = key == "card"
+    assert (before.key, after.key) == (before.hash, after.hash)
+    assert (after.key == before.key) == (after.record_hash == before.record_hash) == same
+
+
+def test_an_older_definition_gives_the_hash_that_it_was_stored_with():
+    content = parse_scenario(STEP).resolved()
+    assert content.pop("streams") == "plant"
+    again = stored_scenario(content, source="study.json")
+    assert again.hash == again.key == PINNED and again.resolved()["streams"] == "content"
+    assert parse_scenario(again.to_toml()).hash == PINNED
+
+
+@pytest.mark.parametrize("text", [OLD, SHORT], ids=["content", "plant"])
+def test_scenarios_that_inherit_share_excitation_and_noise(text):
+    base = parse_scenario(text)
+    sizes = [base.override({"fault[0].factor": f}, inherit=True) for f in (1.2, 1.5, 2.0)]
+    first, same, last = map(record, sizes)
+    assert {s.key for s in sizes} == {base.key} and len({s.record_hash for s in sizes}) == 3
+    assert sizes[1].hash == base.hash and identical(same, record(base))  # nothing changed
+    for name in ("torque", "speed", "true_speed"):
+        before, after = getattr(first, name), getattr(last, name)
+        assert np.array_equal(before[:201], after[:201])
+        assert not np.array_equal(before, after)
+    # the noise is added to another speed and taken off again: to within round-off
+    noise = first.speed - first.true_speed
+    np.testing.assert_allclose(noise, last.speed - last.true_speed, rtol=0, atol=1e-13)
+    own = record(base.override({"fault[0].factor": 1.2}))
+    assert not np.isclose(own.speed[20:], first.speed[20:]).any()
+
+
+def test_a_key_is_inherited_once_and_may_be_named():
+    base = parse_scenario(OLD)
+    start = base.override({"start": 1.2}, inherit=True)
+    assert start.streams == base.key == base.hash and start.hash != base.hash
+    assert start.record_hash == base.record_hash and identical(record(start), record(base))
+    back = start.override({"start": 1.0}, inherit=True)
+    assert back.key == base.key and identical(record(back), record(base))
+    own = base.override({"start": 1.2, "streams": "content"}, inherit=True)
+    assert own.hash == base.override({"start": 1.2}).hash != start.hash
+    # what the plant sees has not changed, so nothing is to be written down
+    told = parse_scenario(SHORT)
+    assert told.override({"start": 1.2}, inherit=True).streams == "plant"
+    assert parse_scenario(start.to_toml()).hash == start.hash

@@ -1,0 +1,145 @@
+"""What is declared is used: every table of `sim` is in a scenario, and says what it is and does."""
+
+import importlib
+import pkgutil
+from typing import ClassVar, Literal, get_args
+
+import pytest
+
+import flexaxis.sim
+from flexaxis.sim.config import Config, kinds
+from flexaxis.sim.controller import ControllerConfig
+from flexaxis.sim.excitation import Excitation
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.scenario import Scenario
+
+UNIONS = {**kinds(Fault), **kinds(Excitation)}
+
+
+def declared():
+    """Every table that is declared in a module of `sim`."""
+    for module in pkgutil.iter_modules(flexaxis.sim.__path__):
+        importlib.import_module(f"flexaxis.sim.{module.name}")
+    found, waiting = [], [Config]
+    while waiting:
+        table = waiting.pop()
+        waiting += table.__subclasses__()
+        if table.__module__.startswith("flexaxis.sim.") and table not in (Config, Scenario):
+            found.append(table)
+    return sorted(found, key=lambda table: table.__name__)
+
+
+def wrong(table, scenario=Scenario):
+    """Yield what is to be done about a table, in a line each."""
+    place = f"{table.__name__} ({table.__module__})"
+    if not hasattr(table, "in_words"):
+        yield f"{place} has no words for the card: give it in_words()"
+    if "kind" in table.model_fields:
+        if table not in UNIONS.values():
+            yield f"{place} can be used by nobody: name it in the union at the end of its module"
+        return
+    types = [field.annotation for field in scenario.model_fields.values()]
+    if table not in types and not any(table in get_args(each) for each in types):
+        yield f"{place} can be used by nobody: give Scenario a key of this type (default None)"
+    if {"exact", "substeps"} & set(table.model_fields):
+        yield f"{place} has keys that are none: annotate `exact` and `substeps` with ClassVar"
+    elif not hasattr(table, "exact"):
+        yield f"{place} does not say whether the linear model describes it: give it `exact`"
+    if hasattr(table, "build") and not hasattr(table, "substeps"):
+        yield f"{place} would not be built into the plant: give it `substeps` beside build()"
+    if not hasattr(table, "build") and not hasattr(table, "stage") and table != ControllerConfig:
+        yield f"{place} does nothing: give it build() (of the plant) or stage() (of a signal)"
+
+
+@pytest.mark.parametrize("table", declared(), ids=lambda table: table.__name__)
+def test_what_is_declared_is_used(table):
+    lines = list(wrong(table))
+    assert not lines, "\n".join(lines)
+
+
+def test_all_tables_are_found():
+    names = {table.__name__ for table in declared()}
+    assert {"Step", "Moves", "NoiseConfig", "LuGreConfig", "ControllerConfig"} <= names
+
+
+class _Words(Config):
+    exact: ClassVar[bool] = False
+
+    def in_words(self):
+        return "words"
+
+
+class Whole(_Words):
+    """A sensor as it should be."""
+
+    def stage(self, signal, white):
+        """Return nothing of use."""
+
+
+class NoStage(_Words):
+    """A sensor that forgot what it does."""
+
+
+class NoSubsteps(_Words):
+    """A nonlinearity that the plant would pass over."""
+
+    def build(self, spec):
+        """Build nothing."""
+
+
+class NoWords(Config):
+    """A sensor without words and without `exact`."""
+
+    def stage(self, signal, white):
+        """Return nothing of use."""
+
+
+class AKey(Config):
+    """A sensor of which users could say that it is exact."""
+
+    exact: bool = False
+
+    def stage(self, signal, white):
+        """Return nothing of use."""
+
+    def in_words(self):
+        """Return words."""
+        return "words"
+
+
+class Jerk(Config):
+    """A kind of fault in no union."""
+
+    kind: Literal["jerk"] = "jerk"
+
+    def in_words(self):
+        """Return words."""
+        return "words"
+
+
+class Own(Scenario):
+    """A scenario with all of them but one."""
+
+    whole: Whole | None = None
+    no_stage: NoStage | None = None
+    no_substeps: NoSubsteps | None = None
+    no_words: NoWords | None = None
+    a_key: AKey | None = None
+
+
+@pytest.mark.parametrize(
+    ("table", "scenario", "said"),
+    [
+        (Whole, Own, []),
+        (Whole, Scenario, ["give Scenario a key of this type"]),
+        (NoStage, Own, ["give it build() (of the plant) or stage()"]),
+        (NoSubsteps, Own, ["give it `substeps`"]),
+        (NoWords, Own, ["give it in_words()", "give it `exact`"]),
+        (AKey, Own, ["annotate `exact` and `substeps` with ClassVar"]),
+        (Jerk, Own, ["name it in the union"]),
+    ],
+)
+def test_what_is_forgotten_is_said(table, scenario, said):
+    lines = list(wrong(table, scenario))
+    assert len(lines) == len(said)
+    assert all(text in line for text, line in zip(said, lines, strict=True))
