@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -66,6 +66,17 @@ class Means:
     store: RecordCache | None = None
     advance: Callable[[Outcome], None] | None = None
     work: Worker | None = None
+
+    def also(self, called: Callable[[Outcome], None]) -> Means:
+        """Return the same means, with something else called with each outcome, too."""
+        before = self.advance
+
+        def both(outcome: Outcome) -> None:
+            called(outcome)
+            if before:
+                before(outcome)
+
+        return replace(self, advance=both)
 
     def outcomes(
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False

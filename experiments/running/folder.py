@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -154,7 +154,7 @@ def _check_identity(study: Study, folder: Path, there: Mapping[str, Any]) -> Non
     mine = _scenarios(study)
     names = {entry["hash"]: entry["definition"]["name"] for entry in there["scenarios"]}
     if there["identity"] != study.identity:
-        axes = ", ".join(study.axes) or "no axes"
+        axes = _axes(study.axes, study.streams)
         raise StudyError(
             f"{folder} holds another study: of {_summary(there)}, and this is of "
             f"{', '.join(f'{name} ({key[:8]})' for key, name in mine.items())} over {axes}. Choose "
@@ -200,12 +200,16 @@ def _check_shares(folder: Path, shard: tuple[int, int]) -> None:
         )
 
 
+def _axes(axes: Sequence[str], streams: str) -> str:
+    return f"{', '.join(axes)} with {streams} streams" if axes else "no axes"
+
+
 def _scenarios(study: Study) -> dict[str, str]:
     return {scenario.hash: scenario.name for scenario in study.scenarios}
 
 
 def _summary(content: Mapping[str, Any]) -> str:
-    axes = ", ".join(content["axes"]) or "no axes"
+    axes = _axes(content["axes"], content.get("streams", "own"))
     names = (f"{s['definition']['name']} ({s['hash'][:8]})" for s in content["scenarios"])
     return f"{', '.join(names)} over {axes}"
 
@@ -220,6 +224,7 @@ def described(plan: Plan) -> dict[str, Any]:
         "estimators": list(study.estimators),
         "seeds": list(study.seeds),
         "axes": list(study.axes),
+        "streams": study.streams,
         "points": len(study.points),
         "cases": expected(plan),
         "made_with": made_with(),

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running import specs
@@ -98,6 +99,11 @@ def run_unit(
     traced : bool
         Whether to give back what trajectories are drawn from.
     """
+    with threadpool_limits(1):  # wherever it is run, to the last bit the same
+        return _run(unit, store, whole, traced)
+
+
+def _run(unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> Outcome:
     started = time.perf_counter()
     found, failed, simulated = _records(unit, unit.seeds, store)
     between = time.perf_counter()
