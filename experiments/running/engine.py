@@ -107,6 +107,7 @@ def run_study(
     traced: bool = False,
     run_code: bool = False,
     about: Mapping[str, Any] | None = None,
+    then: Callable[[], object] | None = None,
 ) -> Finished:
     """Run what is missing of a study and append its rows to a folder.
 
@@ -128,6 +129,8 @@ def run_study(
     run_code : bool
         Whether estimators may name code (`path.py:Class`, `module:Class`, `pipe:COMMAND`), which
         is then run, here or wherever the executor works.
+    then : callable, optional
+        Called when all is run, while nobody else may work in the folder.
 
     Raises
     ------
@@ -156,6 +159,8 @@ def run_study(
                         means.advance(outcome)
         if keep == "worst":
             keep_worst(folder, plan)
+        if then:
+            then()
     return Finished(cases, failed, simulated)
 
 
