@@ -174,9 +174,9 @@ def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
 
 
 def _binds(folder: Path, shard: tuple[int, int]) -> bool:
-    """Whether what a folder holds is to be gone on with: rows, or another share about to have some.
+    """Whether what a folder holds binds: it has rows, or another share is about to have some.
 
-    A process that was killed may leave study.json without rows, which says nothing of those to come.
+    What was killed may leave study.json without rows: that says nothing of those to come.
     """
     return shard[1] > 1 or any(path.stat().st_size for path in row_files(folder))
 

@@ -69,15 +69,15 @@ class Tally:
 
 
 KINDS = (
-    "cut short",
+    "cut short",  # files of rows whose last one was: it is removed when the command goes on
     "torn",
     "doubled",
     "lost",
     "old result lost",
-    "other rows",
-    "no end",
+    "differs at the end",
     "leftovers",
 )
+TIMES = ("cost", "us_per_sample", "seconds_per_sample")  # in no two results the same
 
 
 def prepare(place: Path, scenario: Path) -> dict[str, Task]:
