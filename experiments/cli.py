@@ -9,10 +9,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
 from keyword import iskeyword
+from typing import Any
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
@@ -96,7 +98,52 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     args = parser().parse_args(words)
     args.words = [word for word in words if word != TRACEBACK]  # no part of what is repeated
-    return _guarded(args)
+    with _readers_may_go():
+        return _guarded(args)
+
+
+class _Stream:
+    """Text to a reader who may go, as with `| head`: what is still said is dropped then.
+
+    So a verdict keeps its exit status, and what is being done is done.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with self._dropping():
+            return int(self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        with self._dropping():
+            self._stream.flush()
+
+    @contextmanager
+    def _dropping(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
+@contextmanager
+def _readers_may_go() -> Iterator[None]:
+    usual = sys.stdout, sys.stderr
+    if None in usual:  # closed, as with `>&-`: nobody reads it
+        yield
+        return
+    sys.stdout, sys.stderr = ours = _Stream(sys.stdout), _Stream(sys.stderr)
+    try:
+        yield
+    finally:
+        for stream in ours:
+            stream.flush()
+        sys.stdout, sys.stderr = usual
 
 
 def _guarded(args: argparse.Namespace) -> int:
@@ -114,9 +161,6 @@ def _guarded(args: argparse.Namespace) -> int:
     except KeyboardInterrupt as error:
         say("; ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FINE
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
 

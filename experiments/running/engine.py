@@ -119,6 +119,7 @@ def run_study(
     traced: bool = False,
     run_code: bool = False,
     about: Mapping[str, Any] | None = None,
+    then: Callable[[], object] | None = None,
 ) -> Finished:
     """Run what is missing of a study and append its rows to a folder.
 
@@ -140,6 +141,8 @@ def run_study(
     run_code : bool
         Whether estimators may name code (`path.py:Class`, `module:Class`, `pipe:COMMAND`), which
         is then run, here or wherever the executor works.
+    then : callable, optional
+        Called when all is run, while nobody else may work in the folder.
 
     Raises
     ------
@@ -168,6 +171,8 @@ def run_study(
                         means.advance(outcome)
         if keep == "worst":
             keep_worst(folder, plan)
+        if then:
+            then()
     return Finished(cases, failed, simulated)
 
 

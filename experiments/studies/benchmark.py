@@ -105,15 +105,18 @@ def benchmark(
         "estimators": list(wanted.swept_estimators),
     }
     about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
+    alone = shard == (1, 1)
+    found: list[Pooled] = []
+
+    def then() -> None:
+        found.append(finish(folder, means, say=say))
+        completed(folder)
+
     run_study(
-        plan, folder, means, resume=resume, replace=shard == (1, 1), traced=True, run_code=True,
-        about=about,
+        plan, folder, means, resume=resume, replace=alone, traced=True, run_code=True, about=about,
+        then=then if alone else None,
     )  # fmt: skip
-    if shard != (1, 1):
-        return None
-    found = finish(folder, means, say=say)
-    completed(folder)
-    return found
+    return found[0] if alone else None
 
 
 def finish(
