@@ -55,7 +55,12 @@ def catalogue() -> str:
 def scores() -> str:
     """Return what each score is."""
     rows = [
-        [f"`{s.name}`", s.unit, {"less": "less", "more": "more"}.get(s.better or "", ""), s.words]
+        [
+            f"`{s.name}`",
+            s.unit or "",
+            {"less": "less", "more": "more"}.get(s.better or "", ""),
+            s.words,
+        ]
         for s in SCORES.values()
     ]
     return table(["score", "unit", "better", "what it is"], rows)

@@ -7,7 +7,9 @@ report.html. An estimator given as path/file.py:Class, package.module:Class or e
 that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
-and seeds simulates nothing.
+and seeds simulates nothing. Rows are appended as they come: after Ctrl-C, a kill or a full disk,
+and for more estimators or seeds, --resume runs only what is missing. A case that cannot be run is a
+row that says why, and the others go on; the exit status is then 1, or 70 if code crashed.
 
 example:
   flexaxis run smoke

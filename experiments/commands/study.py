@@ -11,7 +11,8 @@ FILE.toml names scenarios, estimators and seeds, and the axes; docs/studies.md h
 
 The plan is printed first. Rows are appended to the folder as they come, and --resume runs only what
 is missing there, after a kill or after estimators, seeds or values were added to the file. A case
-that cannot be run is a row that says why; the exit status is then 1. The folder gets report.html.
+that cannot be run is a row that says why; the exit status is then 1, or 70 if code crashed. The
+folder gets report.html.
 
 A file that names code (path.py:Class, module:Class, pipe:COMMAND) is refused, and the code shown;
 --run-code runs it. A dry run never does.

@@ -20,9 +20,8 @@ from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.files import write_json, write_text, writing
 from flexaxis.experiments.running.folder import REPORT
-from flexaxis.experiments.running.traces import Trace, Traces
-from flexaxis.experiments.scoring.pooling import CURVE_STEP, Curve
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.scoring.pooling import curve_of
 from flexaxis.sim.scenario import Scenario
 
 JSON, MARKDOWN = "compare.json", "verdict.md"
@@ -196,25 +195,9 @@ def _drawn(
     curves = []
     for side, text in sides.items():
         case = case_id(scenario.hash, text, focus.worst_seed)
-        trace = traces.find(scenario.hash, text, [case]).get(case)
-        if trace is None:
+        known = [t for t in traces.find(scenario.hash, text) if t.case == case]
+        if not known:
             return None
-        curves.append(_curve(trace, side, scenario))
+        curves.append(curve_of(scenario, side, known[0].names, [known[0].curve]))
     labels = {side: f"{side}: {text}" for side, text in sides.items()}
     return figures.svg(figures.trajectories(curves, scenario, labels=labels))
-
-
-def _curve(case: Trace, side: str, scenario: Scenario) -> Curve:
-    nominal = true_theta(case.names, scenario.nominal.as_array())
-    truth = true_theta(case.names, scenario.true_parameters()) / nominal
-    run = case.curve.astype(float)
-    return Curve(
-        scenario=scenario.name,
-        estimator=side,
-        names=case.names,
-        time=scenario.times[::CURVE_STEP],
-        truth=truth[::CURVE_STEP],
-        low=run,
-        median=run,
-        high=run,
-    )

@@ -67,6 +67,29 @@ def varied(base: Scenario, axes: Mapping[str, Any], *, common: bool = True) -> S
     return base.override(axes, inherit=common) if axes else base
 
 
+def find_point(bases: Sequence[Scenario], axes: Mapping[str, Any], key: str) -> Variant | None:
+    """Return the point of a sweep that has a hash; None where no scenario gives it.
+
+    Parameters
+    ----------
+    bases : sequence of Scenario
+        Of the study.
+    axes : mapping
+        Values of the swept keys of the scenario.
+    key : str
+        Hash of the scenario at the point.
+    """
+    for base in bases:
+        for common in (True, False):
+            try:
+                found = varied(base, axes, common=common)
+            except ScenarioError:  # the axes are those of another scenario of the study
+                continue
+            if found.hash == key:
+                return Variant(base, axes, key, found.duration, (), common)
+    return None
+
+
 @dataclass(frozen=True)
 class Unit:
     """Work that one process does at a time: some seeds of variants that share their records.

@@ -16,6 +16,7 @@ from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.groups import APART, Bins, Groups, grouped
+from flexaxis.experiments.running.plan import find_point
 from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -190,14 +191,13 @@ class Results:
         """Return the scenario of a row of the table; None where study.json does not tell it."""
         names = ("base", "hash", *self.axes)
         line = {name: self.table.values(name, np.array([row]))[0] for name in names}
-        for entry in self.study.get("scenarios", ()):
-            if entry["definition"]["name"] == line["base"]:
-                base = stored_scenario(entry["definition"], source=line["base"])
-                swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
-                found = base.override(swept) if swept else base
-                if found.hash == line["hash"]:
-                    return found
-        return None
+        bases = [
+            stored_scenario(entry["definition"], source=line["base"])
+            for entry in self.study.get("scenarios", ())
+        ]
+        swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
+        found = find_point(bases, swept, line["hash"])
+        return None if found is None else found.scenario()
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame: a line a row, columns as in docs/studies.md, then the axes.

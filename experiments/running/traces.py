@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
@@ -112,23 +112,21 @@ class Traces:
                     places.setdefault(key, []).append((path, number, told))
         return cls(places)
 
-    def find(self, key: str, estimator: str, cases: Iterable[str]) -> dict[str, Trace]:
-        """Return the traces of some cases of an estimator on a scenario, as far as there are any.
+    def find(self, key: str, estimator: str) -> list[Trace]:
+        """Return the traces of an estimator on a scenario, each case once, in their order.
 
         Parameters
         ----------
         key : str
             Hash of the scenario.
         estimator : str
-        cases : iterable of str
         """
-        wanted, found = set(cases), dict[str, Trace]()
+        found = dict[str, Trace]()
         for path, number, told in self.places.get((key, estimator), []):
             with np.load(path, allow_pickle=False) as stored:
                 curves = stored[f"{number}.curve"]
                 relative = {name: stored[f"{number}.{name}"] for name in told["changed"]}
             for i, case in enumerate(told["cases"]):
-                if case in wanted:
-                    each = {name: errors[i] for name, errors in relative.items()}
-                    found[case] = Trace(case, key, estimator, tuple(told["names"]), curves[i], each)
-        return found
+                each = {name: errors[i] for name, errors in relative.items()}
+                found[case] = Trace(case, key, estimator, tuple(told["names"]), curves[i], each)
+        return [found[case] for case in sorted(found)]

@@ -6,7 +6,7 @@ import json
 import math
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.plan import Entry, Unit, Variant, varied
+from flexaxis.experiments.running.plan import Entry, Unit, find_point
 from flexaxis.experiments.running.rows import blocks, row_files
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.sim.errors import ScenarioError
@@ -120,17 +120,13 @@ def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
 def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:
     axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
     entry = Entry(row["method"], row["estimator"], {})
-    for base in bases:
-        for common in (True, False):
-            try:
-                scenario = varied(base, axes, common=common)
-            except ScenarioError:  # of another scenario of the study
-                continue
-            if scenario.hash == row["hash"]:
-                variant = Variant(base, axes, row["hash"], scenario.duration, (entry,), common)
-                made = run_unit(Unit((variant,), (row["seed"],)))
-                return [json.loads(line) for line in made.lines.splitlines()]
-    raise ScenarioError(f"no scenario of the study gives the hash {row['hash'][:12]} of this row")
+    variant = find_point(bases, axes, row["hash"])
+    if variant is None:
+        raise ScenarioError(
+            f"no scenario of the study gives the hash {row['hash'][:12]} of this row"
+        )
+    made = run_unit(Unit((replace(variant, entries=(entry,)),), (row["seed"],)))
+    return [json.loads(line) for line in made.lines.splitlines()]
 
 
 def differences(row: Any, other: Any, *, exact: bool, key: str = "") -> Iterator[str]:

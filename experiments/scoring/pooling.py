@@ -155,7 +155,9 @@ def pool(
     for (key, _), group in groups.items():
         pooled += pool_group(group, by_hash[key])
         if drawn := [case for case in group if case.curve.size]:
-            curves.append(_curve(drawn, by_hash[key]))
+            curves.append(
+                curve_of(by_hash[key], group[0].estimator, drawn[0].names, [c.curve for c in drawn])
+            )
     return pooled, curves
 
 
@@ -284,17 +286,30 @@ def of_trajectories(
     }
 
 
-def _curve(group: Sequence[Case], scenario: Scenario) -> Curve:
-    names = group[0].names
+def curve_of(
+    scenario: Scenario, estimator: str, names: Sequence[str], runs: Sequence[NDArray[np.float32]]
+) -> Curve:
+    """Return the trajectories of an estimator on a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    estimator : str
+        What to call it.
+    names : sequence of str
+        Estimated parameters.
+    runs : sequence of ndarray (M, p)
+        Every tenth estimate over its nominal value, of each run.
+    """
     nominal = true_theta(names, scenario.nominal.as_array())
     truth = true_theta(names, scenario.true_parameters()) / nominal
-    runs = np.stack([case.curve for case in group]).astype(float)
+    drawn = np.stack(runs).astype(float)
     with np.errstate(all="ignore"):  # a lost run may hold anything
-        low, median, high = np.percentile(np.where(np.isnan(runs), np.inf, runs), BAND, axis=0)
+        low, median, high = np.percentile(np.where(np.isnan(drawn), np.inf, drawn), BAND, axis=0)
     return Curve(
         scenario=scenario.name,
-        estimator=group[0].estimator,
-        names=names,
+        estimator=estimator,
+        names=tuple(names),
         time=scenario.times[::CURVE_STEP],
         truth=truth[::CURVE_STEP],
         low=low,

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.reporting.run_page import render
-from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.pooled import Pooled, save
+from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
-from flexaxis.experiments.running.work import Row
-from flexaxis.experiments.scoring.pooling import Case, case_of, pool
+from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies import sweep
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -128,11 +128,14 @@ def finish(
     swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
-    cases, failures = _cases(study, folder)
-    pooled, curves = pool(cases, scenarios)
+    results = Results.load(folder)
+    groups = results.grouped(["base", "method"])
+    pooled, curves = _with_trajectories(
+        folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+    )
     summary = _summary(study, pooled) | {
-        "failures": failures,
-        "as_set": sweep.as_set(cases),
+        "failures": [{k: row[k] for k in FAILURE} for row in results.failures()],
+        "as_set": sweep.as_set(groups),
         "tradeoff": swept,
     }
     found = Pooled(summary, curves, folder)
@@ -141,27 +144,33 @@ def finish(
     return found
 
 
-def _cases(study: Mapping[str, Any], folder: Path) -> tuple[list[Case], list[dict[str, Any]]]:
-    """Return the cases in the folder of a run in the order of its study, and those that failed."""
-    groups: dict[tuple[str, str], dict[int, list[Row]]] = {
-        (s["hash"], e): {} for s in study["scenarios"] for e in study["estimators"]
-    }
-    failures = []
-    for row in _rows(folder):
-        if row["error"] is None:
-            groups[row["hash"], row["estimator"]].setdefault(row["seed"], []).append(row)
-        else:
-            failures.append({k: row[k] for k in ("scenario", "estimator", "seed", "error")})
+def _with_trajectories(
+    folder: Path, scenarios: Mapping[str, Scenario], rows: Sequence[Mapping[str, Any]]
+) -> tuple[list[dict[str, Any]], list[Curve]]:
+    """Return the pooled rows of a run with what takes trajectories, and these themselves.
+
+    Those of one estimator on one scenario are in memory at a time.
+    """
     traces = Traces.of(folder)
-    found = []
-    for (key, estimator), runs in groups.items():
-        known = traces.find(key, estimator, (own[0]["case"] for own in runs.values()))
-        found += [case_of(own, known.get(own[0]["case"])) for _, own in sorted(runs.items())]
-    return found, failures
+    found, curves = [], []
+    for (name, estimator), own in groupby(rows, key=lambda row: (row["base"], row["method"])):
+        scenario = scenarios[name]
+        known = traces.find(scenario.hash, estimator)
+        if known:
+            curves.append(curve_of(scenario, estimator, known[0].names, [t.curve for t in known]))
+        for row in own:
+            errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
+            identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator,
+                        "parameter": row["parameter"], "changed": row["changed"],
+                        "seeds": row["cases"]}  # fmt: skip
+            scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
+            further = of_trajectories(errors, row["bound"], period=scenario.period)
+            found.append(identity | scores | further)
+    return found, curves
 
 
-def _rows(folder: Path) -> Iterator[Row]:
-    return (row for path in rows.row_files(folder) for row in rows.read(path))
+OF_A_STUDY = ("base", "method", "cases", "hours", "false_alarms_per_hour")
+FAILURE = ("scenario", "estimator", "seed", "error")
 
 
 def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[str, Any] | None:

@@ -16,6 +16,7 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.engine import Bench, Runs
 from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.groups import Groups
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.matching import (
@@ -27,7 +28,7 @@ from flexaxis.experiments.scoring.matching import (
     match,
     plain,
 )
-from flexaxis.experiments.scoring.pooling import Case, biases_of, case_of, columns_of, pool_group
+from flexaxis.experiments.scoring.pooling import biases_of, case_of, columns_of, pool_group
 from flexaxis.experiments.scoring.pools import count, deviation, geometric, mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.experiments.scoring.windows import windows
@@ -191,9 +192,14 @@ def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
                 line[text] = turn
 
 
-def as_set(cases: Sequence[Case]) -> list[dict[str, Any]]:
+def as_set(groups: Groups) -> list[dict[str, Any]]:
     """
     Return what each estimator is worth at the one setting it was run at, seed by seed.
+
+    Parameters
+    ----------
+    groups : Groups
+        Of the rows of a run, by scenario (base) and estimator (method).
 
     Returns
     -------
@@ -201,22 +207,25 @@ def as_set(cases: Sequence[Case]) -> list[dict[str, Any]]:
         One for each fault and estimator: ``scenario, parameter, estimator, lag, std, diverged,
         seeds`` and ``values`` of lag and std: their logarithms, as the jackknife's values.
     """
-    groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
-    for case in cases:
-        for row in case.rows:
-            if row["changed"] and row["lag"] is not None and row["std"] is not None:
-                key = row["scenario"], row["parameter"], row["estimator"]
-                groups.setdefault(key, []).append(row)
     found = []
-    for (scenario, parameter, estimator), rows in groups.items():
-        setting = Setting(estimator, 1.0, rows)
+    for group, key in enumerate(groups.keys):
+        if not key["changed"]:
+            continue
+        columns = {name: groups.columns(group)[name] for name in _AS_SET}
+        there = ~np.isnan(columns["lag"]) & ~np.isnan(columns["std"])
+        columns = {name: values[there] for name, values in columns.items()}
+        rows = [
+            dict(zip(columns, line, strict=True)) for line in zip(*columns.values(), strict=True)
+        ]
+        if not rows:
+            continue
+        setting = Setting(key["method"], 1.0, rows)
         values = {name: plain(setting, name) for name in ("lag", "std")}
-        columns = columns_of(rows)
         found.append(
             {
-                "scenario": scenario,
-                "parameter": parameter,
-                "estimator": estimator,
+                "scenario": key["base"],
+                "parameter": key["parameter"],
+                "estimator": key["method"],
                 "seeds": len(rows),
                 **geometric(columns, "lag"),
                 **deviation("bias", "lost_before")(columns, "std"),
@@ -225,6 +234,9 @@ def as_set(cases: Sequence[Case]) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+_AS_SET = ("lag", "std", "bias", "lost_before", "diverged")
 
 
 def _matched(runs: _Runs) -> Sweep:
