@@ -103,7 +103,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {_HASHES} beside the folder; until then, run it as a path'
+            f'"{name}" = "{found}" to {_HOME / _HASHES}; until then, run it from its path'
         )
     if wanted != found:
         raise ScenarioError(

@@ -175,6 +175,8 @@ def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     return found + [(number(value, 2), "") for value in more]
 
 
-FIGURES: Sequence[Callable[[Pooled], Iterator[Shown]]] = (speed_against_variance,)
+FIGURES: Sequence[Callable[[Pooled], Iterator[Shown]]] = (
+    speed_against_variance,
+)  # fmt: skip
 """The figures of a run as a whole, in the order of the page: a new one is a function that yields it
 (`results.rows` are the rows behind), and its name here."""

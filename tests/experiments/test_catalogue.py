@@ -64,7 +64,7 @@ def test_what_is_not_frozen_says_the_line_to_add(catalogue):
     catalogue(STEP, "")
     with pytest.raises(ScenarioError) as caught:
         find_scenario("fm_step-v1")
-    assert f"add the line {LINE} to hashes.toml" in str(caught.value)
+    assert f"add the line {LINE} to {find._HOME / 'hashes.toml'}" in str(caught.value)
 
 
 @pytest.mark.parametrize("name", FROZEN)
