@@ -12,7 +12,7 @@ import numpy as np
 
 from flexaxis.experiments.running.files import OutputError, write_json, writing
 from flexaxis.experiments.running.folder import CURVES, SUMMARY
-from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.running.results import Results, Rows
 from flexaxis.experiments.scoring.pooling import Curve
 
 
@@ -35,9 +35,9 @@ class Pooled:
     folder: Path
 
     @property
-    def rows(self) -> Results:
-        """The rows behind, as they stand in the folder."""
-        return Results.load(self.folder)
+    def rows(self) -> Rows:
+        """The rows behind, one at a time; `rows.results` selects and pools them."""
+        return Results.load(self.folder).rows
 
 
 def save(folder: Path, pooled: Pooled) -> None:
