@@ -17,6 +17,7 @@ import pytest
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+FOLDERS = {"models_mjcf", "sim", "estimators", "experiments"}
 CHANGES = sorted(path.stem for path in HERE.glob("*.patch"))
 
 # One process for all commands of a copy: to start takes longer than most of them.
@@ -38,6 +39,7 @@ for line in sys.stdin:
 class Hunk:
     """Lines of a file, and what is to stand there instead; a new file has no old ones."""
 
+    change: str
     path: str
     old: list[str] = field(default_factory=list)
     new: list[str] = field(default_factory=list)
@@ -50,7 +52,7 @@ def read_patch(name):
         if line.startswith("+++ "):
             path = line.removeprefix("+++ b/")
         elif line.startswith("@@"):
-            found.append(Hunk(path))
+            found.append(Hunk(name, path))
         elif not line.startswith("--- "):
             found[-1].old += [line[1:]] * (line[:1] != "+")
             found[-1].new += [line[1:]] * (line[:1] != "-")
@@ -63,7 +65,9 @@ def apply(hunk, home):
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
     places = [k for k in range(len(lines) + 1) if lines[k : k + len(hunk.old)] == hunk.old]
     shown = "\n".join(hunk.old)
-    assert len(places) == 1, f"{hunk.path} has {len(places)} times, and not once:\n{shown}"
+    assert len(places) == 1, (
+        f"{hunk.change}.patch no longer fits: {hunk.path} has, {len(places)} times and not once:\n{shown}"
+    )
     lines[places[0] : places[0] + len(hunk.old)] = hunk.new
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
@@ -71,9 +75,8 @@ def apply(hunk, home):
 def patched(place, hunks):
     """Put a copy of the folders that some patches touch, with these, below a folder."""
     package = place / "flexaxis"
-    # A folder that is missing here is found where it is installed, with what was compiled for it.
-    for folder in {Path(hunk.path).parts[0] for hunk in hunks} & {"sim", "estimators",
-                                                                 "experiments", "models_mjcf"}:  # fmt: skip
+    # A folder that is not copied is found where it is installed, with what was compiled for it.
+    for folder in FOLDERS & {Path(hunk.path).parts[0] for hunk in hunks}:
         shutil.copytree(ROOT / folder, package / folder,
                         ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
     for hunk in hunks:
