@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "check that an estimator keeps the rules"
+GROUP = "your own estimator"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

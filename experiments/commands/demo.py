@@ -21,6 +21,7 @@ from pathlib import Path
 from flexaxis.experiments.running.consent import add_run_code
 
 HELP = "a live axis in the browser, or a lesson as GIF or MP4"
+GROUP = "what there is"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

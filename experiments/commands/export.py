@@ -12,6 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write the rows of a study as Parquet, CSV or NetCDF"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

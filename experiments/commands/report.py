@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write report.html again from the results in a folder"
+GROUP = "benchmarks"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

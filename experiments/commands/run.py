@@ -29,6 +29,7 @@ from typing import Any
 from flexaxis.experiments.commands import options
 
 HELP = "run estimators on scenarios, score them, write a report"
+GROUP = "benchmarks"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
 
 HELP = "run an estimator on a log of your axis"
+GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

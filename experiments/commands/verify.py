@@ -16,6 +16,7 @@ from pathlib import Path
 from flexaxis.experiments.running.consent import add_run_code
 
 HELP = "run random cases of a study again and compare"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -147,7 +147,7 @@ def finish(
         "as_set": sweep.as_set(groups),
         "tradeoff": swept,
     }
-    found = Pooled(summary, curves)
+    found = Pooled(summary, curves, folder)
     write_text(folder / REPORT, render(found))
     save(folder, found)  # the summary last: a folder without one is not complete
     return found
