@@ -50,6 +50,34 @@ def test_the_check_sees_a_wrong_arrow(tmp_path):
     assert {n.split(".")[1] for n in imported(wrong)} == {"sim"}
 
 
+# The way of the data through experiments/: each folder imports from those before it in its line
+# and in the lines above. What users come for stands side by side in the last but one.
+WAY = (
+    ("scoring",),
+    ("catalogue",),
+    ("running",),
+    ("reporting",),
+    ("studies",),
+    ("gate", "paper", "logs", "demo"),
+    ("conformance",),
+    ("commands",),
+)
+
+
+def test_folders_show_the_way_of_the_data():
+    home = ROOT / "experiments"
+    place = {folder: i for i, line in enumerate(WAY) for folder in line}
+    assert {f.parent.name for f in home.glob("*/__init__.py")} == place.keys()
+    wrong = []
+    for path in home.glob("*/**/*.py"):
+        folder = path.relative_to(home).parts[0]
+        targets = {n.split(".")[2] for n in imported(path) if n.startswith("flexaxis.experiments.")}
+        for target in targets & place.keys() - {folder}:
+            if place[target] >= place[folder]:
+                wrong.append(f"{path.relative_to(ROOT)} imports from {target}")
+    assert not wrong, "against the way of the data: " + "; ".join(wrong)
+
+
 def test_no_module_is_too_long():
     """A module that grows past this does more than one thing."""
     long = {

@@ -14,8 +14,8 @@ from flexaxis.estimators.model import Model, Parametrization, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.dispatch import spread
-from flexaxis.experiments.running.nominal import nominal_torque
 from flexaxis.experiments.running.seeds import FIRST
+from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

@@ -14,11 +14,11 @@ from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting import sweep_figures as figures
 from flexaxis.experiments.reporting.figures import colour, svg
 from flexaxis.experiments.reporting.findings import alarms, confusion
+from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
 from flexaxis.experiments.running.results import Results
-from flexaxis.experiments.studies.definition import is_option
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each

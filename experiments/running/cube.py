@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.running.columnar import Index, Table
 from flexaxis.experiments.running.columns import as_text, told
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.groups import ranks
-from flexaxis.experiments.studies.definition import StudyError, is_option
 
 if TYPE_CHECKING:
     from types import ModuleType

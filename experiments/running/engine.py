@@ -26,10 +26,11 @@ from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import check_code, opened
-from flexaxis.experiments.running.plan import Plan, Unit, make_plan
+from flexaxis.experiments.running.plan import Plan, make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import write_traces
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
+from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Outcome, Row, run_unit
 from flexaxis.sim.scenario import Scenario
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from flexaxis.experiments.running.consent import names_code
-from flexaxis.experiments.running.plan import Unit, Work
+from flexaxis.experiments.running.plan import Work
+from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import run_unit
 
 SAMPLE = 4  # records that are run to know what one takes

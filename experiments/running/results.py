@@ -16,7 +16,7 @@ from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.groups import APART, Bins, Groups, grouped
-from flexaxis.experiments.running.plan import find_point
+from flexaxis.experiments.running.units import find_point
 from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario

@@ -27,8 +27,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
 from flexaxis.experiments.running.crashes import crash, user_code
-from flexaxis.experiments.running.nominal import nominal_torque
 from flexaxis.experiments.running.pipe import PipeEstimator
+from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.parameters import preset

@@ -14,8 +14,8 @@ from typing import Any
 from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.plan import Entry, Unit, find_point
 from flexaxis.experiments.running.rows import blocks, row_files
+from flexaxis.experiments.running.units import Entry, Unit, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario

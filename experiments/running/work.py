@@ -19,8 +19,8 @@ from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import case_id, run_case, warm
 from flexaxis.experiments.running.code import digest, own_digest
 from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.plan import Entry, Unit, Variant
 from flexaxis.experiments.running.traces import Trace
+from flexaxis.experiments.running.units import Entry, Unit, Variant
 from flexaxis.experiments.scoring.pooling import Case
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.sim.errors import SimulationError

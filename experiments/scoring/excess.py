@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.predictor import predict
-from flexaxis.experiments.running.nominal import nominal_torque
 from flexaxis.experiments.scoring.bounds import linear_model, noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_theta, true_theta
 from flexaxis.sim.scenario import Scenario
 

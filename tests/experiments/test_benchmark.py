@@ -221,7 +221,7 @@ def test_other_parameters_get_their_P0_from_a_nominal_run(short):
 
 def test_points_of_a_sweep_are_told_the_same_nominal_torque(short):
     """Which comes from random numbers of its own: neither from those of the records, nor anew."""
-    from flexaxis.experiments.running.nominal import nominal_torque
+    from flexaxis.experiments.scoring.nominal import nominal_torque
 
     torque = nominal_torque(short)
     for changes in ({"fault[0].factor": 2.0}, {"start": 1.2}):
