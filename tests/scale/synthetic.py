@@ -125,6 +125,8 @@ results = Results.load(folder)
 took = time.perf_counter() - before
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(took, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+if sys.argv[2] != "open":
+    assert len(results.table) % 6 == 0 < len(results.table), "no rows were read"
 """
 
 
@@ -136,7 +138,7 @@ def measure(folder, what, *, cold=False):
     """
     if cold:
         (folder / ".columns.h5").unlink(missing_ok=True)
-    words = [sys.executable, "-c", PROGRAM.format(what=WHAT[what]), str(folder)]
+    words = [sys.executable, "-c", PROGRAM.format(what=WHAT[what]), str(folder), what]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr)
