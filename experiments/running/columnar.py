@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.running.columns import COLUMNS, axis_kind, columns_of
 from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.folder import COLUMNS as FILE
 from flexaxis.experiments.running.rows import read, row_files
 from flexaxis.experiments.scoring.table import Kind
 
-FILE = ".columns.h5"
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
 READ = 1 << 10  # rows of the journal at a time: few, for they are some thousand objects each
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second

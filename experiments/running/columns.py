@@ -16,6 +16,7 @@ COLUMNS: Mapping[str, Kind] = {
     "parameter": "text",
     "changed": "truth",
     **columns(),
+    "code": "text",
     "error": "text",
     "rows": "integer",
     **dict.fromkeys(("cost.us_per_sample", "cost.seconds"), "number"),

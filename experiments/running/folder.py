@@ -30,7 +30,8 @@ REPORT = "report.html"
 SUMMARY, CURVES, PREVIOUS, SWEEP = "summary.json", "curves.nc", "previous", "sweep"
 COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
 """What is written last: a folder without any of these is not complete."""
-MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg")
+COLUMNS = ".columns.h5"
+MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg", COLUMNS)
 
 
 def rows_name(shard: tuple[int, int] = (1, 1)) -> str:

@@ -44,7 +44,7 @@ class Results:
     folder: Path
     study: Mapping[str, Any]
     where: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
-    _held: dict[str, Table] = field(default_factory=dict, repr=False, compare=False)
+    _held: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -67,7 +67,8 @@ class Results:
         """The columns of the folder, as they were when they were first asked for."""
         if "table" not in self._held:
             self._held["table"] = open_table(self.folder, self.axes)
-        return self._held["table"]
+        table: Table = self._held["table"]
+        return table
 
     @property
     def rows(self) -> Rows:
@@ -191,12 +192,13 @@ class Results:
         """Return the scenario of a row of the table; None where study.json does not tell it."""
         names = ("base", "hash", *self.axes)
         line = {name: self.table.values(name, np.array([row]))[0] for name in names}
-        bases = [
-            stored_scenario(entry["definition"], source=line["base"])
-            for entry in self.study.get("scenarios", ())
-        ]
+        if "bases" not in self._held:
+            self._held["bases"] = [
+                stored_scenario(entry["definition"], source=entry["definition"]["name"])
+                for entry in self.study.get("scenarios", ())
+            ]
         swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
-        found = find_point(bases, swept, line["hash"])
+        found = find_point(self._held["bases"], swept, line["hash"])
         return None if found is None else found.scenario()
 
     def to_dataframe(self) -> pandas.DataFrame:

@@ -66,7 +66,8 @@ def apply(hunk, home):
     places = [k for k in range(len(lines) + 1) if lines[k : k + len(hunk.old)] == hunk.old]
     shown = "\n".join(hunk.old)
     assert len(places) == 1, (
-        f"{hunk.change}.patch no longer fits: {hunk.path} has, {len(places)} times and not once:\n{shown}"
+        f"{hunk.change}.patch no longer fits: {hunk.path} has, {len(places)} times and not once:\n"
+        f"{shown}"
     )
     lines[places[0] : places[0] + len(hunk.old)] = hunk.new
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
