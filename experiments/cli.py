@@ -153,7 +153,7 @@ def _readers_may_go() -> Iterator[None]:
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.running.crashes import EstimatorCrash, worker_died
+    from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
     from flexaxis.sim.errors import FlexaxisError
 
     try:
@@ -171,7 +171,7 @@ def _guarded(args: argparse.Namespace) -> int:
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.running.crashes import described, user_code, worker_died
+    from flexaxis.experiments.building.crashes import described, user_code, worker_died
 
     if worker_died(error):
         own = f" ({', '.join(_own_code(args))})" if _own_code(args) else ""

@@ -44,12 +44,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
+    from flexaxis.experiments.building.specs import code_file, parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.running.specs import code_file, parse
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")

@@ -70,7 +70,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.running.results import needed
+    from flexaxis.experiments.results.results import needed
 
     distributed = needed("distributed")
     try:

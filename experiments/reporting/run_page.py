@@ -10,7 +10,7 @@ from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
 from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.reporting.page import Shown
-from flexaxis.experiments.running.pooled import Pooled
+from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
@@ -37,7 +37,7 @@ def render(results: Pooled) -> str:
     Parameters
     ----------
     results : Pooled
-        As from `flexaxis.experiments.running.pooled.load`.
+        As from `flexaxis.experiments.results.pooled.load`.
     """
     summary = results.summary
     scenarios = {

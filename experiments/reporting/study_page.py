@@ -14,12 +14,12 @@ from flexaxis.experiments.reporting import sweep_figures as figures
 from flexaxis.experiments.reporting.figures import colour
 from flexaxis.experiments.reporting.findings import alarms, confusion
 from flexaxis.experiments.reporting.page import Shown
+from flexaxis.experiments.results.columns import axis_kind
+from flexaxis.experiments.results.groups import Bins
+from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
-from flexaxis.experiments.running.groups import Bins
-from flexaxis.experiments.running.results import Results
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each

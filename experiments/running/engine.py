@@ -19,10 +19,10 @@ from typing import Any, Literal
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.consent import require
-from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import check_code, opened

@@ -15,7 +15,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.code import digest
+from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import write_text, writing
 from flexaxis.experiments.running.lock import locked

@@ -11,8 +11,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.axes import applies
-from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.rows import Block, blocks, parsed, row_files
 from flexaxis.experiments.running.units import Entry, Unit, find_point

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running import specs
+from flexaxis.experiments.building import specs
+from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import case_id, run_case, warm
-from flexaxis.experiments.running.code import digest, own_digest
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant

@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.merge import merge
