@@ -17,13 +17,15 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tunings
+from flexaxis.experiments.catalogue.card import GROUPS
+from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.gate.selftable import markdown as self_test_table
 from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST, CONTROLS
 from flexaxis.experiments.scoring.table import SCORES
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/scores.md", "docs/gate.md")
+PAGES = ("README.md", "docs/scenarios.md", "docs/scores.md", "docs/gate.md")
 STANDARD, SELF_TEST = ROOT / "results" / "standard", ROOT / "results" / "self-test.json"
 SEEDS = 20
 RUN = f"flexaxis run standard --seeds {SEEDS}"
@@ -39,6 +41,15 @@ OTHERS = ("ja_big_step-v1", "two_faults-v1", "repair-v1", "kg_step-v1", "ka_step
 FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
+
+
+def catalogue() -> str:
+    """Return what scenarios there are, by group."""
+    groups: dict[str, list[str]] = {group: [] for group in GROUPS}
+    for name in scenario_names():
+        groups[find_scenario(name).group or ""].append(f"`{name}`")
+    rows = [[group, GROUPS[group], ", ".join(names)] for group, names in groups.items()]
+    return table(["group", "what happens", "scenarios"], rows)
 
 
 def scores() -> str:
@@ -141,6 +152,7 @@ def self_test() -> str:
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
+    "catalogue": catalogue,
     "scores": scores,
     "tuned": tuned,
     "equal-noise": equal_noise,

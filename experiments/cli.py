@@ -1,7 +1,8 @@
 """The command `flexaxis`: results on stdout, progress and errors on stderr.
 
-Each command is a module in `flexaxis.experiments.commands` with `HELP`, `configure(parser)` and
-`main(args)`; the heavy imports lie inside `main`, so that `--help` is quick.
+Each command is a module in `flexaxis.experiments.commands` with `HELP`, `GROUP`,
+`configure(parser)` and `main(args)`, and is found there; the heavy imports lie inside `main`, so
+that `--help` is quick.
 """
 
 from __future__ import annotations
@@ -9,41 +10,30 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.metadata import version
-from keyword import iskeyword
+from pkgutil import iter_modules
+from types import ModuleType
+from typing import Any
+
+from flexaxis.experiments import commands as home
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
 failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
 raised what it should not, ours or the user's, or a worker process that died: none of the others."""
 
-COMMANDS = (
-    "list",
-    "show",
-    "simulate",
-    "estimate",
-    "run",
-    "compare",
-    "check",
-    "new",
-    "report",
-    "view",
-    "demo",
-    "cache",
-    "speed",
-    "tradeoff",
-    "tune",
-    "paper",
-    "import",
-    "identify",
-    "track",
-    "study",
-    "merge",
-    "export",
-    "verify",
+GROUPS = (
+    "what there is",
+    "one run",
+    "benchmarks",
+    "studies",
+    "your own estimator",
+    "your own axis",
 )
+"""What commands are for, in the order of the help; the `GROUP` of each is one of them."""
 
 EPILOG = """\
 first steps:
@@ -60,23 +50,31 @@ exit status:
 TRACEBACK = "--traceback"
 
 
+def commands() -> dict[str, ModuleType]:
+    """Return the modules of the commands by name: whatever lies there and has `main`."""
+    names = sorted(found.name for found in iter_modules(home.__path__))
+    modules = {name: import_module(f"{home.__name__}.{name}") for name in names}
+    # An underscore keeps a name that is a word of Python, such as import_.
+    return {name.rstrip("_"): found for name, found in modules.items() if hasattr(found, "main")}
+
+
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line, with all commands."""
+    known = commands()
     top = argparse.ArgumentParser(
         prog="flexaxis",
-        description="Benchmark recursive identification of a geared, flexible robot axis.",
+        description=_overview(known),
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}")
     top.add_argument(TRACEBACK, action="store_true", help="where a crash came from, in full")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        suffix = "_" if iskeyword(name) else ""
-        module = import_module(f"flexaxis.experiments.commands.{name}{suffix}")
-        sub = commands.add_parser(
+    subs = top.add_subparsers(
+        dest="command", metavar="COMMAND", required=True, help="one of those above"
+    )
+    for name, module in known.items():
+        sub = subs.add_parser(
             name,
-            help=module.HELP,
             description=module.__doc__,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -88,6 +86,15 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+def _overview(known: Mapping[str, ModuleType]) -> str:
+    """Return what there are commands for."""
+    lines = ["Benchmark recursive identification of a geared, flexible robot axis."]
+    for group in GROUPS:
+        lines += ["", f"{group}:"]
+        lines += [f"  {n:<10} {m.HELP}" for n, m in known.items() if group == m.GROUP]
+    return "\n".join(lines)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status."""
     # Before NumPy is imported: small matrices are several times slower on many threads.
@@ -96,12 +103,57 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     args = parser().parse_args(words)
     args.words = [word for word in words if word != TRACEBACK]  # no part of what is repeated
-    return _guarded(args)
+    with _readers_may_go():
+        return _guarded(args)
+
+
+class _Stream:
+    """Text to a reader who may go, as with `| head`: what is still said is dropped then.
+
+    So a verdict keeps its exit status, and what is being done is done.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        with self._dropping():
+            return int(self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        with self._dropping():
+            self._stream.flush()
+
+    @contextmanager
+    def _dropping(self) -> Iterator[None]:
+        try:
+            yield
+        except BrokenPipeError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+
+
+@contextmanager
+def _readers_may_go() -> Iterator[None]:
+    usual = sys.stdout, sys.stderr
+    if None in usual:  # closed, as with `>&-`: nobody reads it
+        yield
+        return
+    sys.stdout, sys.stderr = ours = _Stream(sys.stdout), _Stream(sys.stderr)
+    try:
+        yield
+    finally:
+        for stream in ours:
+            stream.flush()
+        sys.stdout, sys.stderr = usual
 
 
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.running.crashes import EstimatorCrash, worker_died
+    from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
     from flexaxis.sim.errors import FlexaxisError
 
     try:
@@ -114,15 +166,12 @@ def _guarded(args: argparse.Namespace) -> int:
     except KeyboardInterrupt as error:
         say("; ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has gone, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FINE
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
-    from flexaxis.experiments.running.crashes import described, user_code, worker_died
+    from flexaxis.experiments.building.crashes import described, user_code, worker_died
 
     if worker_died(error):
         own = f" ({', '.join(_own_code(args))})" if _own_code(args) else ""

@@ -55,7 +55,9 @@ def test_the_check_sees_a_wrong_arrow(tmp_path):
 WAY = (
     ("scoring",),
     ("catalogue",),
+    ("building",),
     ("running",),
+    ("results",),
     ("reporting",),
     ("studies",),
     ("gate", "paper", "logs", "demo"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -15,6 +16,7 @@ from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
 
 _HOME = files("flexaxis.experiments.catalogue")
+_HASHES = "hashes.toml"
 
 
 @dataclass(frozen=True)
@@ -78,17 +80,43 @@ def find_scenario(name: str) -> Scenario:
     Raises
     ------
     ScenarioError
-        If there is neither such a name nor such a file, or the file has errors.
+        If there is neither such a name nor such a file, the file has errors, or a scenario of the
+        catalogue is not what its name is frozen with.
     """
     known = _tomls("scenarios")
     if name in known:
-        return parse_scenario(known[name].read_text(encoding="utf-8"), source=name)
+        return _frozen(parse_scenario(known[name].read_text(encoding="utf-8"), source=name), name)
     if name.endswith(".toml") or Path(name).is_file():
         return load_scenario(Path(name))
     raise ScenarioError(
         f"unknown scenario {name!r}.{did_you_mean(name, [*known, *suite_names()])} "
         "`flexaxis list` shows the catalogue; a path to a TOML file works too"
     )
+
+
+def _frozen(scenario: Scenario, name: str) -> Scenario:
+    """Return a scenario of the catalogue: two machines mean the same by its name, today and later.
+
+    What differs would be pooled with stored results of that name, and nobody would know.
+    """
+    wanted, found = _hashes().get(name), scenario.hash[:16]
+    if wanted is None:
+        raise ScenarioError(
+            f"{name}: not frozen yet; when it is as it should be, add the line "
+            f'"{name}" = "{found}" to {_HOME / _HASHES}; until then, run it from its path'
+        )
+    if wanted != found:
+        raise ScenarioError(
+            f"{name}: the content has the hash {found}, but the name is frozen with {wanted}; give "
+            "a changed scenario a new name, such as -v2 (and a new key of Scenario the default "
+            "None, which is off and changes no hash)"
+        )
+    return scenario
+
+
+@cache
+def _hashes() -> dict[str, str]:
+    return tomllib.loads((_HOME / _HASHES).read_text(encoding="utf-8"))
 
 
 def find_suite(name: str) -> Suite:

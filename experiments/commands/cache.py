@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "show or empty the cache of simulated records"
+GROUP = "what there is"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

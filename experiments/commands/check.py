@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "check that an estimator keeps the rules"
+GROUP = "your own estimator"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -32,10 +33,10 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
+    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.specs import parse
 
     found = check(parse(args.estimator), store=default_cache())
     status = int(any(finding.holds is False for finding in found))

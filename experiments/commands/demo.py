@@ -18,9 +18,10 @@ import os
 import sys
 from pathlib import Path
 
-from flexaxis.experiments.running.consent import add_run_code
+from flexaxis.experiments.building.consent import add_run_code
 
 HELP = "a live axis in the browser, or a lesson as GIF or MP4"
+GROUP = "what there is"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -84,8 +85,8 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _record(args: argparse.Namespace, lesson) -> int:  # type: ignore[no-untyped-def]
+    from flexaxis.experiments.building.consent import require
     from flexaxis.experiments.demo.movie import record
-    from flexaxis.experiments.running.consent import require
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.benchmark import command_line
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
+GROUP = "one run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -43,12 +44,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
+    from flexaxis.experiments.building.specs import code_file, parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.running.specs import code_file, parse
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")

@@ -12,6 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write the rows of a study as Parquet, CSV or NetCDF"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -25,11 +26,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
-    from flexaxis.experiments.running import export
+    from flexaxis.experiments.results import export
+    from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.folder import REPORT
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.results import Results
     from flexaxis.experiments.studies.results import inputs
 
     forms = {

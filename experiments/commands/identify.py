@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.logs.identify import Identification
 
 HELP = "identify the nominal values of your axis from a log"
+GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

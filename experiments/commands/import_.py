@@ -17,6 +17,7 @@ from pathlib import Path
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 HELP = "make a record of your own log, with a plausibility report"
+GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Iterator
 
 HELP = "list scenarios, suites and estimators"
+GROUP = "what there is"
 KINDS = ("scenarios", "suites", "estimators")
 
 

@@ -12,6 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write a working template of an own estimator"
+GROUP = "your own estimator"
 CLASS = "Mine"
 
 

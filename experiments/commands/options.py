@@ -70,7 +70,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.running.results import needed
+    from flexaxis.experiments.results.results import needed
 
     distributed = needed("distributed")
     try:
@@ -149,8 +149,8 @@ def go_on(args: argparse.Namespace, done: int) -> str:
     """Return how many cases were just run, and the line that goes on from there."""
     words = [word for word in args.words if word != RESUME]
     kept = f"{done} case{'s'[: done != 1]} done just now"
-    if not hasattr(args, "resume"):
-        return kept
+    if getattr(args, "self_test", False):  # keeps its rows in memory
+        return f"{kept}, and not kept"
     return f"{kept}; go on with: " + shlex.join(["flexaxis", *words, RESUME])
 
 

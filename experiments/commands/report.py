@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write report.html again from the results in a folder"
+GROUP = "benchmarks"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,8 +34,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _of_study(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.study_page import write_report
+    from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.results import Results
 
     results = Results.load(args.folder)
     write_report(results, path)
@@ -45,8 +46,8 @@ def _of_study(args: argparse.Namespace, path: Path) -> int:
 def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.run_page import render
     from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.results.pooled import load
     from flexaxis.experiments.running.files import dumps, write_text
-    from flexaxis.experiments.running.pooled import load
 
     found = load(args.folder)
     write_text(path, render(found))

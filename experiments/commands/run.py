@@ -29,6 +29,7 @@ from typing import Any
 from flexaxis.experiments.commands import options
 
 HELP = "run estimators on scenarios, score them, write a report"
+GROUP = "benchmarks"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -65,11 +66,19 @@ def main(args: argparse.Namespace) -> int:
         working = options.working(
             args, f"{wanted.cases} cases", wanted.cases, cache=not args.no_cache, place=place
         )
+        simulated = 0
+
+        def landed(outcome: Any) -> None:
+            nonlocal simulated
+            simulated += outcome.simulated
+
         with working as (means, _):
             found = benchmark(
-                wanted, folder, means, shard=share, resume=args.resume,
+                wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
+    print(f"{wanted.records} records: {simulated} simulated, the others from the cache",
+          file=sys.stderr)  # fmt: skip
     if found is None:
         print(folder)
         return 0

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "show a scenario, suite or estimator with all its values"
+GROUP = "what there is"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

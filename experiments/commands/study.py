@@ -32,13 +32,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.running.consent import add_run_code
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -64,8 +65,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Plan, run and report."""
+    from flexaxis.experiments.building.consent import require
     from flexaxis.experiments.running import rows
-    from flexaxis.experiments.running.consent import require
     from flexaxis.experiments.running.folder import REPORT, STUDY, check
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
@@ -135,9 +136,9 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
 
 
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
+    from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running import rows
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.results import Results
     from flexaxis.experiments.studies.results import report
 
     total = plan.work().cases

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
 
 HELP = "run an estimator on a log of your axis"
+GROUP = "your own axis"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -46,13 +47,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
+    from flexaxis.experiments.building.specs import code_file, parse
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.track import save, track
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.specs import code_file, parse
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")

@@ -19,6 +19,7 @@ from pathlib import Path
 from flexaxis.experiments.commands import options
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
+GROUP = "benchmarks"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

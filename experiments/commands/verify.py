@@ -13,9 +13,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.running.consent import add_run_code
+from flexaxis.experiments.building.consent import add_run_code
 
 HELP = "run random cases of a study again and compare"
+GROUP = "studies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

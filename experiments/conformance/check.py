@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.conformance.requirements import RULES, Rule, Subject
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.specs import Spec, build
 
 DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
 

@@ -103,9 +103,9 @@ def gate(
 
 def rules(estimator: str) -> list[RuleResult]:
     """Check an estimator, and fail with reason and hint of each rule that is broken."""
+    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.specs import parse
 
     found = check(parse(estimator), store=default_cache())
     broken = [

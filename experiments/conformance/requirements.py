@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.conformance.futures import futures
-from flexaxis.experiments.running.specs import Spec, build
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

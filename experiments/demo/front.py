@@ -9,13 +9,13 @@ from math import log10
 from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.demo.charts import COLOURS, Charts
 from flexaxis.experiments.demo.live_axis import EXCITATION
 from flexaxis.experiments.demo.offers import Offers
 from flexaxis.experiments.demo.racer import NAMES, KnobSettings
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
 from flexaxis.experiments.reporting.view import exaggerated, scene
-from flexaxis.experiments.running.specs import parse
 
 REPAIR = "Repair everything"
 # One is slower than the axis, the other would have to be told when somebody clicks.

@@ -13,8 +13,8 @@ from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.experiments.building.specs import Spec, made, parse
 from flexaxis.experiments.demo.live_axis import Samples
-from flexaxis.experiments.running.specs import Spec, made, parse
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import AxisParameters

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.demo.dots import Dot, Scorer
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, KnobSettings, Racer
-from flexaxis.experiments.running.specs import Spec
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import RATE
 

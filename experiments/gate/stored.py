@@ -11,9 +11,9 @@ from flexaxis.experiments.gate.decide import ALPHA
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
+from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.folder import SCORES, SUMMARY
-from flexaxis.experiments.running.results import Results, Rows
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 KEYS = ("scenario", "hash", "seed", "parameter", "changed")

@@ -17,12 +17,12 @@ from flexaxis.estimators.model import Model, increment
 from flexaxis.estimators.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.specs import Spec, made
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import settled
 from flexaxis.experiments.running.estimate import estimates_file, run_on
-from flexaxis.experiments.running.specs import Spec, made
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -127,7 +127,7 @@ def track(
     axis : Axis
         As identified.
     spec : Spec
-        From `flexaxis.experiments.running.specs.parse`.
+        From `flexaxis.experiments.building.specs.parse`.
     identify : sequence of str
         What to estimate.
     start : float

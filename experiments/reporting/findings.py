@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.pools import Columns, values
 

@@ -5,7 +5,8 @@ A page extends `reporting/templates/page.html`; a template is named by its path 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,19 @@ from flexaxis.experiments.reporting.cells import number, pair, settled, shade
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A figure as it stands in a page: under a title, with what there is to know of it below.
+
+    The pages of runs and of studies each go through a list of functions that yield such.
+    """
+
+    title: str
+    words: str
+    figure: Figure
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
@@ -28,6 +42,13 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         error.
     """
     return _environment().get_template(template).render(content)
+
+
+def shown(figures: Iterable[Shown]) -> list[dict[str, str]]:
+    """Return figures as a template takes them: `title`, `words`, and `svg` to put inside."""
+    from flexaxis.experiments.reporting.figures import svg
+
+    return [{"title": f.title, "words": f.words, "svg": svg(f.figure)} for f in figures]
 
 
 @cache

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
 from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
 from flexaxis.experiments.reporting.cells import number, pair, settled
-from flexaxis.experiments.running.pooled import Pooled
+from flexaxis.experiments.reporting.page import Shown
+from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
@@ -18,6 +19,17 @@ from flexaxis.sim.scenario import Scenario, stored_scenario
 SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
 DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
 
+SPEED = "Speed against variance"
+CURVES = (
+    "A line is an estimator whose knob is turned from slow and quiet to quick and noisy; dashed: "
+    "the lag that the Cramér–Rao bound allows with all parameters unknown after the fault, dotted "
+    "with only this one."
+)
+POINTS = (
+    "One point is one setting of an estimator's knob; `flexaxis tradeoff` draws the whole curve of "
+    "each knob, with the bounds."
+)
+
 
 def render(results: Pooled) -> str:
     """Return the report as HTML.
@@ -25,7 +37,7 @@ def render(results: Pooled) -> str:
     Parameters
     ----------
     results : Pooled
-        As from `flexaxis.experiments.running.pooled.load`.
+        As from `flexaxis.experiments.results.pooled.load`.
     """
     summary = results.summary
     scenarios = {
@@ -37,8 +49,7 @@ def render(results: Pooled) -> str:
         "failed": len(summary.get("failures", [])),
         "failures": failures.in_words(summary.get("failures", [])),
         "sections": [_section(name, scenarios[name], results) for name in scenarios],
-        "figure": _tradeoff_figure(summary),
-        "swept": summary.get("tradeoff"),
+        "figures": page.shown(figure for each in FIGURES for figure in each(results)),
         "answers": _answers(summary, scenarios),
         "findings": ranking.in_words(summary["as_set"]),
         "equal": _at_equal_noise(summary),
@@ -54,13 +65,19 @@ def render(results: Pooled) -> str:
     return page.render("reporting/templates/run.html", content)
 
 
-def _tradeoff_figure(summary: Mapping[str, Any]) -> str | None:
-    """Return the curves over the knobs where they were swept, else a point an estimator."""
-    if summary.get("tradeoff"):
-        return figures.svg(tradeoff_figure.figure(summary["tradeoff"]["points"]))
-    if any(row["changed"] for row in summary["rows"]):
-        return figures.svg(figures.speed_variance(summary["rows"]))
-    return None
+def speed_against_variance(results: Pooled) -> Iterator[Shown]:
+    """Yield the curves over the knobs where they were swept, else a point an estimator."""
+    swept, rows = results.summary.get("tradeoff"), results.summary["rows"]
+    if swept:
+        yield Shown(SPEED, _words_of(CURVES), tradeoff_figure.figure(swept["points"]))
+    elif any(row["changed"] for row in rows):
+        yield Shown(SPEED, _words_of(POINTS), figures.speed_variance(rows))
+
+
+def _words_of(what: str) -> str:
+    return (
+        f"Nearer to the lower left corner is better. {what} Whiskers are 95 % intervals over seeds."
+    )
 
 
 def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> list[str]:
@@ -156,3 +173,10 @@ def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
     efficiency, cost = row.get("efficiency", {}).get("200"), row["cost"]["us_per_sample"]
     more = (efficiency, alarms.get("alarms"), alarms.get("false_alarms_per_1000_s"), cost)
     return found + [(number(value, 2), "") for value in more]
+
+
+FIGURES: Sequence[Callable[[Pooled], Iterator[Shown]]] = (
+    speed_against_variance,
+)  # fmt: skip
+"""The figures of a run as a whole, in the order of the page: a new one is a function that yields it
+(`results.rows` are the rows behind), and its name here."""

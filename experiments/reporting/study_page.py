@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting import sweep_figures as figures
-from flexaxis.experiments.reporting.figures import colour, svg
+from flexaxis.experiments.reporting.figures import colour
 from flexaxis.experiments.reporting.findings import alarms, confusion
+from flexaxis.experiments.reporting.page import Shown
+from flexaxis.experiments.results.columns import axis_kind
+from flexaxis.experiments.results.groups import Bins
+from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import axis_kind
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT
-from flexaxis.experiments.running.results import Results
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each
@@ -70,34 +71,25 @@ def render(results: Results) -> str:
         "cases": results.cases,
         "failed": len(failures),
         "failures": failures[:10],
-        "figures": [(title, words, svg(figure)) for title, words, figure in drawn(results, bins)],
+        "figures": page.shown(figure for each in FIGURES for figure in each(results, bins)),
         "colour": colour,
         "tell": figures.short,
     }
     return page.render("reporting/templates/study.html", content)
 
 
-def drawn(
-    results: Results, bins: Mapping[str, Sequence[float]] | None = None
-) -> Iterator[tuple[str, str, Figure]]:
-    """Yield title, explanation and figure of each figure that the axes of a study allow."""
-    bins = _bins(results) if bins is None else bins
+def over_each_axis(results: Results, bins: Bins) -> Iterator[Shown]:
+    """Yield lag and error over each axis of numbers."""
     values = results.values()
-    numbers = [axis for axis in values if len(values[axis]) > 1 and _is_number(values[axis])]
-    for axis in numbers:
+    for axis in (a for a in values if len(values[a]) > 1 and _is_number(values[a])):
         rows = results.pooled(["method", axis], bins=_only(bins, axis), scores=DRAWN)
         if any(row[axis] is not None for row in rows):
-            yield f"Over {axis}", DEGRADATION, figures.degradation(rows, axis)
-    yield from _maps(results, values, bins)
-    if found := alarms(results):
-        yield "Detection", DETECTION, figures.detection(found)
-    if counts := confusion(results):
-        yield "Isolation", ISOLATION, figures.isolation(counts)
+            yield Shown(f"Over {axis}", DEGRADATION, figures.degradation(rows, axis))
 
 
-def _maps(
-    results: Results, values: Mapping[str, Sequence[Any]], bins: Mapping[str, Sequence[float]]
-) -> Iterator[tuple[str, str, Figure]]:
+def over_pairs_of_axes(results: Results, bins: Bins) -> Iterator[Shown]:
+    """Yield heat maps of the lag over two axes each."""
+    values = results.values()
     # Those with the fault first: size of the fault against all else is what one asks for.
     wide = [axis for axis in values if len(values[axis]) > 1]
     wide.sort(key=lambda axis: not axis.startswith("fault"))
@@ -105,7 +97,16 @@ def _maps(
         rows = results.pooled(["method", x, y], bins=_only(bins, x, y), scores=["lag"])
         rows = [row for row in rows if row[x] is not None and row[y] is not None]
         if any(row["changed"] and row["lag"] is not None for row in rows):
-            yield f"{y} × {x}", HEAT, figures.heat_map(rows, x, y)
+            yield Shown(f"{y} × {x}", HEAT, figures.heat_map(rows, x, y))
+
+
+def what_was_found(results: Results, bins: Bins) -> Iterator[Shown]:
+    """Yield delay and missed faults over false alarms, and what was named where."""
+    del bins
+    if found := alarms(results):
+        yield Shown("Detection", DETECTION, figures.detection(found))
+    if counts := confusion(results):
+        yield Shown("Isolation", ISOLATION, figures.isolation(counts))
 
 
 def _lines(results: Results) -> list[str]:
@@ -123,9 +124,18 @@ def _bins(results: Results) -> dict[str, list[float]]:
     }
 
 
-def _only(bins: Mapping[str, Sequence[float]], *axes: str) -> dict[str, Sequence[float]]:
+def _only(bins: Bins, *axes: str) -> dict[str, Sequence[float]]:
     return {axis: edges for axis, edges in bins.items() if axis in axes}
 
 
 def _is_number(values: Sequence[Any]) -> bool:
     return axis_kind(values) == "number"
+
+
+FIGURES: Sequence[Callable[[Results, Bins], Iterator[Shown]]] = (
+    over_each_axis,
+    over_pairs_of_axes,
+    what_was_found,
+)
+"""The figures of a study, in the order of the page: a new one is a function that yields it, for
+what its axes allow, and its name here. It takes the edges of bins for axes with many values."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.running.crashes import crash
-from flexaxis.experiments.running.specs import Spec, build
+from flexaxis.experiments.building.crashes import crash
+from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
 from flexaxis.sim.record import Record

@@ -100,15 +100,18 @@ def _own_pools(
             except BrokenExecutor:
                 pass
         lost = [task for task, _ in flight.out.values()]
-        yield from _one_by_one(list(interrupts.until(lost)), work)
+        yield from _one_by_one(lost, work, interrupts)
 
 
-def _one_by_one(tasks: list[Task], work: Callable[[Task], Result]) -> Iterator[Result]:
+def _one_by_one(
+    tasks: list[Task], work: Callable[[Task], Result], interrupts: Interrupts
+) -> Iterator[Result]:
     attempt = 0
-    while tasks:
+    while tasks and not interrupts.asked:
         with process_pool(1) as pool:
             try:
-                while tasks:
+                while tasks and not interrupts.asked:
+                    interrupts.at_work = 1
                     with held_back():
                         future = pool.submit(work, tasks[0])
                     result = future.result()

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -19,10 +19,10 @@ from typing import Any, Literal
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.consent import require
-from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import check_code, opened
@@ -67,6 +67,17 @@ class Means:
     advance: Callable[[Outcome], None] | None = None
     work: Worker | None = None
 
+    def also(self, called: Callable[[Outcome], None]) -> Means:
+        """Return the same means, with something else called with each outcome, too."""
+        before = self.advance
+
+        def both(outcome: Outcome) -> None:
+            called(outcome)
+            if before:
+                before(outcome)
+
+        return replace(self, advance=both)
+
     def outcomes(
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False
     ) -> Generator[Outcome, None, None]:
@@ -108,6 +119,7 @@ def run_study(
     traced: bool = False,
     run_code: bool = False,
     about: Mapping[str, Any] | None = None,
+    then: Callable[[], object] | None = None,
 ) -> Finished:
     """Run what is missing of a study and append its rows to a folder.
 
@@ -129,6 +141,8 @@ def run_study(
     run_code : bool
         Whether estimators may name code (`path.py:Class`, `module:Class`, `pipe:COMMAND`), which
         is then run, here or wherever the executor works.
+    then : callable, optional
+        Called when all is run, while nobody else may work in the folder.
 
     Raises
     ------
@@ -157,6 +171,8 @@ def run_study(
                         means.advance(outcome)
         if keep == "worst":
             keep_worst(folder, plan)
+        if then:
+            then()
     return Finished(cases, failed, simulated)
 
 

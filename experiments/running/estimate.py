@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.specs import Spec, build
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
@@ -67,7 +67,7 @@ def estimate(
     source, target : Path
         NetCDF-4 files.
     spec : Spec
-        The estimator, as from `flexaxis.experiments.running.specs.parse`.
+        The estimator, as from `flexaxis.experiments.building.specs.parse`.
     scenario : Scenario, optional
         What the estimator is told; the record's own by default.
     covariance : bool

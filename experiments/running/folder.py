@@ -10,12 +10,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.code import digest
+from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import write_text, writing
 from flexaxis.experiments.running.lock import locked
@@ -90,7 +90,10 @@ def opened(
                 f"{folder} holds rows of this study already: add --resume to go on with it, or "
                 "choose another folder with -o"
             )
-        content = _with_those_before(folder, described(plan)) | dict(about or {})
+        content = described(plan)
+        if _binds(folder, plan.shard):
+            content = _with_those_before(folder, content)
+        content |= dict(about or {})
         write_text(folder / STUDY, json.dumps(content, indent=1) + "\n")
         yield rows
 
@@ -106,22 +109,40 @@ def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _set_aside(folder: Path) -> None:
-    """Move a complete result out of the way; rows of an unfinished one are given up."""
-    names = (STUDY, *MADE, *COMPLETE, TRACES, SWEEP)
-    there = [folder / name for name in names] + row_files(folder)
-    there = [path for path in there if path.exists()]
-    if not there:
-        return
+    """Move a complete result out of the way; rows of an unfinished one are given up.
+
+    At every moment the old result is whole in one place at least: it is linked to the new place,
+    that gets its name at once, and only then what is here goes. First what says that this is
+    complete, and last study.json, which without rows does not count.
+    """
+    names = (*COMPLETE, *(path.name for path in row_files(folder)), *MADE, TRACES, SWEEP, STUDY)
+    there = [path for name in names if (path := folder / name).exists()]
+    staging = folder / f".{PREVIOUS}"
     with writing(folder):
-        if not any((folder / name).exists() for name in COMPLETE):
+        if there and there[0].name in COMPLETE:
+            _remove(staging)  # of a process that was killed
+            staging.mkdir()
             for path in there:
-                _remove(path)
-            return
-        target = folder / PREVIOUS
-        _remove(target)
-        target.mkdir()
-        for path in sorted(there, key=lambda path: path.name in COMPLETE):
-            os.replace(path, target / path.name)
+                _link(path, staging / path.name)
+            _remove(folder / PREVIOUS)
+            os.replace(staging, folder / PREVIOUS)
+        for path in there:
+            _remove(path)
+
+
+def _link(source: Path, target: Path) -> None:
+    """Give a file, or all files of a folder, a second name; where there are no links, copy it."""
+    if source.is_dir():
+        shutil.copytree(source, target, copy_function=_link_file)
+    else:
+        _link_file(source, target)
+
+
+def _link_file(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
 
 
 def completed(folder: Path) -> None:
@@ -138,6 +159,8 @@ def _remove(path: Path) -> None:
 
 def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
     """Raise a StudyError if a folder holds anything that rows of a study do not go with."""
+    if not _binds(folder, shard):
+        return
     if not (folder / STUDY).exists():
         if found := row_files(folder):
             raise StudyError(
@@ -151,11 +174,19 @@ def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
     _check_shares(folder, shard)
 
 
+def _binds(folder: Path, shard: tuple[int, int]) -> bool:
+    """Whether what a folder holds binds: it has rows, or another share is about to have some.
+
+    What was killed may leave study.json without rows: that says nothing of those to come.
+    """
+    return shard[1] > 1 or any(path.stat().st_size for path in row_files(folder))
+
+
 def _check_identity(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
     mine = _scenarios(study)
     names = {entry["hash"]: entry["definition"]["name"] for entry in there["scenarios"]}
     if there["identity"] != study.identity:
-        axes = ", ".join(study.axes) or "no axes"
+        axes = _axes(study.axes, study.streams)
         raise StudyError(
             f"{folder} holds another study: of {_summary(there)}, and this is of "
             f"{', '.join(f'{name} ({key[:8]})' for key, name in mine.items())} over {axes}. Choose "
@@ -201,12 +232,16 @@ def _check_shares(folder: Path, shard: tuple[int, int]) -> None:
         )
 
 
+def _axes(axes: Sequence[str], streams: str) -> str:
+    return f"{', '.join(axes)} with {streams} streams" if axes else "no axes"
+
+
 def _scenarios(study: Study) -> dict[str, str]:
     return {scenario.hash: scenario.name for scenario in study.scenarios}
 
 
 def _summary(content: Mapping[str, Any]) -> str:
-    axes = ", ".join(content["axes"]) or "no axes"
+    axes = _axes(content["axes"], content.get("streams", "own"))
     names = (f"{s['definition']['name']} ({s['hash'][:8]})" for s in content["scenarios"])
     return f"{', '.join(names)} over {axes}"
 
@@ -221,6 +256,7 @@ def described(plan: Plan) -> dict[str, Any]:
         "estimators": list(study.estimators),
         "seeds": list(study.seeds),
         "axes": list(study.axes),
+        "streams": study.streams,
         "points": len(study.points),
         "cases": expected(plan),
         "made_with": made_with(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from flexaxis.experiments.running.consent import names_code
+from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.running.plan import Work
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import run_unit

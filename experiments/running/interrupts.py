@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import signal
-import sys
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -48,11 +48,9 @@ class Interrupts:
             raise KeyboardInterrupt
         self.asked = True
         parts = f"{self.at_work} part{'s'[: self.at_work != 1]} of the work"
-        print(
-            f"\nflexaxis: stopping; waiting for {parts} to come in. Ctrl-C again ends at once; "
-            "what is done is kept",
-            file=sys.stderr,
-            flush=True,
+        # Not by print: what is interrupted may be in the middle of one.
+        os.write(
+            2, f"\nflexaxis: stopping; waiting for {parts}. Ctrl-C again ends at once\n".encode()
         )
 
 

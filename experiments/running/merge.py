@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import write_text, writing
+from flexaxis.experiments.running.files import new_file, write_text, writing
 from flexaxis.experiments.running.folder import (
     LOCK,
+    SCORES,
     STUDY,
     TRAJECTORIES,
     read_study,
-    rows_name,
 )
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.traces import trace_files
@@ -48,11 +51,13 @@ class Merged:
 def merge(folders: Sequence[Path], target: Path) -> Merged:
     """Copy the complete cases of all folders to a new one, each once; the first folder wins.
 
+    The same merge again copies nothing.
+
     Raises
     ------
     StudyError
         If the folders are of different studies, or of different code of an estimator, or the new
-        one holds something already.
+        one holds something else already.
     OutputError
         If it cannot be written to.
     """
@@ -61,16 +66,34 @@ def merge(folders: Sequence[Path], target: Path) -> Merged:
     with writing(target):
         target.mkdir(parents=True, exist_ok=True)
     with locked(target / LOCK):
-        there = rows.row_files(target)
-        if there and (target / STUDY).exists():
-            raise StudyError(f"{target} holds rows already: choose a new folder with -o")
-        for path in there:  # of a merge that was cut short, for it writes study.json last
-            path.unlink()
-        cases, doubles = _copy(folders, target)
-        # Last: what has none is no result yet.
-        write_text(target / STUDY, json.dumps(content, indent=1) + "\n")
+        if rows.row_files(target):
+            cases, doubles = _as_before(folders, target, content)
+        else:
+            cases, doubles = _made(folders, target, content)
     makers = dict.fromkeys(study.get("made_with", "unknown versions") for study in studies.values())
     return Merged(cases, doubles, max(0, content.get("cases", 0) - cases), tuple(makers))
+
+
+def _as_before(
+    folders: Sequence[Path], target: Path, content: Mapping[str, Any]
+) -> tuple[int, int]:
+    """Take what is there for this merge if it is the same, as where its report was stopped."""
+    found = [rows.done(folder) for folder in folders]
+    mine = np.unique(np.concatenate(found))
+    same = np.array_equal(mine, rows.done(target)) and (target / STUDY).exists()
+    if not (same and read_study(target) == content):
+        raise StudyError(f"{target} holds other rows already: choose a new folder with -o")
+    return len(mine), sum(map(len, found)) - len(mine)
+
+
+def _made(folders: Sequence[Path], target: Path, content: Mapping[str, Any]) -> tuple[int, int]:
+    for path in target.glob(f".{Path(SCORES).stem}.*.jsonl"):  # of a merge that was killed
+        path.unlink()
+    with new_file(target / SCORES) as part:
+        found = _copy(folders, target, part)
+        # Before the rows, which come all at once: rows without it are of no study.
+        write_text(target / STUDY, json.dumps(content, indent=1) + "\n")
+    return found
 
 
 def _together(studies: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
@@ -105,7 +128,7 @@ def _check_code(
             )
 
 
-def _copy(folders: Sequence[Path], target: Path) -> tuple[int, int]:
+def _copy(folders: Sequence[Path], target: Path, journal: Path) -> tuple[int, int]:
     seen: set[int] = set()
     doubles = 0
     for folder in folders:  # before the rows that they go with
@@ -115,12 +138,13 @@ def _copy(folders: Sequence[Path], target: Path) -> tuple[int, int]:
                 place.parent.mkdir(exist_ok=True)
                 with atomic(place) as part:
                     shutil.copyfile(source, part)
-    with rows.RowFile(target / rows_name()) as file:
+    with journal.open("wb") as file:
         for path in (path for folder in folders for path in rows.row_files(folder)):
             for block in rows.blocks(path):
-                case = int(block[0][rows.ID], 16)
-                doubles += case in seen
-                if case not in seen:
-                    file.append(b"".join(block))
-                    seen.add(case)
+                doubles += block.case in seen
+                if block.case not in seen:
+                    file.writelines(block.lines)
+                    seen.add(block.case)
+        file.flush()
+        os.fsync(file.fileno())
     return len(seen), doubles

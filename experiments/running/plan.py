@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running import specs
+from flexaxis.experiments.building import specs
+from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.running.axes import applies, in_words, is_option
 from flexaxis.experiments.running.case import case_id
-from flexaxis.experiments.running.consent import names_code
-from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.study import Point, Study
 from flexaxis.experiments.running.units import Entry, Unit, Variant, varied

@@ -14,7 +14,7 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from flexaxis.experiments.running.files import writing
 
 START = b'{"case": "'
 ID = slice(len(START), len(START) + 16)
+REMEDY = "Remove it from the file; with --resume its case is run again"
 SYNC_EVERY = 5.0  # s: what a power failure may cost; a kill costs nothing
 
 
@@ -43,8 +44,16 @@ class Scan:
     size: int
 
 
-def blocks(path: Path) -> Iterator[list[bytes]]:
-    """Yield the lines of each complete case.
+class Block(NamedTuple):
+    """The lines of a complete case, and where in the file they end [bytes]."""
+
+    case: int
+    lines: list[bytes]
+    end: int
+
+
+def blocks(path: Path) -> Iterator[Block]:
+    """Yield the complete cases.
 
     Raises
     ------
@@ -52,26 +61,39 @@ def blocks(path: Path) -> Iterator[list[bytes]]:
         If something else than rows stands before the last case.
     """
     block: list[bytes] = []
+    end = 0
     with path.open("rb") as file:
         for number, line in enumerate(file, 1):
             if not line.endswith(b"\n"):
                 break  # cut short by a kill, or being written just now
             if not (line.startswith(START) and line.endswith(b"}\n")):
-                raise StudyError(f"{path}, line {number}: this is no row of a study")
+                raise StudyError(f"{path}, line {number}: this is no row of a study. {REMEDY}")
             if block and line[ID] != block[0][ID]:
-                yield block
+                yield from _complete(path, block, end)
                 block = []
             block.append(line)
-    if block and len(block) == _row(path, block[0]).get("rows", len(block)):
-        yield block
+            end += len(line)
+    if block:
+        yield from _complete(path, block, end)
+
+
+def _complete(path: Path, block: list[bytes], end: int) -> Iterator[Block]:
+    count = _COUNT.search(block[0])
+    if count and int(count[1]) != len(block):
+        return
+    try:
+        case = int(block[0][ID], 16)
+    except ValueError as error:
+        raise _damaged(path, block[0], error) from error
+    yield Block(case, block, end)
 
 
 def scan(path: Path) -> Scan:
     """Return the complete cases of a file, and where they end."""
     cases, size = array("Q"), 0
     for block in blocks(path):
-        cases.append(int(block[0][ID], 16))
-        size += sum(map(len, block))
+        cases.append(block.case)
+        size = block.end
     return Scan(np.frombuffer(cases, np.uint64) if cases else np.empty(0, np.uint64), size)
 
 
@@ -86,6 +108,7 @@ def share_of(path: Path) -> int | None:
     return int(found[2]) if found and found[2] else None
 
 
+_COUNT = re.compile(rb'"rows": (\d+)')  # in the first row of a case
 # Files were called rows before runs and studies had the same.
 _NAME = re.compile(r"(?:scores|rows)(?:-(\d+)-of-(\d+))?\.jsonl")
 
@@ -105,18 +128,22 @@ def read(path: Path) -> Iterator[dict[str, Any]]:
         If something else than rows stands in it.
     """
     for block in blocks(path):
-        for line in block:
-            yield _row(path, line)
+        yield from parsed(path, block)
 
 
-def _row(path: Path, line: bytes) -> dict[str, Any]:
-    try:
-        row: dict[str, Any] = json.loads(line)
-    except ValueError as error:
-        raise StudyError(
-            f"{path}: the row that begins with {line[:60].decode()!r} is damaged: {error}"
-        ) from error
-    return row
+def parsed(path: Path, block: Block) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a case of a file; errors as from `read`."""
+    for line in block.lines:
+        try:
+            row: dict[str, Any] = json.loads(line)
+        except ValueError as error:
+            raise _damaged(path, line, error) from error
+        yield row
+
+
+def _damaged(path: Path, line: bytes, error: ValueError) -> StudyError:
+    start = line[:60].decode(errors="replace")
+    return StudyError(f"{path}: the row that begins with {start!r} is damaged: {error}. {REMEDY}")
 
 
 class RowFile:

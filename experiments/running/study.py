@@ -65,5 +65,7 @@ class Study:
 
         Values on the axes, estimators and seeds may be added later.
         """
-        content = [[s.hash for s in self.scenarios], sorted(self.axes)]
+        content: list[Any] = [[s.hash for s in self.scenarios], sorted(self.axes)]
+        if self.axes and self.streams == "common":  # folders from before there was a choice: own
+            content.append(self.streams)
         return sha256(dumps(content).encode()).hexdigest()

@@ -11,10 +11,10 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.axes import applies
-from flexaxis.experiments.running.consent import require
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.rows import blocks, row_files
+from flexaxis.experiments.running.rows import Block, blocks, parsed, row_files
 from flexaxis.experiments.running.units import Entry, Unit, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.sim.errors import ScenarioError
@@ -88,14 +88,14 @@ def verify(
 
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
     """Return that many cases, each as likely as any other (Vitter 1985, algorithm R)."""
-    chosen: list[list[bytes]] = []
-    found = (block for path in row_files(folder) for block in blocks(path))
-    for number, block in enumerate(found):
+    chosen: list[tuple[Path, Block]] = []
+    found = ((path, block) for path in row_files(folder) for block in blocks(path))
+    for number, each in enumerate(found):
         if number < sample:
-            chosen.append(block)
+            chosen.append(each)
         elif (place := random.randrange(number + 1)) < sample:
-            chosen[place] = block
-    return [[json.loads(line) for line in block] for block in chosen]
+            chosen[place] = each
+    return [list(parsed(*each)) for each in chosen]
 
 
 def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running import specs
+from flexaxis.experiments.building import specs
+from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import case_id, run_case, warm
-from flexaxis.experiments.running.code import digest, own_digest
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
@@ -98,6 +99,11 @@ def run_unit(
     traced : bool
         Whether to give back what trajectories are drawn from.
     """
+    with threadpool_limits(1):  # wherever it is run, to the last bit the same
+        return _run(unit, store, whole, traced)
+
+
+def _run(unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> Outcome:
     started = time.perf_counter()
     found, failed, simulated = _records(unit, unit.seeds, store)
     between = time.perf_counter()

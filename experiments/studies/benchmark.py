@@ -13,12 +13,12 @@ from typing import Any
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.reporting.run_page import render
+from flexaxis.experiments.results.pooled import Pooled, save
+from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.pooled import Pooled, save
-from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
@@ -58,6 +58,12 @@ class Benchmark:
         plain = len(self.study.scenarios) * len(self.study.estimators)
         swept = len(self.swept_scenarios) * len(sweep.texts(sweep.settings(self.swept_estimators)))
         return (plain + swept) * len(self.study.seeds)
+
+    @property
+    def records(self) -> int:
+        """Number of records that the cases are on."""
+        scenarios = [*self.study.scenarios, *self.swept_scenarios]
+        return len({s.record_hash for s in scenarios}) * len(self.study.seeds)
 
 
 def benchmark(
@@ -99,15 +105,18 @@ def benchmark(
         "estimators": list(wanted.swept_estimators),
     }
     about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
+    alone = shard == (1, 1)
+    found: list[Pooled] = []
+
+    def then() -> None:
+        found.append(finish(folder, means, say=say))
+        completed(folder)
+
     run_study(
-        plan, folder, means, resume=resume, replace=shard == (1, 1), traced=True, run_code=True,
-        about=about,
+        plan, folder, means, resume=resume, replace=alone, traced=True, run_code=True, about=about,
+        then=then if alone else None,
     )  # fmt: skip
-    if shard != (1, 1):
-        return None
-    found = finish(folder, means, say=say)
-    completed(folder)
-    return found
+    return found[0] if alone else None
 
 
 def finish(
@@ -138,7 +147,7 @@ def finish(
         "as_set": sweep.as_set(groups),
         "tradeoff": swept,
     }
-    found = Pooled(summary, curves)
+    found = Pooled(summary, curves, folder)
     write_text(folder / REPORT, render(found))
     save(folder, found)  # the summary last: a folder without one is not complete
     return found

@@ -12,10 +12,10 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building import specs
+from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running import specs
 from flexaxis.experiments.running.axes import ALL, is_option
-from flexaxis.experiments.running.consent import names_code
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.running.study import Point, Study

@@ -6,7 +6,7 @@ import inspect
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.running.specs import parse
+from flexaxis.experiments.building.specs import parse
 
 
 def with_knob(name: str, factor: float) -> str | None:

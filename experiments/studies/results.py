@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from flexaxis.experiments.reporting.study_page import write_report
+from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.folder import CURVES, REPORT, STUDY, SUMMARY, read_study
-from flexaxis.experiments.running.results import Results
 from flexaxis.experiments.running.rows import row_files
 from flexaxis.experiments.studies.benchmark import finish
 

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.results.groups import Groups
 from flexaxis.experiments.running.engine import Bench, Runs
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.groups import Groups
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.matching import (

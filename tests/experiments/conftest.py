@@ -35,8 +35,8 @@ def short_toml(short, tmp_path):
 @pytest.fixture
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
+    from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.results import Results
     from flexaxis.experiments.scoring.table import undefined
 
     def write(folder, rows, axes=(), **study):

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.reporting import run_page as report
-from flexaxis.experiments.running import files, pooled
+from flexaxis.experiments.results import pooled
+from flexaxis.experiments.running import files
 from flexaxis.experiments.running.engine import Bench, Means
-from flexaxis.experiments.running.specs import build, parse
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 

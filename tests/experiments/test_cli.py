@@ -10,7 +10,7 @@ import time
 import h5netcdf
 import pytest
 
-from flexaxis.experiments.cli import COMMANDS, main
+from flexaxis.experiments.cli import GROUPS, commands, main, parser
 
 
 def flexaxis(capsys, *words):
@@ -19,12 +19,23 @@ def flexaxis(capsys, *words):
     return status, out, err
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", commands())
 def test_help_teaches_with_an_example(capsys, command):
     with pytest.raises(SystemExit) as stop:
         main([command, "--help"])
     assert stop.value.code == 0
     assert f"flexaxis {command}" in capsys.readouterr().out.split("example:")[1]
+
+
+@pytest.mark.parametrize("command", commands())
+def test_the_help_has_every_command_in_its_group(command):
+    """Whoever writes a module for a new one reads here what it must say of itself."""
+    module = commands()[command]
+    missing = [name for name in ("HELP", "GROUP", "configure") if not hasattr(module, name)]
+    assert not missing, f"{module.__file__}: give it {', '.join(missing)}; see experiments/cli.py"
+    assert module.GROUP in GROUPS, f"{module.__file__}: GROUP must be one of {GROUPS}"
+    block = parser().format_help().split(f"\n{module.GROUP}:\n")[1].split("\n\n")[0]
+    assert f"\n  {command} " in f"\n{block}"
 
 
 def test_start_up_is_light():

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running import columnar, export
-from flexaxis.experiments.running.columns import COLUMNS, UNITS
-from flexaxis.experiments.running.cube import cube_of
+from flexaxis.experiments.results import columnar, export
+from flexaxis.experiments.results.columns import COLUMNS, UNITS
+from flexaxis.experiments.results.cube import cube_of
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
@@ -153,7 +153,7 @@ def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path
 
 
 def test_many_groups_are_counted_anew(stored, tmp_path, monkeypatch):
-    from flexaxis.experiments.running import groups
+    from flexaxis.experiments.results import groups
 
     results = stored(tmp_path, some_rows(), AXES)
     before = results.pooled(["seed", "case", "fault[0].factor"], scores=["std"])

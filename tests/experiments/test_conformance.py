@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY, rpem_forgetting
+from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.conformance.check import check
 from flexaxis.experiments.conformance.requirements import RULES
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.specs import parse
 
 OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
 CONTROLS = "flexaxis.experiments.conformance.wrong"

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from flexaxis.experiments.building.consent import CodeRefused, code_named, names_code, require
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.consent import CodeRefused, code_named, names_code, require
 from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.studies.definition import load_study, study_from

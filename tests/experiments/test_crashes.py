@@ -4,11 +4,11 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments import cli
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, WRONG_USE, main
 from flexaxis.experiments.demo.racer import Racer
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.running.specs import build, parse
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.simulate import simulate
 

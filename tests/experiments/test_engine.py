@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.crashes import EstimatorCrash
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.merge import merge
@@ -88,9 +88,15 @@ def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short
         run_study(renamed, tmp_path, resume=True)
     path = tmp_path / "study.json"
     path.write_text(path.read_text().replace('"short"', '"other"'))
-    assert [v.differences for v in verify(tmp_path)] == [
-        ("case: scenario was 'short' and is 'other'",)
-    ] or all("scenario" in d or "base" in d for v in verify(tmp_path) for d in v.differences)
+    told = [text for repeated in verify(tmp_path) for text in repeated.differences]
+    assert told and all(": scenario was" in text or ": base was" in text for text in told)
+
+
+def test_points_with_other_random_numbers_are_another_study(short_toml, tmp_path):
+    keys = {"sweep": {"fault[0].factor": [1.2, 2.0]}, "seeds": 1}
+    run_study(sweep_of(short_toml, streams="own", **keys), tmp_path)
+    with pytest.raises(StudyError, match=r"with own streams, and this is .* with common streams"):
+        run_study(sweep_of(short_toml, **keys), tmp_path, resume=True)
 
 
 def test_shares_of_another_number_are_refused(stubs, tmp_path):
@@ -149,12 +155,19 @@ def test_a_merge_that_was_cut_short_begins_again(short_toml, tmp_path):
     study = sweep_of(short_toml, seeds=4)
     run_study(study, tmp_path / "a")
     merge([tmp_path / "a"], tmp_path / "b")
-    (tmp_path / "b" / "study.json").unlink()  # which is written last
     path = tmp_path / "b" / "scores.jsonl"
-    path.write_bytes(path.read_bytes()[:5000])
+    path.rename(tmp_path / "b" / ".scores.0.jsonl")  # its rows come last, and at once
     assert merge([tmp_path / "a"], tmp_path / "b").cases == 4
-    with pytest.raises(StudyError, match="holds rows already"):
-        merge([tmp_path / "a"], tmp_path / "b")
+    assert not list(path.parent.glob(".scores*"))
+    before = path.stat().st_mtime_ns
+    assert merge([tmp_path / "a"], tmp_path / "b").cases == 4  # as where its report was stopped
+    assert path.stat().st_mtime_ns == before
+    run_study(sweep_of(short_toml, seeds=5), tmp_path / "a", resume=True)
+    for given in ((tmp_path / "b" / "study.json").rename, lambda to: None):
+        with pytest.raises(StudyError, match="holds other rows already"):
+            merge([tmp_path / "a"], tmp_path / "b")
+        given(tmp_path / "elsewhere")  # whatever rows these are then: they stay
+    assert len(rows.scan(path).cases) == 4
 
 
 # ------------------------------------------------------------------ the bench
@@ -224,9 +237,7 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
         child = start([*words, "--resume"], said)
         wait_until(lambda there=there: path.exists() and path.stat().st_size > there, 120, child)
         os.killpg(child.pid, signal.SIGINT)
-        wait_until(
-            lambda: "Ctrl-C again ends at once; what is done is kept" in said.read_text(), 10
-        )
+        wait_until(lambda: "Ctrl-C again ends at once" in said.read_text(), 10)
         if times == 2:
             os.killpg(child.pid, signal.SIGINT)
         assert child.wait(timeout=60 if times == 1 else 10) == 130

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from jinja2 import UndefinedError
 
+from flexaxis.experiments.reporting import run_page, study_page
 from flexaxis.experiments.reporting.page import render
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
@@ -57,6 +58,19 @@ def test_every_class_has_a_style():
         # What is made up by the template is a class of a row, and stands in quotes there.
         parser.feed(re.sub(r"{[{%].*?[%}]}", "", text))
         assert parser.found <= styled, template
+
+
+@pytest.mark.parametrize("module", [run_page, study_page])
+def test_every_figure_is_on_its_page(module):
+    made = [
+        name
+        for name, each in vars(module).items()
+        if getattr(each, "__annotations__", {}).get("return") == "Iterator[Shown]"
+    ]
+    assert made
+    for name in made:
+        place = f"FIGURES at the end of {Path(module.__file__).name}"
+        assert getattr(module, name) in module.FIGURES, f"{name} is on no page: name it in {place}"
 
 
 def test_text_is_escaped_and_what_is_missing_is_an_error():

@@ -10,9 +10,9 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.building.pipe import PipeEstimator
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.running.engine import Bench
-from flexaxis.experiments.running.pipe import PipeEstimator
-from flexaxis.experiments.running.specs import build, parse
 from flexaxis.sim.simulate import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
-from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, pool, pool_group
 from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time

@@ -14,8 +14,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.specs import build, parse
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.case import Track, relative_error
 from flexaxis.experiments.scoring.pools import spread

@@ -62,7 +62,9 @@ def test_a_file_that_is_cut_short_is_repaired(stubs, tmp_path):
     """A kill leaves some first bytes of what was written."""
     run_study(study(2), tmp_path / "whole", means=Means(work=stubs.quick))
     whole = (tmp_path / "whole" / "scores.jsonl").read_bytes()
-    ends = np.cumsum([sum(map(len, b)) for b in rows.blocks(tmp_path / "whole" / "scores.jsonl")])
+    blocks = list(rows.blocks(tmp_path / "whole" / "scores.jsonl"))
+    ends = np.cumsum([sum(map(len, block.lines)) for block in blocks])
+    assert [block.end for block in blocks] == list(ends)
     path = tmp_path / "scores.jsonl"
     line_ends = np.cumsum([len(line) for line in whole.splitlines(keepends=True)])
     near = {int(end) + more for end in [0, *line_ends] for more in (-2, -1, 0, 1, 20)}
@@ -95,7 +97,7 @@ def test_a_line_that_is_no_row_is_not_guessed_at(stubs, tmp_path):
 def test_what_is_missing_in_the_middle_is_run_and_nothing_else(stubs, tmp_path):
     run_study(study(20), tmp_path, means=Means(work=stubs.quick))
     path = tmp_path / "scores.jsonl"
-    blocks = [b"".join(block) for block in rows.blocks(path)]
+    blocks = [b"".join(block.lines) for block in rows.blocks(path)]
     path.write_bytes(b"".join(blocks[:3] + blocks[4:9] + blocks[10:]))
     finished = run_study(study(20), tmp_path, means=Means(work=stubs.quick), resume=True)
     assert finished.cases == 2 and complete(tmp_path, 80)

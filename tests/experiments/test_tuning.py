@@ -8,10 +8,10 @@ import pytest
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import tuned, tunings
+from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import Bench
-from flexaxis.experiments.running.specs import parse
 from flexaxis.experiments.studies import tuning
 from flexaxis.experiments.studies.tuning import TOLERANCE, Trials, least_lag, match_noise
 

@@ -116,8 +116,8 @@ PROGRAM = """
 import resource, sys, time
 from pathlib import Path
 from flexaxis.experiments.reporting.study_page import write_report
-from flexaxis.experiments.running.export import export_csv, export_netcdf, export_parquet
-from flexaxis.experiments.running.results import Results
+from flexaxis.experiments.results.export import export_csv, export_netcdf, export_parquet
+from flexaxis.experiments.results.results import Results
 folder = Path(sys.argv[1])
 before = time.perf_counter()
 results = Results.load(folder)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columnar import CASE, Index, Table
+from flexaxis.experiments.results.columnar import CASE, Index, Table
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.parameters import PARAMETER_NAMES

@@ -10,8 +10,8 @@ from importlib.resources.abc import Traversable
 from importlib.util import find_spec
 from pathlib import Path
 
-from flexaxis.experiments.running.consent import names_code
-from flexaxis.experiments.running.specs import PIPE
+from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.specs import PIPE
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
 

@@ -25,7 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columns import COLUMNS, axis_kind, columns_of
+from flexaxis.experiments.results.columns import COLUMNS, axis_kind, columns_of
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.running.folder import COLUMNS as FILE
 from flexaxis.experiments.running.rows import read, row_files

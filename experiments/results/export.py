@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import csv
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis.experiments.running.columnar import Index, Table
-from flexaxis.experiments.running.columns import Kind, as_text, told
-from flexaxis.experiments.running.cube import Cube, cube_of
-from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.results import Results, needed
+from flexaxis.experiments.results.columnar import Index, Table
+from flexaxis.experiments.results.columns import Kind, as_text, told
+from flexaxis.experiments.results.cube import Cube, cube_of
+from flexaxis.experiments.running.files import new_file
+from flexaxis.experiments.results.results import Results, needed
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -31,7 +28,7 @@ def export_csv(results: Results, target: Path) -> int:
     """
     table = results.table
     kinds = table.kinds
-    with _whole(target) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with new_file(target) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file)
         lines.writerow(kinds)
         for rows in results.parts():
@@ -65,7 +62,7 @@ def export_parquet(results: Results, target: Path) -> int:
     ]
     schema = pa.schema(fields)
     with (
-        _whole(target) as part,
+        new_file(target) as part,
         parquet.ParquetWriter(part, schema, compression="zstd") as file,
     ):
         for rows in results.parts():
@@ -95,7 +92,7 @@ def export_netcdf(results: Results, target: Path) -> int:
     import h5netcdf
 
     cube = cube_of(results)
-    with _whole(target) as part, h5netcdf.File(part, "w") as file:
+    with new_file(target) as part, h5netcdf.File(part, "w") as file:
         file.attrs.update(cube.attributes)
         file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
         _write_coordinates(file, cube)
@@ -137,15 +134,3 @@ def _plain(table: Table, name: str, kind: Kind, rows: Index) -> list[Any]:
 
 def _name(column: str) -> str:
     return column.replace("/", "|")  # a slash would be a group to NetCDF
-
-
-@contextmanager
-def _whole(target: Path) -> Iterator[Path]:
-    """Give a file to write to that becomes the target when it is complete, or is gone."""
-    part = target.with_name(f".{target.name}.part")
-    try:
-        with writing(target):
-            yield part
-            os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columnar import PART, Index, Table, open_table
-from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
+from flexaxis.experiments.results.columnar import PART, Index, Table, open_table
+from flexaxis.experiments.results.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.groups import APART, Bins, Groups, grouped
+from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
 from flexaxis.experiments.running.units import find_point
 from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.sim.errors import unknown
@@ -225,7 +225,7 @@ class Results:
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
 
-        It is the cube of `flexaxis.experiments.running.cube`, as `flexaxis export --netcdf` writes
+        It is the cube of `flexaxis.experiments.results.cube`, as `flexaxis export --netcdf` writes
         it.
 
         Raises
@@ -233,7 +233,7 @@ class Results:
         StudyError
             If xarray is not installed.
         """
-        from flexaxis.experiments.running.cube import cube_of
+        from flexaxis.experiments.results.cube import cube_of
 
         return cube_of(self).to_xarray(needed("xarray"))
 

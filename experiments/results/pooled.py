@@ -12,6 +12,7 @@ import numpy as np
 
 from flexaxis.experiments.running.files import OutputError, write_json, writing
 from flexaxis.experiments.running.folder import CURVES, SUMMARY
+from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.pooling import Curve
 
 
@@ -25,10 +26,18 @@ class Pooled:
         As in summary.json: command, versions, seeds, scenarios, estimators, pooled rows.
     curves : list of Curve
         Trajectories of each estimator on each scenario.
+    folder : Path
+        Where it is from.
     """
 
     summary: dict[str, Any]
     curves: list[Curve]
+    folder: Path
+
+    @property
+    def rows(self) -> Rows:
+        """The rows behind, one at a time; `rows.results` selects and pools them."""
+        return Results.load(self.folder).rows
 
 
 def save(folder: Path, pooled: Pooled) -> None:
@@ -48,7 +57,7 @@ def load(folder: Path) -> Pooled:
     """
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-        return Pooled(summary, _load_curves(folder / CURVES))
+        return Pooled(summary, _load_curves(folder / CURVES), folder)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(
             f"{folder} holds no complete result ({SUMMARY} and {CURVES} are needed): {error}. "

@@ -4,7 +4,7 @@ Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``,
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
 TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
 in any language. All but the first run the code they name, so that text which was not typed on the
-command line goes through `flexaxis.experiments.running.consent` before it comes here.
+command line goes through `flexaxis.experiments.building.consent` before it comes here.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ import numpy as np
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
-from flexaxis.experiments.running.crashes import crash, user_code
-from flexaxis.experiments.running.pipe import PipeEstimator
+from flexaxis.experiments.building.crashes import crash, user_code
+from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columnar import Index, Table
-from flexaxis.experiments.running.columns import as_text, told
+from flexaxis.experiments.results.columnar import Index, Table
+from flexaxis.experiments.results.columns import as_text, told
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.groups import ranks
+from flexaxis.experiments.results.groups import ranks
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     import xarray
 
-    from flexaxis.experiments.running.results import Results
+    from flexaxis.experiments.results.results import Results
 
 MEANING = {
     "scenario": "scenario before the sweep",

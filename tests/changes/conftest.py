@@ -1,0 +1,148 @@
+"""The patches beside this file, applied to a copy in which `flexaxis` is then used.
+
+They are unified diffs (`git diff -U2`) as of a contributor. Line numbers are not looked at: the
+lines that a patch finds must be there, once.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+FOLDERS = {"models_mjcf", "sim", "estimators", "experiments"}
+CHANGES = sorted(path.stem for path in HERE.glob("*.patch"))
+
+# One process for all commands of a copy: to start takes longer than most of them.
+SERVED = """
+import contextlib, io, json, sys
+from flexaxis.experiments.cli import main
+for line in sys.stdin:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            status = main(json.loads(line))
+        except SystemExit as stop:  # --help
+            status = stop.code
+    print(json.dumps([status, out.getvalue(), err.getvalue()]), flush=True)
+"""
+
+
+@dataclass
+class Hunk:
+    """Lines of a file, and what is to stand there instead; a new file has no old ones."""
+
+    change: str
+    path: str
+    old: list[str] = field(default_factory=list)
+    new: list[str] = field(default_factory=list)
+
+
+def read_patch(name):
+    """Return the hunks of a patch."""
+    found, path = [], None
+    for line in (HERE / f"{name}.patch").read_text(encoding="utf-8").splitlines():
+        if line.startswith("+++ "):
+            path = line.removeprefix("+++ b/")
+        elif line.startswith("@@"):
+            found.append(Hunk(name, path))
+        elif not line.startswith("--- "):
+            found[-1].old += [line[1:]] * (line[:1] != "+")
+            found[-1].new += [line[1:]] * (line[:1] != "-")
+    return found
+
+
+def apply(hunk, home):
+    """Change a file below a folder."""
+    path = home / hunk.path
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    places = [k for k in range(len(lines) + 1) if lines[k : k + len(hunk.old)] == hunk.old]
+    shown = "\n".join(hunk.old)
+    assert len(places) == 1, (
+        f"{hunk.change}.patch no longer fits: {hunk.path} has, {len(places)} times and not once:\n"
+        f"{shown}"
+    )
+    lines[places[0] : places[0] + len(hunk.old)] = hunk.new
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def patched(place, hunks):
+    """Put a copy of the folders that some patches touch, with these, below a folder."""
+    package = place / "flexaxis"
+    # A folder that is not copied is found where it is installed, with what was compiled for it.
+    for folder in FOLDERS & {Path(hunk.path).parts[0] for hunk in hunks}:
+        shutil.copytree(ROOT / folder, package / folder,
+                        ignore=shutil.ignore_patterns("__pycache__"))  # fmt: skip
+    for hunk in hunks:
+        apply(hunk, package)
+
+
+def environment(place):
+    """Return the environment in which `flexaxis` is the copy."""
+    own = {"PYTHONPATH": str(place), "FLEXAXIS_CACHE": str(place / "cache"), "COLUMNS": "200"}
+    return os.environ | own | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+@dataclass
+class Flexaxis:
+    """The command line of a copy; files are written to `place`."""
+
+    place: Path
+    process: subprocess.Popen
+
+    def __call__(self, *words, status=0):
+        """Run a command, and return what it printed."""
+        self.process.stdin.write(json.dumps([str(word) for word in words]) + "\n")
+        self.process.stdin.flush()
+        line = self.process.stdout.readline()
+        assert line, (self.place / "stderr").read_text(encoding="utf-8")
+        found, out, err = json.loads(line)
+        assert found == status, f"flexaxis {' '.join(map(str, words))}: {err}"
+        return out
+
+
+@contextmanager
+def serving(place, names):
+    """Give the command line of a copy with some changes."""
+    patched(place, [hunk for name in names for hunk in read_patch(name)])
+    with (
+        (place / "stderr").open("w") as errors,
+        subprocess.Popen(
+            [sys.executable, "-c", SERVED], cwd=place, env=environment(place), text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors,
+        ) as process,
+    ):  # fmt: skip
+        yield Flexaxis(place, process)
+        process.stdin.close()
+
+
+@pytest.fixture(scope="session")
+def together(tmp_path_factory):
+    """All changes in one copy."""
+    with serving(tmp_path_factory.mktemp("together"), CHANGES) as flexaxis:
+        yield flexaxis
+
+
+@pytest.fixture(params=["together", pytest.param("alone", marks=pytest.mark.slow)])
+def flexaxis(request, tmp_path):
+    """The command line with all changes, and (slow) with that of the test's name alone."""
+    if request.param == "together":
+        yield request.getfixturevalue("together")
+    else:
+        with serving(tmp_path, [request.node.originalname.removeprefix("test_")]) as alone:
+            yield alone
+
+
+@pytest.fixture(scope="module")
+def half_done(tmp_path_factory):
+    """A copy with all but the last step of each change that has several, and its environment."""
+    place = tmp_path_factory.mktemp("half-done")
+    patched(place, [hunk for name in CHANGES for hunk in read_patch(name)[:-1]])
+    return place, environment(place)
