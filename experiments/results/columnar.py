@@ -32,7 +32,7 @@ from flexaxis.experiments.running.rows import read, row_files
 from flexaxis.experiments.scoring.table import Kind
 
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
-READ = 1 << 10  # rows of the journal at a time: few, for they are some thousand objects each
+READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
 CASE = "case"  # 64 bits, and not a text: as many as there are cases
 

@@ -11,8 +11,8 @@ import numpy as np
 from flexaxis.experiments.results.columnar import Index, Table
 from flexaxis.experiments.results.columns import Kind, as_text, told
 from flexaxis.experiments.results.cube import Cube, cube_of
-from flexaxis.experiments.running.files import new_file
 from flexaxis.experiments.results.results import Results, needed
+from flexaxis.experiments.running.files import new_file
 
 if TYPE_CHECKING:
     import h5netcdf

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError, write_json, writing
 from flexaxis.experiments.running.folder import CURVES, SUMMARY
-from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring.pooling import Curve
 
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.results.columnar import PART, Index, Table, open_table
 from flexaxis.experiments.results.columns import COLUMNS, as_text, axis_kind
+from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
+from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
 from flexaxis.experiments.running.units import find_point
 from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.sim.errors import unknown
