@@ -46,7 +46,7 @@ def mismatch_in_words(rows: Sequence[Row], as_set: Sequence[Row], names: Sequenc
     rows : sequence of mapping
         Pooled rows of all scenarios.
     as_set : sequence of mapping
-        As from `flexaxis.experiments.studies.sweep.as_set`: the values that are paired.
+        As from `flexaxis.experiments.studies.as_set.as_set`: the values that are paired.
     names : sequence of str
         The scenarios that are meant.
     """

@@ -1,4 +1,4 @@
-"""What each estimator is worth at the one setting it was run at, seed by seed."""
+"""What each estimator is worth at the one setting that it was run at, seed by seed."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.results.groups import Groups
 from flexaxis.experiments.scoring.matching import Setting, plain
 from flexaxis.experiments.scoring.pools import count, deviation, geometric
+from flexaxis.experiments.studies.sweep import listed
 
 
 def as_set(groups: Groups) -> list[dict[str, Any]]:
@@ -83,8 +84,3 @@ def _placed(values: Sequence[float], place: NDArray[np.intp], size: int) -> list
     for number, value in zip(place, values, strict=True):
         found[number] = value
     return found
-
-
-def listed(values: Any) -> list[float] | None:
-    """Return values for JSON, with six digits; None where there are none."""
-    return None if values is None else [float(f"{value:.6g}") for value in values]

@@ -144,7 +144,7 @@ def finish(
         folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
     )
     summary = _summary(study, pooled) | {
-        "failures": [{k: row[k] for k in FAILURE} for row in results.failures()],
+        "failures": _failures(folder, swept),
         "as_set": as_set(groups),
         "tradeoff": swept,
     }
@@ -190,11 +190,23 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
         return None
     scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
     with Bench(scenarios, folder / SWEEP, means, resume=True) as bench:
-        found = sweep.sweep(scenarios, wanted["estimators"], study["seeds"], bench)
+        able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
+        found = sweep.sweep(scenarios, able, study["seeds"], bench)
     return asdict(found) | {
+        "left_out": [name for name in wanted["estimators"] if name not in able],
         "overall": overall(found.at_excess),
         "faults": {s.name: happens(s) for s in scenarios},
     }
+
+
+def _failures(folder: Path, swept: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+    """Return what could not be run; of the sweep what left an estimator out of it."""
+    found = Results.load(folder).failures()
+    if swept and swept["left_out"]:
+        mine = sweep.texts(sweep.settings(swept["left_out"]))
+        there = Results.load(folder / SWEEP).failures()
+        found += [row for row in there if row["estimator"] in mine]
+    return [{key: row[key] for key in FAILURE} for row in found]
 
 
 def _summary(study: Mapping[str, Any], pooled: list[dict[str, Any]]) -> dict[str, Any]:

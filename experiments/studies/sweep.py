@@ -8,6 +8,7 @@ is swept over its knob, and compared where its standard deviation is that of a r
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +31,6 @@ from flexaxis.experiments.scoring.pooling import biases_of, case_of, columns_of,
 from flexaxis.experiments.scoring.pools import mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.experiments.scoring.windows import windows
-from flexaxis.experiments.studies.as_set import listed
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
@@ -130,6 +130,21 @@ def sweep(
         for scenario in scenarios:
             _widen(runs, scenario, factor)
     return _matched(runs)
+
+
+def able(
+    scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], bench: Bench
+) -> list[str]:
+    """Return the estimators that run on all that a first sweep asks of them."""
+    lines = settings(estimators)
+    with suppress(EstimatorError, StudyError):  # all at once, for they share the records
+        bench.runs(scenarios, texts(lines), seeds)
+    found = []
+    for name, line in lines.items():
+        with suppress(EstimatorError, StudyError):
+            bench.runs(scenarios, list(line), seeds)
+            found.append(name)
+    return found
 
 
 class _Runs:
@@ -247,6 +262,11 @@ def _row(scenario: Scenario, estimator: str, parameter: str, found: Match) -> di
             "false_alarms": listed(false),
         },
     }
+
+
+def listed(values: Any) -> list[float] | None:
+    """Return values for JSON, with six digits."""
+    return None if values is None else [float(f"{value:.6g}") for value in values]
 
 
 def _rate(rows: Sequence[Mapping[str, Any]]) -> float:

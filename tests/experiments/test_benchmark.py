@@ -52,8 +52,15 @@ def test_an_estimator_that_fails_on_some_seeds_is_compared_on_the_others(short, 
         "        return self.theta\n"
     )
     names = [*ESTIMATORS, "ekf", f"{tmp_path}/own.py:Odd"]
-    found = benchmark(plan(short, estimators=names, seeds=range(1000, 1010)), tmp_path / "out")
-    failed = {row["seed"] for row in found.summary["failures"]}
+    other = short.override({"name": "other", "duration": 7.0})
+    wanted = plan(short, estimators=names, seeds=range(1000, 1010), swept_scenarios=[other],
+                  swept_estimators=[names[0], names[-1]])  # fmt: skip
+    found = benchmark(wanted, tmp_path / "out")
+    failed = {s.name: {row["seed"] for row in found.summary["failures"]
+                       if row["scenario"] == s.name} for s in (short, other)}  # fmt: skip
+    assert found.summary["tradeoff"]["left_out"] == names[-1:] and failed["other"]
+    assert {row["estimator"] for row in found.summary["tradeoff"]["points"]} == {names[0]}
+    failed = failed["short"]
     assert 0 < len(failed) < 10
     for entry in found.summary["as_set"]:
         lags = dict(zip(range(1000, 1010), entry["values"]["lag"], strict=True))
