@@ -90,6 +90,7 @@ def working(
     total: float,
     *,
     cache: bool = True,
+    by_case: bool = True,
     place: tuple[Any, int] | None = None,
 ) -> Iterator[tuple[Means, Callable[[float], None]]]:
     """Give the means to run cases, with progress, and say how to go on where that is stopped.
@@ -104,6 +105,8 @@ def working(
         How much of it there is.
     cache : bool
         Whether records are kept.
+    by_case : bool
+        Whether progress is that of the cases.
     place : (executor, int), optional
         As from `executor`.
 
@@ -126,7 +129,8 @@ def working(
         def landed(outcome: Any) -> None:
             nonlocal done
             done += outcome.cases
-            advance(outcome.cases)
+            if by_case:
+                advance(outcome.cases)
 
         means = Means(
             jobs=1 if elsewhere else workers,

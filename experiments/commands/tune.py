@@ -18,7 +18,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -75,10 +75,11 @@ def main(args: argparse.Namespace) -> int:
     scenarios = _scenarios(tasks)
     folder = args.output or Path("results") / "tune" / (args.estimator or "all")
     how = {"resume": args.resume, "replace": True}
+    # How many cases it takes is not known: the progress is that of the settings found.
+    what = f"{len(tasks)} to tune"
     with (
-        options.working(args, f"{len(tasks)} to tune", len(tasks)) as (means, advance),
-        # How many cases it takes is not known: the progress is that of the settings found.
-        Bench(scenarios, folder, replace(means, advance=None), **how) as bench,
+        options.working(args, what, len(tasks), by_case=False) as (means, advance),
+        Bench(scenarios, folder, means, **how) as bench,
     ):
         for task in tasks:
             tuned = _tuned(task, bench, path, alone=len(tasks) == 1)

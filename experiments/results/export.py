@@ -12,7 +12,8 @@ from flexaxis.experiments.results.columnar import Index, Table
 from flexaxis.experiments.results.columns import Kind, as_text, told
 from flexaxis.experiments.results.cube import Cube, cube_of
 from flexaxis.experiments.results.results import Results, needed
-from flexaxis.experiments.running.files import new_file
+from flexaxis.experiments.running.files import new_file, writing
+from flexaxis.sim.netcdf import new_netcdf
 
 if TYPE_CHECKING:
     import h5netcdf
@@ -89,10 +90,8 @@ def export_netcdf(results: Results, target: Path) -> int:
     StudyError
         If there is nothing to write.
     """
-    import h5netcdf
-
     cube = cube_of(results)
-    with new_file(target) as part, h5netcdf.File(part, "w") as file:
+    with writing(target), new_netcdf(target) as file:
         file.attrs.update(cube.attributes)
         file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
         _write_coordinates(file, cube)

@@ -63,9 +63,7 @@ def spread(
         if executor is not None:
             yield from _elsewhere(_Flight(executor, work, interrupts), remaining, room)
         elif jobs == 1:
-            for task in remaining:
-                interrupts.at_work = 1
-                yield work(task)
+            yield from map(work, remaining)
         else:
             yield from _own_pools(remaining, work, jobs, room, interrupts)
         interrupts.tell()
@@ -111,7 +109,6 @@ def _one_by_one(
         with process_pool(1) as pool:
             try:
                 while tasks and not interrupts.asked:
-                    interrupts.at_work = 1
                     with held_back():
                         future = pool.submit(work, tasks[0])
                     result = future.result()
@@ -132,6 +129,7 @@ class _Flight(Generic[Task, Result]):
     ) -> None:
         self.executor, self.work, self.interrupts = executor, work, interrupts
         self.out: dict[Future[Result], tuple[Task, int]] = {}
+        interrupts.at_work = lambda: sum(future.running() for future in [*self.out])
 
     def all(self, tasks: Iterable[Task], room: int) -> Iterator[Result]:
         for task in tasks:
@@ -148,7 +146,6 @@ class _Flight(Generic[Task, Result]):
         except BrokenExecutor:
             self.out[Future()] = task, attempt  # lost with the others
             raise
-        self.interrupts.at_work = len(self.out)
 
     def _land(self) -> Iterator[Result]:
         ready, _ = wait(self.out, timeout=self.interrupts.patience, return_when=FIRST_COMPLETED)
@@ -161,7 +158,6 @@ class _Flight(Generic[Task, Result]):
             if future not in self.out:  # given back just now
                 continue
             task, attempt = self.out.pop(future)
-            self.interrupts.at_work = len(self.out)
             if error is None:
                 yield future.result()
             elif attempt < ATTEMPTS:

@@ -261,6 +261,8 @@ class Bench:
         StudyError
             As from `run_study`.
         """
+        if self._folder is not None and self._file is None:
+            raise ValueError("a Bench with a folder takes it by `with Bench(…) as bench:`")
         study = Study("cases", tuple(scenarios), tuple(dict.fromkeys(estimators)), tuple(seeds))
         plan = make_plan(study, repeat=self._repeat, run_code=True)
         with closing(self._means.outcomes(plan, self._done(), traced=self._traced)) as outcomes:

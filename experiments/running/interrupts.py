@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import TypeVar
@@ -20,14 +20,15 @@ class Interrupts:
     ----------
     asked : bool
         Whether nothing new is to be begun.
-    at_work : int
-        Parts of the work that are out, for the words.
+    at_work : callable
+        Gives the number of parts of the work that are under way, for the words.
     patience : float or None
         For how long a wait may last before it looks whether anything was asked [s].
     """
 
     def __init__(self) -> None:
-        self.asked, self.at_work = False, 0
+        self.asked = False
+        self.at_work: Callable[[], int] = lambda: 1
         self.patience = 0.5
 
     def until(self, items: Iterable[Item]) -> Iterator[Item]:
@@ -47,7 +48,8 @@ class Interrupts:
         if self.asked:
             raise KeyboardInterrupt
         self.asked = True
-        parts = f"{self.at_work} part{'s'[: self.at_work != 1]} of the work"
+        count = self.at_work()
+        parts = f"{count} part{'s'[: count != 1]} of the work"
         # Not by print: what is interrupted may be in the middle of one.
         os.write(
             2, f"\nflexaxis: stopping; waiting for {parts}. Ctrl-C again ends at once\n".encode()

@@ -23,14 +23,21 @@ AT_LEAST = {QUIETER: "≥ ", NOISIER: "≤ ", "mixed": "about "}
 LEVEL = 0.05  # chance that any of those that are equally good is wrongly told apart
 
 
-def difference(first: Sequence[float], second: Sequence[float]) -> LogRatios:
-    """Return the paired difference first − second of two scores, seed by seed."""
-    d = np.subtract(first, second)
+Scores = Sequence[float | None]
+"""A score seed by seed; None where an estimator has none, such as where it could not be run."""
+
+
+def difference(first: Scores, second: Scores) -> LogRatios:
+    """Return the paired difference first − second of two scores, on the seeds that both have."""
+    d = np.array(first, float) - np.array(second, float)
+    d = d[~np.isnan(d)]
+    if not d.size:
+        return LogRatios(0, 0.0, 0.0)
     spread = float(d.std(ddof=1)) if len(d) > 1 and np.ptp(d) > 1e-12 else 0.0
     return LogRatios(len(d), float(d.mean()), spread)
 
 
-def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> list[str]:
+def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best and all that cannot be told apart from it.
 
     Each is compared with the best on common seeds. The best is found on the same seeds, so that
@@ -40,7 +47,7 @@ def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> lis
 
     Parameters
     ----------
-    values : mapping of str to sequence of float (n,)
+    values : mapping of str to sequence of float or None (n,)
         A score by name, seed by seed; less is better.
     most : bool
         Whether more is better.
@@ -50,11 +57,12 @@ def leaders(values: Mapping[str, Sequence[float]], *, most: bool = False) -> lis
     list of str
         The best first.
     """
-    order = sorted(values, key=lambda name: np.mean(values[name]) * (-1 if most else 1))
+    given = {name: np.array(each, float) for name, each in values.items()}
+    order = sorted(given, key=lambda name: np.nanmean(given[name]) * (-1 if most else 1))
     if not order:
         return []
     best, others = order[0], order[1:]
-    if len(values[best]) < LEAST:
+    if np.sum(~np.isnan(given[best])) < LEAST:
         return order
     p = [difference(values[name], values[best]).p for name in others]
     levels = holm_levels(p, 2 * LEVEL / len(order))

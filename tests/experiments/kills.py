@@ -80,8 +80,8 @@ KINDS = (
 TIMES = ("cost", "us_per_sample", "seconds_per_sample")  # in no two results the same
 
 
-def prepare(place: Path, scenario: Path) -> dict[str, Task]:
-    """Return the commands; what they read is made."""
+def prepare(place: Path, scenario: Path, names: Sequence[str]) -> dict[str, Task]:
+    """Return the commands; what those named read is made."""
     short, out, shares = str(scenario), place / "out", [place / f"share{i}" for i in (1, 2, 3)]
     study = place / "study.toml"
     study.write_text(
@@ -101,6 +101,8 @@ def prepare(place: Path, scenario: Path) -> dict[str, Task]:
                    name != "study")
         for name, each in words.items()
     }  # fmt: skip
+    if not {"merge", "export"} & {*names}:
+        return tasks
     for number, share in enumerate(shares, 1):
         parts = ["run", short, "--seeds", "24", "--shard", f"{number}/3", "-o", str(share)]
         assert run([[*parts, "--jobs", "1"]]) == 0
@@ -375,12 +377,6 @@ def table(tallies: Sequence[Tally]) -> str:
     )
 
 
-def kill_all(
-    place: Path, scenario: Path, names: Sequence[str], kills: int, seed: int
-) -> list[Tally]:
-    """Kill each of some commands so often."""
-
-
 ALL = ("run", "compare", "tune", "study", "merge", "export")
 
 
@@ -400,7 +396,7 @@ def main() -> int:
         scenario = Path(place) / "short.toml"
         scenario.write_text(find_scenario("fm_step-v1").override(SHORT).to_toml())
         own_suite()
-        tasks = prepare(Path(place), scenario)
+        tasks = prepare(Path(place), scenario, args.names)
         tallies = []
         for name in args.names:
             began = time.monotonic()

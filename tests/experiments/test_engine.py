@@ -190,6 +190,11 @@ def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
     assert scores[0] == scores[1]
 
 
+def test_a_bench_does_not_write_to_a_folder_it_has_not_taken(short, tmp_path):
+    with pytest.raises(ValueError, match="with Bench"):
+        Bench([short], tmp_path).runs([short], ["frozen"], [0])
+
+
 def test_a_bench_says_what_failed_after_the_others_ran(short, tmp_path):
     (tmp_path / "own.py").write_text(
         OWN.replace("GAIN", "1.0").replace("return [self.f_m]", "return [1 / (u - u)]")

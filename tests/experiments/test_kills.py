@@ -1,0 +1,219 @@
+"""Whatever ends a command, and whenever: what was there is there, and going on gives the same."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running import folder as place
+from flexaxis.experiments.running import rows
+from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.engine import Means, run_study
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.studies import benchmark
+from flexaxis.experiments.studies.definition import study_from
+
+HERE = Path(__file__).parent
+posix = pytest.mark.skipif(os.name == "nt", reason="no fork, and other signals, on Windows")
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    monkeypatch.syspath_prepend(str(HERE))
+    import study_stubs
+
+    return study_stubs
+
+
+def study(seeds):
+    return study_from(
+        {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen"], "seeds": seeds}
+    )
+
+
+# ------------------------------------------------------------- random moments
+
+
+def kill(names, kills):
+    words = [sys.executable, str(HERE / "kills.py"), *names, "--kills", str(kills)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@posix
+def test_a_few_kills():
+    kill(["compare", "tune"], 3)
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["run", "compare", "tune", "study", "merge", "export"])
+def test_sixty_kills(name):
+    pytest.importorskip("pyarrow", reason="the extra `parquet`")
+    kill([name], 60)
+
+
+# ------------------------------------------------ each moment of a replacement
+
+
+class Killed(BaseException):
+    """Stands in for a kill: nothing catches it."""
+
+
+def result(folder, seeds):
+    """Whether a complete result of so many seeds is in a folder."""
+    if not (folder / "summary.json").exists() or not (folder / "study.json").exists():
+        return False
+    assert json.loads((folder / "study.json").read_text())["seeds"] == list(
+        range(1000, 1000 + seeds)
+    )
+    return len(rows.done(folder)) == seeds and (folder / "traces" / "a.npz").exists()
+
+
+def complete(folder, seeds, stubs, **how):
+    """Make a complete result, as a run does, in little time."""
+    run_study(study(seeds), folder, Means(work=stubs.quick), **how)
+    (folder / "traces").mkdir(exist_ok=True)
+    (folder / "traces" / "a.npz").touch()
+    (folder / "summary.json").write_text("{}")
+    place.completed(folder)
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_an_old_result_is_whole_at_every_moment_of_its_replacement(
+    stubs, tmp_path, monkeypatch, resume
+):
+    """Each call that changes a folder is the last one once; the old result has two seeds."""
+    left, moments = 0, 0
+
+    def counted(usual):
+        def call(*args, **options):
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise Killed
+            return usual(*args, **options)
+
+        return call
+
+    complete(tmp_path, 2, stubs)
+    while True:
+        left = moments
+        with monkeypatch.context() as patch:
+            for module, name in ((os, "replace"), (os, "link"), (os, "unlink"), (os, "rmdir"),
+                                 (Path, "unlink"), (Path, "mkdir")):  # fmt: skip
+                patch.setattr(module, name, counted(getattr(module, name)))
+            try:
+                run_study(study(3), tmp_path, Means(work=stubs.quick), replace=True)
+            except Killed:
+                pass
+            else:
+                break
+        assert result(tmp_path, 2) or result(tmp_path / "previous", 2), moments
+        # And going on from there, or beginning again, comes to the new one.
+        complete(tmp_path, 3, stubs, replace=True, resume=resume)
+        assert result(tmp_path, 3) and not (tmp_path / "previous").exists(), moments
+        complete(tmp_path, 2, stubs, replace=True)
+        moments += 1
+    assert moments > 10
+
+
+def test_a_run_that_writes_its_report_has_its_folder_for_itself(short, tmp_path, monkeypatch):
+    wanted = benchmark.Benchmark(study(2), "t", "flexaxis run")
+    usual, refused = benchmark.finish, []
+
+    def meanwhile(folder, *args, **options):
+        with pytest.raises(StudyError, match="another process is at work here"):
+            benchmark.benchmark(wanted, folder)
+        refused.append(folder)
+        return usual(folder, *args, **options)
+
+    monkeypatch.setattr(benchmark, "finish", meanwhile)
+    benchmark.benchmark(wanted, tmp_path)
+    assert refused == [tmp_path]
+
+
+# ------------------------------------------------------------- rows that are damaged
+
+DAMAGE = {
+    "no row": lambda line: line[:100] + b"\n",
+    "no JSON": lambda line: line[:-20] + b"}\n",
+    "no text": lambda line: line[:40] + b"\xff\xfe" + line[42:],
+    "no number": lambda line: line.replace(line[12:20], b"zzzzzzzz"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("line", [0, 4])
+def test_a_damaged_row_is_said_and_its_case_run_again(stubs, tmp_path, damage, line):
+    means = Means(work=stubs.quick)
+    run_study(study(5), tmp_path, means)
+    path = tmp_path / "scores.jsonl"
+    lines = path.read_bytes().splitlines(keepends=True)
+    kept, lines[line] = [*lines], DAMAGE[damage](lines[line])
+    path.write_bytes(b"".join(lines))
+    if damage != "no number":  # another case then, of which rows are missing
+        with pytest.raises(StudyError, match="Remove it from the file; with --resume its case"):
+            list(rows.read(path))
+        path.write_bytes(b"".join(lines[:line] + lines[line + 1 :]))
+    assert run_study(study(5), tmp_path, means, resume=True).cases == 1
+    assert sorted(map(json.dumps, rows.read(path))) == sorted(
+        json.dumps(json.loads(each)) for each in kept
+    )
+
+
+# --------------------------------------------------------------- who reads, who asks
+
+
+@posix
+def test_a_verdict_keeps_its_status_when_its_reader_goes(short_toml, tmp_path, monkeypatch):
+    words = ["compare", str(short_toml), "--base", "rpem-forgetting", "--candidate", "frozen",
+             "--seeds", "8", "--jobs", "1", "-o", str(tmp_path / "out")]  # fmt: skip
+    assert main(words) == 1
+    for name in ("stdout", "stderr"):
+        ours, theirs = os.pipe()
+        os.close(ours)
+        with monkeypatch.context() as patch, open(theirs, "w", encoding="utf-8") as stream:
+            patch.setattr(sys, name, stream)
+            assert main([*words, "--resume"]) == 1
+            assert getattr(sys, name) is stream
+
+
+@posix
+def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
+    begun, told, done = Event(), Event(), []
+
+    def work(task):
+        begun.set()
+        told.wait(10) if task == "a" else time.sleep(0.5)
+        return task
+
+    def write(file, text, usual=os.write):
+        written = usual(file, text)
+        if b"Ctrl-C again" in text:
+            told.set()
+        return written
+
+    def interrupt():
+        begun.wait()
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    monkeypatch.setattr(os, "write", write)
+    with ThreadPoolExecutor(1) as executor:
+        asking = threading.Thread(target=interrupt)
+        asking.start()
+        with pytest.raises(KeyboardInterrupt):
+            for result in spread("abc", work, executor=executor, in_flight=3):
+                done.append(result)
+        asking.join()
+    assert done in (["a"], ["a", "b"])  # the next may begin just then
+    assert "waiting for 1 part of the work. Ctrl-C again ends at once" in capfd.readouterr().err
