@@ -24,6 +24,7 @@ from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies import sweep
+from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 FAILURES = 20  # shown in a report
@@ -144,7 +145,7 @@ def finish(
     )
     summary = _summary(study, pooled) | {
         "failures": [{k: row[k] for k in FAILURE} for row in results.failures()],
-        "as_set": sweep.as_set(groups),
+        "as_set": as_set(groups),
         "tradeoff": swept,
     }
     found = Pooled(summary, curves, folder)

@@ -40,6 +40,34 @@ def test_scores_do_not_depend_on_the_number_of_processes(short, tmp_path):
     assert len({(r["case"], r["parameter"]) for r in rows}) == len(rows)
 
 
+def test_an_estimator_that_fails_on_some_seeds_is_compared_on_the_others(short, tmp_path):
+    (tmp_path / "own.py").write_text(
+        "class Odd:\n"
+        "    names, output = ('k_T', '1/J_a', 'f_m'), 'speed'\n"
+        "    def __init__(self, nominal, period):\n"
+        "        self.k, self.theta = 0, [nominal['k_T'], 1 / nominal['J_a'], nominal['f_m']]\n"
+        "    def step(self, u, y):\n"
+        "        self.k += 1\n"
+        "        if self.k == 1000 and y > 0: raise ZeroDivisionError('no luck')\n"
+        "        return self.theta\n"
+    )
+    names = [*ESTIMATORS, "ekf", f"{tmp_path}/own.py:Odd"]
+    found = benchmark(plan(short, estimators=names, seeds=range(1000, 1010)), tmp_path / "out")
+    failed = {row["seed"] for row in found.summary["failures"]}
+    assert 0 < len(failed) < 10
+    for entry in found.summary["as_set"]:
+        lags = dict(zip(range(1000, 1010), entry["values"]["lag"], strict=True))
+        missing = failed if entry["estimator"].endswith("Odd") else set()
+        assert {seed for seed, lag in lags.items() if lag is None} == missing
+        rows = [
+            r
+            for r in without_cost(tmp_path / "out")
+            if r["estimator"] == entry["estimator"] and r["parameter"] == entry["parameter"]
+        ]
+        assert {r["seed"]: pytest.approx(np.log(r["lag"]), abs=1e-4) for r in rows} == {
+            seed: lag for seed, lag in lags.items() if lag is not None}  # fmt: skip
+
+
 def test_any_executor_will_do(short):
     with ThreadPoolExecutor(2) as executor:
         bench = Bench([short], means=Means(executor=executor, in_flight=2))

@@ -7,7 +7,15 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.figures import colour, marker
 from flexaxis.experiments.scoring.mismatch import matrix, mismatch_in_words, mismatched
-from flexaxis.experiments.scoring.ranking import answers, in_words, leaders, mark, overall, worse
+from flexaxis.experiments.scoring.ranking import (
+    answers,
+    difference,
+    in_words,
+    leaders,
+    mark,
+    overall,
+    worse,
+)
 
 RECORD = np.random.default_rng(0).standard_normal(16)
 """What the record does to every estimator alike."""
@@ -54,6 +62,23 @@ def test_the_whole_set_is_compared_not_only_the_second():
 
 def test_with_fewer_than_five_seeds_nobody_is_told_apart():
     assert leaders({"a": [0.0] * 4, "b": [9.0, 9.1, 9.0, 9.2]}) == ["a", "b"]
+
+
+def test_a_seed_that_one_has_not_is_left_out_of_its_pairs_and_no_others():
+    lags = {
+        "a": values(0.20, seed=1),
+        "b": values(0.24, seed=2),
+        "c": values(0.25, own=0.5, seed=3),
+    }
+    some = {"a": lags["a"], "b": [None, *lags["b"][1:]], "c": [*lags["c"][:-1], None]}
+    assert leaders(some) == ["a", "c"]
+    for name in "bc":
+        pairs = [(x, y) for x, y in zip(some[name], lags["a"], strict=True) if x is not None]
+        d = np.array([x - y for x, y in pairs])
+        found = difference(some[name], lags["a"])
+        assert (found.n, found.mean) == (15, pytest.approx(d.mean()))
+        assert found.sd == pytest.approx(d.std(ddof=1))
+    assert difference([None, 1.0], [1.0, None]).p == 1.0
 
 
 @pytest.mark.parametrize("number", [2, 5, 17])
