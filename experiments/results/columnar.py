@@ -117,6 +117,17 @@ class Table:
             return [None if v < 0 else v > 0 for v in found.tolist()]
         return [None if v < 0 else v for v in found.tolist()]
 
+    def among(self, column: str, values: Sequence[Any]) -> NDArray[np.bool_]:
+        """Return in which rows (n,) a column has one of some values, None among them."""
+        if self.coded(column):
+            codes = [code for code, value in enumerate(self.texts(column)) if value in values]
+            return np.isin(self.raw(column), [*codes, -1] if None in values else codes)
+        if column == CASE:
+            return np.isin(self.raw(CASE), np.array([int(v, 16) for v in values], np.uint64))
+        numbers = self.numbers(column)
+        found = np.isin(numbers, [float(v) for v in values if v is not None])
+        return found | np.isnan(numbers) if None in values else found
+
     def coded(self, column: str) -> bool:
         """Whether a column is stored as numbers of texts."""
         return column in self.axes or (COLUMNS[column] == "text" and column != CASE)

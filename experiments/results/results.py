@@ -99,7 +99,7 @@ class Results:
         """Return which rows of the table are selected (n,)."""
         found = np.ones(len(self.table), bool)
         for column, values in self.where.items():
-            found &= _among(self.table, column, values)
+            found &= self.table.among(column, values)
         return found
 
     def ran(self) -> NDArray[np.bool_]:
@@ -276,18 +276,6 @@ class Rows:
     def __len__(self) -> int:
         """Return their number."""
         return int(self.results.chosen().sum())
-
-
-def _among(table: Table, column: str, values: Sequence[Any]) -> NDArray[np.bool_]:
-    """Return in which rows (n,) a column has one of some values."""
-    raw = table.raw(column)
-    if table.coded(column):
-        codes = [code for code, value in enumerate(table.texts(column)) if value in values]
-        return np.isin(raw, [*codes, -1] if None in values else codes)
-    if column == "case":
-        return np.isin(raw, np.array([int(value, 16) for value in values], np.uint64))
-    found = np.isin(table.numbers(column), [float(v) for v in values if v is not None])
-    return found | np.isnan(table.numbers(column)) if None in values else found
 
 
 def needed(package: str) -> Any:
