@@ -92,19 +92,6 @@ def written_options(text: str) -> dict[str, Any]:
     return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
 
 
-def parse_all(texts: Sequence[str]) -> list[Spec]:
-    """Return the specs, or one error that has a line for each wrong text."""
-    specs, problems = [], []
-    for text in dict.fromkeys(texts):
-        try:
-            specs.append(parse(text))
-        except EstimatorError as error:
-            problems.append(str(error))
-    if problems:
-        raise EstimatorError("\n".join(problems))
-    return specs
-
-
 def code_file(text: str) -> str:
     """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
     file = text.partition("[")[0].rpartition(":")[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -133,36 +132,16 @@ class Curve:
     high: Array
 
 
-def pool(
-    cases: Iterable[Case], scenarios: Sequence[Scenario]
-) -> tuple[list[dict[str, Any]], list[Curve]]:
-    """Return the pooled rows and the trajectories of all cases.
+def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
+    """Return the pooled rows of one estimator on one scenario, one for each parameter.
 
     Returns
     -------
-    rows : list of dict
+    list of dict
         The scores as `flexaxis.experiments.scoring.table.SCORES` pools them, `seeds` their number;
         `t63` and `t90` are those of the median run; `rmse` maps samples after onset to the root
         mean square of θ̃/D, `efficiency` the same over the bound; `cost` is the median.
-    curves : list of Curve
     """
-    groups: dict[tuple[str, str], list[Case]] = defaultdict(list)
-    for case in cases:
-        groups[case.rows[0]["hash"], case.estimator].append(case)
-    by_hash = {scenario.hash: scenario for scenario in scenarios}
-    pooled: list[dict[str, Any]] = []
-    curves = []
-    for (key, _), group in groups.items():
-        pooled += pool_group(group, by_hash[key])
-        if drawn := [case for case in group if case.curve.size]:
-            curves.append(
-                curve_of(by_hash[key], group[0].estimator, drawn[0].names, [c.curve for c in drawn])
-            )
-    return pooled, curves
-
-
-def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
-    """Return the pooled rows of one estimator on one scenario, one for each parameter."""
     group = sorted(group, key=lambda case: case.seed)  # whatever the order in which they came
     by_name = {name: columns_of([case.rows[i] for case in group])
                for i, name in enumerate(group[0].names)}  # fmt: skip

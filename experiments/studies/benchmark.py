@@ -27,8 +27,6 @@ from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
-FAILURES = 20  # shown in a report
-
 
 @dataclass(frozen=True)
 class Benchmark:

@@ -10,7 +10,7 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.pooling import Case, pool, pool_group
+from flexaxis.experiments.scoring.pooling import Case, pool_group
 from flexaxis.experiments.scoring.pools import rmse, settles, spread, spread_at_a_time
 from flexaxis.experiments.scoring.table import SCORES, rows, undefined
 from flexaxis.experiments.scoring.theta import true_theta
@@ -43,7 +43,7 @@ def case(scenario, seed, **scores):
 
 
 def pooled(scenario, cases):
-    (row,), _ = pool(cases, [scenario])
+    (row,) = pool_group(cases, scenario)
     return row
 
 
@@ -103,7 +103,7 @@ def test_the_pooled_std_is_the_deviation_over_seeds(text):
     ]
     nominal = true_theta(NAMES, scenario.nominal.as_array())
     theta = np.stack([each.theta[1000:2000] for each in cases]) / nominal
-    found = [row["std"] for row in pool(cases, [scenario])[0]]
+    found = [row["std"] for row in pool_group(cases, scenario)]
     # ddof 1 against 0 of the slow part is 2 % at 24 seeds; the old formula was 16 … 64 % off
     assert found == pytest.approx(100 * spread_at_a_time(theta), rel=0.03)
 
@@ -156,15 +156,15 @@ def test_the_pooled_excess_leaves_the_common_bias_out_and_lost_runs_in():
         each = [identity | row | cost for row in rows(track)]
         return Case(scenario.name, "e", 0, NAMES, each, np.ones((800, 3), np.float32), {})
 
-    alike = pool([of(1.02) for _ in range(6)], [scenario])[0]
+    alike = pool_group([of(1.02) for _ in range(6)], scenario)
     assert alike[0]["excess"] == pytest.approx(0.0, abs=1e-12)
-    apart = pool([of(f) for f in (0.98, 1.02) * 3], [scenario])[0]
+    apart = pool_group([of(f) for f in (0.98, 1.02) * 3], scenario)
     one = of(1.02).rows[0]["excess"]
     assert apart[0]["excess"] == pytest.approx(one, rel=1e-9) == apart[2]["excess"]
-    lost = pool([of(np.nan) for _ in range(6)], [scenario])[0]
+    lost = pool_group([of(np.nan) for _ in range(6)], scenario)
     assert lost[0]["excess"] > 1e3 * one and lost[0]["excess_interval"] is None
     factors = 1.1 + 0.02 * np.random.default_rng(0).standard_normal(12)
-    spread_out = pool([of(f) for f in factors], [scenario])[0]
+    spread_out = pool_group([of(f) for f in factors], scenario)
     low, high = spread_out[0]["excess_interval"]  # of what stands beside it, not of the mean
     assert low <= spread_out[0]["excess"] <= high < 5 * spread_out[0]["excess"]
 
@@ -252,7 +252,7 @@ def _pooled(scenario, thetas, torque):
         more = {"cost": {"us_per_sample": 1.0}}
         each = [identity | row | more for row in rows(track)]
         cases.append(Case(scenario.name, "e", seed, NAMES, each, np.ones((400, 3), np.float32), {}))
-    return {row["parameter"]: row for row in pool(cases, [scenario])[0]}
+    return {row["parameter"]: row for row in pool_group(cases, scenario)}
 
 
 @pytest.mark.parametrize("seed", range(12))
