@@ -104,7 +104,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
     from flexaxis.experiments.running.engine import Bench
-    from flexaxis.experiments.running.folder import completed
+    from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -140,11 +140,15 @@ def _output(args: argparse.Namespace) -> Path:
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.stored import compare_runs
+    from flexaxis.experiments.running.names import SUMMARY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.sim.errors import FlexaxisError
 
     base, candidate = map(Path, args.names)
     spare(args.names, _output(args))
+    if (_output(args) / SUMMARY).exists():
+        raise FlexaxisError(f"{_output(args)} holds a run: choose another folder with -o")
     seeds = parse_seeds(args.seeds) if args.seeds else None
     estimators = (args.base, args.candidate)
     found = compare_runs(base, candidate, margins, estimators=estimators, seeds=seeds)

@@ -29,9 +29,9 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.results import export
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.folder import REPORT
+    from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.studies.results import inputs
+    from flexaxis.experiments.studies.report import inputs
 
     forms = {
         "parquet": export.export_parquet,

@@ -28,13 +28,15 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.merge import merge
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.studies.results import report
+    from flexaxis.experiments.studies.report import report
 
     spare(args.folders, args.output)
     merged = merge(args.folders, args.output)
     path = report(args.output)
     if merged.makers[1:]:
         say("the rows were made with different versions:\n" + "\n".join(merged.makers))
+    if merged.missing is None:
+        say("the folders are of unlike estimators or seeds: what is still missing is not known")
     if merged.missing:
         say(f"incomplete: {merged.missing} of {merged.cases + merged.missing} cases are missing")
     if args.json:

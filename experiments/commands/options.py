@@ -44,6 +44,15 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_resume(parser)
 
 
+def whole(args: argparse.Namespace) -> list[str]:
+    """Return the words that were typed, without what asks for a part of the work only."""
+    words = [word for word in args.words if word != RESUME]
+    if "--shard" in words:
+        place = words.index("--shard")
+        del words[place : place + 2]
+    return [word for word in words if not word.startswith("--shard=")]
+
+
 def check_jobs(args: argparse.Namespace) -> None:
     """Refuse a number of processes that is none."""
     from flexaxis.sim.errors import FlexaxisError
@@ -166,7 +175,8 @@ def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     for text, count in in_words(failures):
         say(f"{text} (and {count - 1} like it)" if count > 1 else text)
     if failures:
-        say(f"{len(failures)} cases could not be run: `error` in their rows says why")
+        cases = "1 case" if len(failures) == 1 else f"{len(failures)} cases"
+        say(f"{cases} could not be run: `error` in the rows says why")
 
 
 def failed(failures: Sequence[Mapping[str, Any]]) -> int:

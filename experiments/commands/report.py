@@ -9,6 +9,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.commands import options
+
 HELP = "write report.html again from the results in a folder"
 GROUP = "benchmarks"
 
@@ -22,9 +24,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.running.folder import REPORT, read_study
+    from flexaxis.experiments.running.folder import read_study
+    from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.studies.results import inputs
+    from flexaxis.experiments.studies.report import inputs
 
     path = args.output or args.folder / REPORT
     spare(inputs(args.folder), path)
@@ -55,5 +58,6 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
         print(dumps(found.summary | {"report": str(path)}))
     else:
         show(score_table(found.summary["rows"]))
+        options.tell_failures(found.summary.get("failures", []))
         print(path)
     return 0

@@ -77,11 +77,9 @@ def main(args: argparse.Namespace) -> int:
                 wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
-    print(f"{wanted.records} records: {simulated} simulated, the others from the cache",
-          file=sys.stderr)  # fmt: skip
+    print(f"{simulated} records simulated", file=sys.stderr)
     if found is None:
-        print(folder)
-        return 0
+        return _share_told(args, folder, share)
     return _told(args, folder, found)
 
 
@@ -110,23 +108,36 @@ def _wanted(args: argparse.Namespace) -> Any:
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
-        command=command_line([word for word in args.words if word != options.RESUME]),
+        command=command_line(options.whole(args)),
         swept_scenarios=chosen.swept_scenarios,
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
+
+
+def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) -> int:
+    """Print what became of a share; all of them are reported on when they are merged."""
+    from flexaxis.experiments.results.results import Results
+    from flexaxis.experiments.running.files import dumps
+
+    failures = Results.load(folder).failures()
+    options.tell_failures(failures)
+    told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
+    print(dumps(told) if args.json else folder)
+    return options.failed(failures)
 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import score_table, show
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.folder import REPORT
+    from flexaxis.experiments.running.names import REPORT
 
     failures = found.summary["failures"]
     if args.json:
         print(dumps(found.summary | {"report": str(folder / REPORT)}))
     else:
         show(score_table(found.summary["rows"]))
-        options.tell_failures(failures)
+    options.tell_failures(failures)
+    if not args.json:
         print(folder / REPORT)
     return options.failed(failures)

@@ -67,7 +67,8 @@ def main(args: argparse.Namespace) -> int:
     """Plan, run and report."""
     from flexaxis.experiments.building.consent import require
     from flexaxis.experiments.running import rows
-    from flexaxis.experiments.running.folder import REPORT, STUDY, check
+    from flexaxis.experiments.running.folder import check
+    from flexaxis.experiments.running.names import REPORT, STUDY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
     from flexaxis.experiments.studies.benchmark import command_line
@@ -101,7 +102,8 @@ def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
 
     whole, todo = plan.work(), plan.work(done)
     text = (
-        f"{len(plan.variants)} variants of {len(plan.study.scenarios)} scenario(s) × "
+        f"{_several(len(plan.variants), 'variant')} of "
+        f"{_several(len(plan.study.scenarios), 'scenario')} × "
         f"{len(plan.study.seeds)} seeds: {whole.cases} cases on {whole.records} records"
     )
     if whole.cases > todo.cases:
@@ -111,6 +113,10 @@ def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
     if unit and not tried:
         text += "; how long it takes is not known before its code is run"
     return text if tried is None else f"{text}; {forecast(tried, todo).in_words(workers)}"
+
+
+def _several(number: int, what: str) -> str:
+    return f"{number} {what}{'s'[: number != 1]}"
 
 
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int]) -> int:
@@ -139,7 +145,7 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running import rows
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.studies.results import report
+    from flexaxis.experiments.studies.report import report
 
     total = plan.work().cases
     counted = total - plan.work(rows.done(folder)).cases

@@ -35,15 +35,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
-    import json
-
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.reporting.figures import svg
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.reporting.tradeoff_figure import figure
     from flexaxis.experiments.running.engine import Bench
-    from flexaxis.experiments.running.files import dumps, write_text
-    from flexaxis.experiments.running.folder import completed
+    from flexaxis.experiments.running.files import dumps, write_json, write_text
+    from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.studies.benchmark import command_line
@@ -62,16 +60,16 @@ def main(args: argparse.Namespace) -> int:
         Bench(scenarios, args.output, means, **how) as bench,
     ):
         found = sweep(scenarios, estimators, seeds, bench)
-    content = {
-        "command": command,
-        "seeds": seeds,
-        "reference": reference(),
-        **asdict(found),
-        "overall": overall(found.at_excess),
-    }
-    write_text(args.output / "tradeoff.svg", svg(figure(found.points)))
-    write_text(args.output / "tradeoff.json", json.dumps(content, allow_nan=False, indent=1) + "\n")
-    completed(args.output)
+        content = {
+            "command": command,
+            "seeds": seeds,
+            "reference": reference(),
+            **asdict(found),
+            "overall": overall(found.at_excess),
+        }
+        write_text(args.output / "tradeoff.svg", svg(figure(found.points)))
+        write_json(args.output / "tradeoff.json", content)
+        completed(args.output)
     if args.json:
         print(dumps(content))
         return 0

@@ -19,7 +19,7 @@ from flexaxis.experiments.reporting import figures, page
 from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.files import write_json, write_text, writing
-from flexaxis.experiments.running.folder import REPORT
+from flexaxis.experiments.running.names import REPORT
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.pooling import curve_of
 from flexaxis.sim.scenario import Scenario

@@ -13,7 +13,7 @@ from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.folder import SCORES, SUMMARY
+from flexaxis.experiments.running.names import SCORES, SUMMARY
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 KEYS = ("scenario", "hash", "seed", "parameter", "changed")
@@ -83,9 +83,10 @@ def _load(folder: Path) -> tuple[dict[str, Any], Results]:
     results = Results(folder, {"axes": ()})
     try:
         summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        summary["versions"].items()
         results.table.texts("estimator")  # damaged rows are found here
         return summary, results
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OutputError(
             f"{folder} holds no complete result ({SCORES} and {SUMMARY} are needed): {error}"
         ) from error

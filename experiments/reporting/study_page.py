@@ -19,7 +19,7 @@ from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.axes import is_option
 from flexaxis.experiments.running.files import write_text
-from flexaxis.experiments.running.folder import REPORT
+from flexaxis.experiments.running.names import REPORT
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each

@@ -47,7 +47,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
     faulted = {row["scenario"] for row in rows if row["changed"]}
     shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
-    for before, row in zip([None, *shown[:-1]], shown, strict=True):
+    for before, row in zip([None, *shown], shown, strict=False):
         if before is None or before["scenario"] != row["scenario"]:
             table.add_row(f"[bold]{row['scenario']}[/]")
         cells = _cells(row, _cross_talk(rows, row))

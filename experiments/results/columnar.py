@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.results.columns import COLUMNS, axis_kind, columns_of
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.folder import COLUMNS as FILE
+from flexaxis.experiments.running.names import COLUMNS as FILE
 from flexaxis.experiments.running.rows import read, row_files
 from flexaxis.experiments.scoring.table import Kind
 

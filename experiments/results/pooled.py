@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError, write_json, writing
-from flexaxis.experiments.running.folder import CURVES, SUMMARY
+from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
 from flexaxis.experiments.scoring.pooling import Curve
 
 
@@ -60,9 +61,18 @@ def load(folder: Path) -> Pooled:
         return Pooled(summary, _load_curves(folder / CURVES), folder)
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(
-            f"{folder} holds no complete result ({SUMMARY} and {CURVES} are needed): {error}. "
-            "Make one with `flexaxis run … -o FOLDER`"
+            f"{folder} holds no complete result of a run ({SUMMARY} and {CURVES} are needed): "
+            f"{error}.{_how_to_go_on(folder)}"
         ) from error
+
+
+def _how_to_go_on(folder: Path) -> str:
+    command = ""
+    with suppress(OSError, ValueError, TypeError):
+        command = json.loads((folder / STUDY).read_text(encoding="utf-8")).get("command") or ""
+    if not command.startswith("flexaxis run"):
+        return " Make one with `flexaxis run … -o FOLDER`"
+    return f" Go on with: {command} --resume"
 
 
 _ARRAYS = ("truth", "low", "median", "high")

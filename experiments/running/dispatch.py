@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Generic, TypeVar
 
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.interrupts import Interrupts, held_back, two_stage
+from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, held_back, two_stage
 from flexaxis.experiments.running.processes import process_pool
 
 ATTEMPTS = 3
@@ -148,7 +148,7 @@ class _Flight(Generic[Task, Result]):
             raise
 
     def _land(self) -> Iterator[Result]:
-        ready, _ = wait(self.out, timeout=self.interrupts.patience, return_when=FIRST_COMPLETED)
+        ready, _ = wait(self.out, timeout=PATIENCE, return_when=FIRST_COMPLETED)
         if self.interrupts.asked:
             self._give_back()
         for future in ready:

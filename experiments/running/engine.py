@@ -110,7 +110,7 @@ class Finished:
 
 def run_study(
     study: Study | Plan,
-    folder: Path,
+    folder: Path | str,
     means: Means | None = None,
     *,
     resume: bool = False,
@@ -127,7 +127,7 @@ def run_study(
     ----------
     study : Study or Plan
         As from `load_study`; a plan from `make_plan` where only a share is to be run.
-    folder : Path
+    folder : Path or str
         Made if it is missing.
     means : Means, optional
         With what: one process and no cache by default.
@@ -154,6 +154,7 @@ def run_study(
     OutputError
         If rows cannot be written. Those that were stay, and `resume` goes on.
     """
+    folder = Path(folder)
     whole = study.study if isinstance(study, Plan) else study
     require(run_code, whole.estimators, source=whole.name)
     plan = study if isinstance(study, Plan) else make_plan(study, run_code=run_code)

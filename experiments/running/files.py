@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,10 +28,26 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        remedy = "Choose another place with -o"
+        if error.errno in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
+            remedy += ", or make room"
         raise OutputError(
-            f"{path}: cannot be written: {error.strerror or error}. "
-            "Choose another place with -o, or make room"
+            f"{path}: cannot be written: {error.strerror or error}. {remedy}"
         ) from error
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder if it is missing, and those above it.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made, or is a file.
+    """
+    if path.exists() and not path.is_dir():
+        raise OutputError(f"{path} is a file, and a folder is wanted: choose another with -o")
+    with writing(path):
+        path.mkdir(parents=True, exist_ok=True)
 
 
 @contextmanager

@@ -1,37 +1,23 @@
-"""The folder of a study, or of a run: what is in it, who may write to it, what fits together.
-
-study.json says what is studied; scores.jsonl, or scores-I-of-N.jsonl of each share, has the rows;
-traces/ what the figures of a run are drawn from, trajectories/ estimates that were kept;
-summary.json, curves.nc and report.html are made of these when all is done.
-"""
+"""The folder of a study, or of a run: who may write to it, and what fits together."""
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import write_text, writing
+from flexaxis.experiments.running.files import make_folder, write_text
 from flexaxis.experiments.running.lock import locked
+from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
 from flexaxis.experiments.running.plan import Plan, expected
+from flexaxis.experiments.running.previous import is_unfinished, set_aside, unfinish
 from flexaxis.experiments.running.rows import row_files, share_of
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.traces import TRACES
 from flexaxis.experiments.running.work import made_with
-
-STUDY, SCORES, LOCK, TRAJECTORIES = "study.json", "scores.jsonl", ".lock", "trajectories"
-REPORT = "report.html"
-SUMMARY, CURVES, PREVIOUS, SWEEP = "summary.json", "curves.nc", "previous", "sweep"
-COMPLETE = (SUMMARY, "compare.json", "tradeoff.json")
-"""What is written last: a folder without any of these is not complete."""
-COLUMNS = ".columns.h5"
-MADE = (CURVES, REPORT, "verdict.md", "tradeoff.svg", COLUMNS)
 
 
 def rows_name(shard: tuple[int, int] = (1, 1)) -> str:
@@ -73,16 +59,15 @@ def opened(
     OutputError
         If it cannot be written to.
     """
-    with writing(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with ExitStack() as stack:
         alone = plan.shard[1] == 1
         stack.enter_context(locked(folder / LOCK, shared=not alone))
         name = rows_name(plan.shard)
         if not alone:
             stack.enter_context(locked(folder / f".{name.removesuffix('.jsonl')}{LOCK}"))
-        if replace and not resume:
-            _set_aside(folder)
+        if replace:
+            _make_room(plan.study, folder, resume)
         check(plan.study, folder, plan.shard)
         rows = folder / name
         if not resume and rows.exists() and rows.stat().st_size:
@@ -98,6 +83,32 @@ def opened(
         yield rows
 
 
+def _make_room(study: Study, folder: Path, resume: bool) -> None:
+    """Move a result out of the way that may be replaced; refuse what may not.
+
+    Raises
+    ------
+    StudyError
+        If what is there is a study with axes, which may have taken days, shares, or an unfinished
+        run of something else.
+    """
+    if resume:
+        unfinish(folder)  # what is made of the rows that were there is not of those to come
+    elif (folder / STUDY).exists() and _binds(folder, (1, 1)):
+        there = read_study(folder)
+        done = not is_unfinished(folder)
+        if there["axes"] or any(share_of(path) for path in row_files(folder)):
+            what = f"a study of {_summary(there)}" if there["axes"] else "shares of a run"
+            raise StudyError(f"{folder} holds {what}: choose another folder with -o")
+        if not done and there["identity"] != study.identity:
+            raise StudyError(
+                f"{folder} holds an unfinished run of {_summary(there)}: go on with it by "
+                "--resume and its own line, remove it, or choose another folder with -o"
+            )
+    if not resume:
+        set_aside(folder)
+
+
 def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
     """Return what study.json is to hold: what is added to a study takes nothing from it."""
     if not (folder / STUDY).exists():
@@ -105,56 +116,25 @@ def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
     there = read_study(folder)
     for key in ("estimators", "seeds"):
         content[key] = list(dict.fromkeys([*there.get(key, []), *content[key]]))
-    return content | {"code": there.get("code", {}) | content["code"]}
+    code = there.get("code", {}) | content["code"]
+    return content | {"code": code, "cases": all_cases([there, content])}
 
 
-def _set_aside(folder: Path) -> None:
-    """Move a complete result out of the way; rows of an unfinished one are given up.
+def all_cases(studies: Sequence[Mapping[str, Any]]) -> int | None:
+    """Return how many cases a whole of several studies has; None where that is not known.
 
-    At every moment the old result is whole in one place at least: it is linked to the new place,
-    that gets its name at once, and only then what is here goes. First what says that this is
-    complete, and last study.json, which without rows does not count.
+    Parameters
+    ----------
+    studies : sequence of mapping
+        As in study.json, of one identity.
     """
-    names = (*COMPLETE, *(path.name for path in row_files(folder)), *MADE, TRACES, SWEEP, STUDY)
-    there = [path for name in names if (path := folder / name).exists()]
-    staging = folder / f".{PREVIOUS}"
-    with writing(folder):
-        if there and there[0].name in COMPLETE:
-            _remove(staging)  # of a process that was killed
-            staging.mkdir()
-            for path in there:
-                _link(path, staging / path.name)
-            _remove(folder / PREVIOUS)
-            os.replace(staging, folder / PREVIOUS)
-        for path in there:
-            _remove(path)
-
-
-def _link(source: Path, target: Path) -> None:
-    """Give a file, or all files of a folder, a second name; where there are no links, copy it."""
-    if source.is_dir():
-        shutil.copytree(source, target, copy_function=_link_file)
-    else:
-        _link_file(source, target)
-
-
-def _link_file(source: str | Path, target: str | Path) -> None:
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copy2(source, target)
-
-
-def completed(folder: Path) -> None:
-    """Remove what a complete result has replaced."""
-    _remove(folder / PREVIOUS)
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path, ignore_errors=True)
-    with suppress(FileNotFoundError, IsADirectoryError, PermissionError):
-        path.unlink()
+    lists = [{tuple(study[key]) for study in studies} for key in ("estimators", "seeds")]
+    if all(len(each) == 1 for each in lists):
+        return max((study.get("cases") or 0 for study in studies), default=0)
+    if studies[0]["axes"]:  # which estimator was run at which points is not told
+        return None
+    sizes = [len({one for each in given for one in each}) for given in lists]
+    return len(studies[0]["scenarios"]) * sizes[0] * sizes[1]
 
 
 def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
@@ -275,6 +255,8 @@ def read_study(folder: Path) -> dict[str, Any]:
     try:
         content = json.loads((folder / STUDY).read_text(encoding="utf-8"))
         content["identity"], content["scenarios"], content["axes"]
+        for entry in content["scenarios"]:
+            entry["hash"], entry["definition"]["name"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StudyError(
             f"{folder} is not the folder of a run or a study ({STUDY} is missing or damaged). "

@@ -12,6 +12,10 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
+PATIENCE = 0.5
+"""For how long a wait may last before it looks whether anything was asked [s]: less than a person
+waits for an answer, and rarely enough to cost nothing."""
+
 
 class Interrupts:
     """What was asked by Ctrl-C.
@@ -22,14 +26,11 @@ class Interrupts:
         Whether nothing new is to be begun.
     at_work : callable
         Gives the number of parts of the work that are under way, for the words.
-    patience : float or None
-        For how long a wait may last before it looks whether anything was asked [s].
     """
 
     def __init__(self) -> None:
         self.asked = False
         self.at_work: Callable[[], int] = lambda: 1
-        self.patience = 0.5
 
     def until(self, items: Iterable[Item]) -> Iterator[Item]:
         """Yield items until Ctrl-C."""

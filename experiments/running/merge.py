@@ -15,14 +15,9 @@ import numpy as np
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import new_file, write_text, writing
-from flexaxis.experiments.running.folder import (
-    LOCK,
-    SCORES,
-    STUDY,
-    TRAJECTORIES,
-    read_study,
-)
+from flexaxis.experiments.running.folder import all_cases, read_study
 from flexaxis.experiments.running.lock import locked
+from flexaxis.experiments.running.names import LOCK, SCORES, STUDY, TRAJECTORIES
 from flexaxis.experiments.running.traces import trace_files
 from flexaxis.sim.files import atomic
 
@@ -35,8 +30,9 @@ class Merged:
     ----------
     cases, doubles : int
         Cases, and how many were there more than once.
-    missing : int
-        Cases of the study that no folder had.
+    missing : int or None
+        Cases of the study that no folder had; None where that cannot be known, for the folders are
+        of unlike estimators or seeds.
     makers : tuple of str
         With what they were made; more than one where shares were run by different versions or on
         different systems.
@@ -44,7 +40,7 @@ class Merged:
 
     cases: int
     doubles: int
-    missing: int
+    missing: int | None
     makers: tuple[str, ...]
 
 
@@ -71,7 +67,8 @@ def merge(folders: Sequence[Path], target: Path) -> Merged:
         else:
             cases, doubles = _made(folders, target, content)
     makers = dict.fromkeys(study.get("made_with", "unknown versions") for study in studies.values())
-    return Merged(cases, doubles, max(0, content.get("cases", 0) - cases), tuple(makers))
+    missing = None if content["cases"] is None else max(0, content["cases"] - cases)
+    return Merged(cases, doubles, missing, tuple(makers))
 
 
 def _as_before(
@@ -99,7 +96,7 @@ def _made(folders: Sequence[Path], target: Path, content: Mapping[str, Any]) -> 
 def _together(studies: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
     """Return what study.json of the whole holds."""
     first, *others = studies
-    content = dict(studies[first])
+    content = dict(studies[first]) | {"cases": all_cases(list(studies.values()))}
     for folder in others:
         study = studies[folder]
         if study["identity"] != content["identity"]:
@@ -112,7 +109,6 @@ def _together(studies: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
         for key in ("estimators", "seeds"):
             content[key] = list(dict.fromkeys([*content[key], *study[key]]))
         content["code"] = content.get("code", {}) | study.get("code", {})
-        content["cases"] = max(content.get("cases", 0), study.get("cases", 0))
     return content
 
 

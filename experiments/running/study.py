@@ -40,7 +40,7 @@ class Study:
     Raises
     ------
     StudyError
-        If two scenarios have one name.
+        If two scenarios have one name, or are the same.
     """
 
     name: str
@@ -52,6 +52,14 @@ class Study:
     streams: str = "common"
 
     def __post_init__(self) -> None:
+        hashes: dict[str, str] = {}
+        for scenario in self.scenarios:
+            first = hashes.setdefault(scenario.hash, scenario.name)
+            if first != scenario.name:
+                raise StudyError(
+                    f"{self.name}: the scenarios {first} and {scenario.name} are the same but for "
+                    "their names, and would have the same rows: leave one out"
+                )
         names = [scenario.name for scenario in self.scenarios]
         if doubles := {name for name in names if names.count(name) > 1}:
             raise StudyError(
@@ -65,7 +73,7 @@ class Study:
 
         Values on the axes, estimators and seeds may be added later.
         """
-        content: list[Any] = [[s.hash for s in self.scenarios], sorted(self.axes)]
+        content: list[Any] = [sorted(s.hash for s in self.scenarios), sorted(self.axes)]
         if self.axes and self.streams == "common":  # folders from before there was a choice: own
             content.append(self.streams)
         return sha256(dumps(content).encode()).hexdigest()

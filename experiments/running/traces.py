@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.sim.files import atomic
 
 TRACES = "traces"
@@ -103,13 +103,25 @@ class Traces:
 
     @classmethod
     def of(cls, folder: Path) -> Traces:
-        """Return the traces in the folder of a run."""
+        """Return the traces in the folder of a run.
+
+        Raises
+        ------
+        OutputError
+            If a file is damaged.
+        """
         places: dict[tuple[str, str], list[tuple[Path, int, dict[str, Any]]]] = {}
         for path in trace_files(folder):
-            with np.load(path, allow_pickle=False) as stored:
-                for number, told in enumerate(json.loads(str(stored["meta"]))):
-                    key = told["hash"], told["estimator"]
-                    places.setdefault(key, []).append((path, number, told))
+            try:
+                with np.load(path, allow_pickle=False) as stored:
+                    told = json.loads(str(stored["meta"]))
+            except Exception as error:  # a damaged file fails in many ways
+                raise OutputError(
+                    f"{path} is damaged: remove it; the figures are then drawn without its runs"
+                ) from error
+            for number, each in enumerate(told):
+                key = each["hash"], each["estimator"]
+                places.setdefault(key, []).append((path, number, each))
         return cls(places)
 
     def find(self, key: str, estimator: str) -> list[Trace]:

@@ -14,7 +14,7 @@ import numpy as np
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.estimate import estimates_file
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.folder import TRAJECTORIES
+from flexaxis.experiments.running.names import TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Kept, run_unit

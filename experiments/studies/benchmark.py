@@ -17,8 +17,10 @@ from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.files import write_text
-from flexaxis.experiments.running.folder import REPORT, SWEEP, completed, read_study
+from flexaxis.experiments.running.folder import read_study
+from flexaxis.experiments.running.names import REPORT, SWEEP
 from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.previous import completed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories

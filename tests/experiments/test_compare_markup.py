@@ -9,7 +9,7 @@ from markdown_it import MarkdownIt
 
 from flexaxis.experiments.gate.comparison_report import COLUMNS, markdown
 from flexaxis.experiments.gate.stored import compare_runs
-from flexaxis.experiments.running import folder as results
+from flexaxis.experiments.running import names as results
 
 NAMES = [
     "fm_step-v1",

@@ -8,7 +8,7 @@ import pytest
 from flexaxis.experiments.gate import stored
 from flexaxis.experiments.gate.comparison_report import write
 from flexaxis.experiments.gate.pairs import MARGINS
-from flexaxis.experiments.running import folder as results
+from flexaxis.experiments.running import names as results
 from flexaxis.sim.errors import FlexaxisError
 
 

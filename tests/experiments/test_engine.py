@@ -14,13 +14,16 @@ import pytest
 
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.results.pooled import load
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import Bench, Means, run_study
 from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
+from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from flexaxis.experiments.studies.definition import study_from
 
 OWN = """
@@ -78,6 +81,70 @@ def test_two_scenarios_of_one_name_are_refused(short):
     other = short.override({"name": short.name, "duration": 9.0})
     with pytest.raises(StudyError, match="two scenarios have the name 'short'"):
         Study("s", (short, other), ("frozen",), (0,))
+
+
+def test_two_scenarios_that_differ_only_in_their_names_are_refused(short):
+    with pytest.raises(StudyError, match="short and other are the same but for their names"):
+        Study("s", (short, short.override({"name": "other"})), ("frozen",), (0,))
+
+
+def test_a_run_takes_the_place_of_no_study_and_of_no_share(short_toml, tmp_path, capsys):
+    study = sweep_of(short_toml, sweep={"fault[0].factor": [1.2, 2.0]}, seeds=1)
+    run_study(study, tmp_path / "study")
+    run_study(make_plan(sweep_of(short_toml), shard=(1, 2)), tmp_path / "shares")
+    run_study(sweep_of(short_toml, override={"duration": 9.0}), tmp_path / "other")
+    for name, told in (("study", "holds a study of short"), ("shares", "holds shares of a run"),
+                       ("other", "holds an unfinished run of short+duration")):  # fmt: skip
+        before = {path: path.read_bytes() for path in (tmp_path / name).glob("s*.json*")}
+        for words in (["run", "--estimator", "ekf"], ["tune", "ekf", "--seeds", "0:2"],
+                      ["compare", "--base", "ekf", "--candidate", "frozen"]):  # fmt: skip
+            where = [str(short_toml)] if words[0] != "tune" else []
+            assert main([*words, *where, "-o", str(tmp_path / name)]) == 2
+            assert told in capsys.readouterr().err
+        assert before == {path: path.read_bytes() for path in before}
+
+
+def test_what_a_run_comes_to_is_not_of_rows_that_were_added_since(short, tmp_path):
+    def stop(outcome):
+        raise KeyboardInterrupt
+
+    wanted = Benchmark(Study("s", (short,), ("frozen",), (0,)), "t", "flexaxis run short")
+    benchmark(wanted, tmp_path)
+    more = Benchmark(Study("s", (short,), ("frozen",), (0, 1)), "t", "flexaxis run short")
+    with pytest.raises(KeyboardInterrupt):
+        benchmark(more, tmp_path, Means(advance=stop), resume=True)
+    with pytest.raises(OutputError, match="Go on with: flexaxis run short --resume"):
+        load(tmp_path)
+
+
+def test_unlike_estimators_and_seeds_make_one_summary(short, tmp_path):
+    """Five seeds of the best, for below that nothing is told apart."""
+
+    def wanted(estimator, *seeds):
+        study = Study("s", (short,), (estimator,), tuple(range(*seeds)))
+        return Benchmark(study, "t", "flexaxis run short")
+
+    benchmark(wanted("rpem-forgetting", 6), tmp_path)
+    found = benchmark(wanted("frozen", 4, 12), tmp_path, resume=True)
+    changed = {row["estimator"]: row["seeds"] for row in found.summary["rows"] if row["changed"]}
+    assert changed == {"rpem-forgetting": 6, "frozen": 8}
+    assert json.loads((tmp_path / "study.json").read_text())["cases"] == 2 * 12
+
+
+def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
+    (tmp_path / "own.py").write_text(
+        OWN.replace("GAIN", "1.0").replace("[self.f_m]", "[1 / (u - u)]")
+    )
+    words = ["run", str(short_toml), "--estimator", f"{tmp_path}/own.py:Mine", "--seeds", "1"]
+    for more in ([], ["--shard", "1/1"], ["--json"], ["--shard", "1/2", "--json"]):
+        out = tmp_path / str(len(more)) / "-".join(more).replace("/", "")
+        assert main([*words, *more, "-o", str(out)]) == 70
+        said = capsys.readouterr()
+        assert "1 case could not be run" in said.err and "ZeroDivisionError" in said.err
+        if "--json" in more:
+            json.loads(said.out)
+    assert main(["report", str(tmp_path / "0" / "")]) == 0
+    assert "1 case could not be run" in capsys.readouterr().err
 
 
 def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short, tmp_path):
@@ -242,10 +309,10 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
         child = start([*words, "--resume"], said)
         wait_until(lambda there=there: path.exists() and path.stat().st_size > there, 120, child)
         os.killpg(child.pid, signal.SIGINT)
-        wait_until(lambda: "Ctrl-C again ends at once" in said.read_text(), 10)
+        wait_until(lambda: "Ctrl-C again ends at once" in said.read_text(), 30)
         if times == 2:
             os.killpg(child.pid, signal.SIGINT)
-        assert child.wait(timeout=60 if times == 1 else 10) == 130
+        assert child.wait(timeout=120 if times == 1 else 30) == 130
         told = said.read_text()
         assert "Traceback" not in told, told
         assert re.search(r"interrupted; \d+ cases? done just now; go on with: flexaxis run", told)

@@ -14,7 +14,7 @@ from threading import Event
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import folder as place
+from flexaxis.experiments.running import previous as place
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.engine import Means, run_study

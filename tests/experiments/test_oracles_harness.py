@@ -1,4 +1,4 @@
-"""The harness against estimators and numbers that are known exactly."""
+"""What a case is scored by, against estimators and numbers that are known exactly."""
 
 from pathlib import Path
 
