@@ -47,7 +47,12 @@ class Interrupts:
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Take a Ctrl-C."""
         if self.asked:
-            raise KeyboardInterrupt
+            if not _in_numba(frame):
+                raise KeyboardInterrupt
+            again = threading.Timer(0.01, signal.raise_signal, [number])
+            again.daemon = True
+            again.start()
+            return
         self.asked = True
         count = self.at_work()
         parts = f"{count} part{'s'[: count != 1]} of the work"
@@ -55,6 +60,16 @@ class Interrupts:
         os.write(
             2, f"\nflexaxis: stopping; waiting for {parts}. Ctrl-C again ends at once\n".encode()
         )
+
+
+def _in_numba(frame: FrameType | None) -> bool:
+    """Whether compiled code has called Python, for a type; it takes no exception from there.
+
+    Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.
+    """
+    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+        frame = frame.f_back
+    return frame is not None
 
 
 @contextmanager

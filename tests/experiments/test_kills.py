@@ -217,3 +217,24 @@ def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
         asking.join()
     assert done in (["a"], ["a", "b"])  # the next may begin just then
     assert "waiting for 1 part of the work. Ctrl-C again ends at once" in capfd.readouterr().err
+
+
+@posix
+def test_ctrl_c_is_not_raised_into_compiled_code():
+    """Which would crash; nested as far as Python is called from there."""
+    seen = []
+
+    def _numba_unpickle():
+        list(map(signal.raise_signal, [signal.SIGINT]))
+        seen.append("went on")
+        return 1
+
+    def work(task):
+        signal.raise_signal(signal.SIGINT)  # the first, which is told
+        _numba_unpickle()
+        time.sleep(5.0)
+        seen.append("too late")
+
+    with pytest.raises(KeyboardInterrupt):
+        list(spread("a", work))
+    assert seen == ["went on"]
