@@ -103,7 +103,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
-    from flexaxis.experiments.running.engine import Bench
+    from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.studies.benchmark import command_line

@@ -39,7 +39,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.figures import svg
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.reporting.tradeoff_figure import figure
-    from flexaxis.experiments.running.engine import Bench
+    from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.files import dumps, write_json, write_text
     from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds

@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Tune and print."""
-    from flexaxis.experiments.running.engine import Bench
+    from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.files import dumps
 
     tasks = _tasks(args)

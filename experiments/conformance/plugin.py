@@ -82,8 +82,9 @@ def gate(
     from flexaxis.experiments.gate.comparison_report import markdown
     from flexaxis.experiments.gate.gate import Question, compare, default_seeds
     from flexaxis.experiments.gate.pairs import MARGINS
+    from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.engine import Bench, Means
+    from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.running.seeds import parse_seeds
 
     question = Question(

@@ -17,7 +17,7 @@ from flexaxis.experiments.gate.verdicts import (
     newly_lost,
     overall,
 )
-from flexaxis.experiments.running.engine import Bench, Runs
+from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

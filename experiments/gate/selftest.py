@@ -19,7 +19,8 @@ from flexaxis.experiments.gate.draws import Pool, judged
 from flexaxis.experiments.gate.gate import look_counts, rows_of
 from flexaxis.experiments.gate.pairs import pair
 from flexaxis.experiments.gate.trials import NONE, Promise, Trial, trials
-from flexaxis.experiments.running.engine import Bench, Means
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario

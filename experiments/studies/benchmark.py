@@ -15,7 +15,8 @@ from flexaxis.experiments.catalogue.card import happens
 from flexaxis.experiments.reporting.run_page import render
 from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.engine import Bench, Means, run_study
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.names import REPORT, SWEEP

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.running.engine import Bench, Runs
+from flexaxis.experiments.running.bench import Bench, Runs
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval

@@ -15,7 +15,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE

@@ -12,7 +12,8 @@ from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.reporting import run_page as report
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running import files
-from flexaxis.experiments.running.engine import Bench, Means
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 

@@ -11,7 +11,7 @@ from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
 
 

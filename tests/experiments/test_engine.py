@@ -16,7 +16,8 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.pooled import load
 from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.engine import Bench, Means, run_study
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge

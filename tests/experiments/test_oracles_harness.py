@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.engine import Bench
 from flexaxis.sim.simulate import simulate
 
 

@@ -12,7 +12,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.building.specs import build, parse
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.simulate import simulate
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 
 SEEDS = range(1000, 1060)

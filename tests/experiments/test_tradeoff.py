@@ -8,7 +8,7 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting.tradeoff_figure import figure
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.matching import Setting, match
 from flexaxis.experiments.scoring.ranking import overall

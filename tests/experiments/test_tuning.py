@@ -11,7 +11,7 @@ from flexaxis.estimators.tuned import tuned, tunings
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.engine import Bench
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.studies import tuning
 from flexaxis.experiments.studies.tuning import TOLERANCE, Trials, least_lag, match_noise
 
