@@ -1,4 +1,4 @@
-"""Write the rows of a study as one table; docs/studies.md explains its columns.
+"""Write the rows of a run or a study as one table; docs/studies.md explains its columns.
 
 Parquet needs pyarrow: pip install "flexaxis[parquet]".
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-HELP = "write the rows of a study as Parquet, CSV or NetCDF"
+HELP = "write the rows of a run or a study as Parquet, CSV or NetCDF"
 GROUP = "studies"
 
 

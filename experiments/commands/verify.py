@@ -1,4 +1,4 @@
-"""Run some cases of a study again, chosen at random, and compare their rows.
+"""Run some cases of a run or a study again, chosen at random, and compare their rows.
 
 Rows that were made on this machine with these versions must be identical (but for `cost`); others
 agree within 1e-6 of the value or 1e-9. The exit status is 1 if any does not. Rows that name code as
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from flexaxis.experiments.building.consent import add_run_code
 
-HELP = "run random cases of a study again and compare"
+HELP = "run random cases of a run or a study again and compare"
 GROUP = "studies"
 
 
