@@ -127,14 +127,31 @@ def test_an_old_result_is_whole_at_every_moment_of_its_replacement(
     assert moments > 10
 
 
+def test_what_was_killed_before_its_first_row_binds_nobody(stubs, tmp_path):
+    def dies(unit):
+        raise Killed
+
+    with pytest.raises(Killed):
+        run_study(study(2), tmp_path, Means(work=dies))
+    assert (tmp_path / "study.json").exists()
+    other = {"name": "o", "scenario": "kt_step-v1", "estimators": ["ekf"], "seeds": 3}
+    run_study(study_from(other), tmp_path, Means(work=stubs.quick), resume=True)
+    there = json.loads((tmp_path / "study.json").read_text())
+    assert (there["estimators"], len(rows.done(tmp_path))) == (["ekf"], 3)
+    with pytest.raises(StudyError, match="holds another study"):
+        run_study(study(2), tmp_path, Means(work=stubs.quick), resume=True)
+
+
 def test_a_run_that_writes_its_report_has_its_folder_for_itself(short, tmp_path, monkeypatch):
     wanted = benchmark.Benchmark(study(2), "t", "flexaxis run")
     usual, refused = benchmark.finish, []
 
     def meanwhile(folder, *args, **options):
+        if refused:
+            return usual(folder, *args, **options)
+        refused.append(folder)
         with pytest.raises(StudyError, match="another process is at work here"):
             benchmark.benchmark(wanted, folder)
-        refused.append(folder)
         return usual(folder, *args, **options)
 
     monkeypatch.setattr(benchmark, "finish", meanwhile)
@@ -190,7 +207,11 @@ def test_a_verdict_keeps_its_status_when_its_reader_goes(short_toml, tmp_path, m
 
 @posix
 def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
-    begun, told, done = Event(), Event(), []
+    begun, out, told, done = Event(), Event(), Event(), []
+
+    def tasks():
+        yield from "abc"
+        out.set()
 
     def work(task):
         begun.set()
@@ -205,6 +226,7 @@ def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
 
     def interrupt():
         begun.wait()
+        out.wait()
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
     monkeypatch.setattr(os, "write", write)
@@ -212,7 +234,7 @@ def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
         asking = threading.Thread(target=interrupt)
         asking.start()
         with pytest.raises(KeyboardInterrupt):
-            for result in spread("abc", work, executor=executor, in_flight=3):
+            for result in spread(tasks(), work, executor=executor, in_flight=4):
                 done.append(result)
         asking.join()
     assert done in (["a"], ["a", "b"])  # the next may begin just then
@@ -232,7 +254,8 @@ def test_ctrl_c_is_not_raised_into_compiled_code():
     def work(task):
         signal.raise_signal(signal.SIGINT)  # the first, which is told
         _numba_unpickle()
-        time.sleep(5.0)
+        for _ in range(500):
+            time.sleep(0.01)
         seen.append("too late")
 
     with pytest.raises(KeyboardInterrupt):
