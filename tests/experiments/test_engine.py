@@ -22,6 +22,7 @@ from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.processes import process_pool
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
@@ -319,6 +320,16 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
         assert re.search(r"interrupted; \d+ cases? done just now; go on with: flexaxis run", told)
     assert rows.scan(path).size == path.stat().st_size
     assert len(rows.done(path.parent)) == len(rows.scan(path).cases)
+
+
+def test_a_pool_that_is_left_by_an_error_does_not_wait_for_its_processes():
+    """They are killed, else this takes five minutes."""
+    with pytest.raises(KeyboardInterrupt), process_pool(1) as pool:
+        future = pool.submit(time.sleep, 300)
+        wait_until(future.running, 60)
+        began = time.monotonic()
+        raise KeyboardInterrupt
+    assert time.monotonic() - began < 60
 
 
 def test_a_second_run_in_a_folder_is_refused(short_toml, tmp_path, capsys):
