@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.results.columns import COLUMNS, axis_kind, columns_of
-from flexaxis.experiments.running.files import writing
+from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import COLUMNS as FILE
 from flexaxis.experiments.running.rows import read, row_files
 from flexaxis.experiments.scoring.table import Kind
@@ -34,6 +35,7 @@ from flexaxis.experiments.scoring.table import Kind
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
 READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
+SHARE = 0.25  # of the journal's size: room for the columns, which take some 7 % of it
 CASE = "case"  # 64 bits, and not a text: as many as there are cases
 
 Index = NDArray[np.signedinteger[Any]]
@@ -166,7 +168,13 @@ def open_table(folder: Path, axes: Sequence[str]) -> Table:
 
 
 def _written(folder: Path, journal: Sequence[Path], axes: Sequence[str], valid: str) -> Table:
-    kept = os.access(folder, os.W_OK)
+    needed = SHARE * sum(path.stat().st_size for path in journal)
+    kept = os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > needed
+    if not kept and shutil.disk_usage(tempfile.gettempdir()).free < needed:
+        raise OutputError(
+            f"{folder}: its rows are read through a file of columns, and there is no room for its "
+            f"{needed / 1e6:.0f} MB, neither there nor in {tempfile.gettempdir()}: make room"
+        )
     part = (folder if kept else Path(tempfile.gettempdir())) / f"{FILE}.{os.getpid()}.part"
     try:
         with writing(part), h5py.File(part, "w", libver="latest", locking=False) as file:

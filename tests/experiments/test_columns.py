@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import statistics
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from flexaxis.experiments.results import columnar, export
 from flexaxis.experiments.results.columns import COLUMNS, UNITS
 from flexaxis.experiments.results.cube import cube_of
 from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
@@ -373,3 +375,17 @@ def test_a_data_frame_has_types(stored, tmp_path):
     assert str(frame["diverged"].dtype) == "boolean" and frame["diverged"].sum() == 4
     assert frame["lag"].dtype == np.float64 and str(frame["seed"].dtype) == "Int64"
     assert frame.groupby(["method", "parameter"])["std"].count().sum() == 72
+
+
+def test_a_folder_without_room_is_read_elsewhere_or_said(stored, tmp_path, large, monkeypatch):
+    """Writing on until the disk is full would end the process: HDF5 does not survive it."""
+    results = stored(tmp_path, some_rows(), AXES)
+    room = {True: 0, False: 1 << 40}  # here, and where temporary files lie
+    monkeypatch.setattr(
+        columnar.shutil, "disk_usage", lambda path: SimpleNamespace(free=room[path == tmp_path])
+    )
+    assert list(results.rows) == list(by_hand(results))
+    assert [path.name for path in tmp_path.iterdir()] == ["scores.jsonl"]
+    room[False] = 0
+    with pytest.raises(OutputError, match="no room for its"):
+        len(again(results).rows)
