@@ -66,9 +66,11 @@ def opened(
         name = rows_name(plan.shard)
         if not alone:
             stack.enter_context(locked(folder / f".{name.removesuffix('.jsonl')}{LOCK}"))
-        if replace:
-            _make_room(plan.study, folder, resume)
+        if replace and not resume:
+            _make_room(plan.study, folder)
         check(plan.study, folder, plan.shard)
+        if replace:
+            unfinish(folder)  # what is made of the rows that are there is not of those to come
         rows = folder / name
         if not resume and rows.exists() and rows.stat().st_size:
             raise StudyError(
@@ -83,7 +85,7 @@ def opened(
         yield rows
 
 
-def _make_room(study: Study, folder: Path, resume: bool) -> None:
+def _make_room(study: Study, folder: Path) -> None:
     """Move a result out of the way that may be replaced; refuse what may not.
 
     Raises
@@ -92,9 +94,7 @@ def _make_room(study: Study, folder: Path, resume: bool) -> None:
         If what is there is a study with axes, which may have taken days, shares, or an unfinished
         run of something else.
     """
-    if resume:
-        unfinish(folder)  # what is made of the rows that were there is not of those to come
-    elif (folder / STUDY).exists() and _binds(folder, (1, 1)):
+    if (folder / STUDY).exists() and _binds(folder, (1, 1)):
         there = read_study(folder)
         done = not is_unfinished(folder)
         if there["axes"] or any(share_of(path) for path in row_files(folder)):
@@ -105,8 +105,7 @@ def _make_room(study: Study, folder: Path, resume: bool) -> None:
                 f"{folder} holds an unfinished run of {_summary(there)}: go on with it by "
                 "--resume and its own line, remove it, or choose another folder with -o"
             )
-    if not resume:
-        set_aside(folder)
+    set_aside(folder)
 
 
 def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:

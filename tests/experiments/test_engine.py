@@ -119,6 +119,17 @@ def test_what_a_run_comes_to_is_not_of_rows_that_were_added_since(short, tmp_pat
         load(tmp_path)
 
 
+def test_a_refusal_takes_nothing_from_a_complete_result(short, tmp_path):
+    def wanted(scenario):
+        return Benchmark(Study("s", (scenario,), ("frozen",), (0,)), "t", "flexaxis run short")
+
+    benchmark(wanted(short), tmp_path)
+    there = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    with pytest.raises(StudyError, match="holds another study"):
+        benchmark(wanted(short.override({"duration": 9.0})), tmp_path, resume=True)
+    assert there == {path: path.read_bytes() for path in there}
+
+
 def test_unlike_estimators_and_seeds_make_one_summary(short, tmp_path):
     """Five seeds of the best, for below that nothing is told apart."""
 
