@@ -18,7 +18,7 @@ import numpy as np
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.plan import varied
+from flexaxis.experiments.running.units import varied
 from flexaxis.experiments.running.work import made_with
 from flexaxis.experiments.scoring.table import SCORES, undefined
 
