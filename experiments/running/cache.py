@@ -24,20 +24,10 @@ import numpy as np
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
+from flexaxis.sim.record_file import SIGNALS
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
 
-SIGNALS = (
-    "time",
-    "torque",
-    "angle",
-    "speed",
-    "increment",
-    "true_speed",
-    "true_angle_m",
-    "true_angle_g",
-    "true_angle_a",
-)
 LIMIT = 2 * 1024**3  # bytes
 
 
