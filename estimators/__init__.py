@@ -8,13 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.model import Model, increment, three_mass, two_mass
-from flexaxis.estimators.tables import one_mass
+from flexaxis.estimators.models.axes import one_mass, three_mass, two_mass
+from flexaxis.estimators.models.model import Model, increment
 
 if TYPE_CHECKING:
-    from flexaxis.estimators.frozen import Frozen
-    from flexaxis.estimators.reference import LiteralRpem, literal_rpem
-    from flexaxis.estimators.rpem import Rpem
+    from flexaxis.estimators.methods.frozen import Frozen
+    from flexaxis.estimators.methods.literal import LiteralRpem, literal_rpem
+    from flexaxis.estimators.methods.rpem import Rpem
 
 __all__ = [
     "EstimatorError",
@@ -31,10 +31,10 @@ __all__ = [
 
 # numba and scipy take most of a second to import, so what needs them is loaded when it is used
 _LATER = {
-    "Frozen": "frozen",
-    "LiteralRpem": "reference",
-    "literal_rpem": "reference",
-    "Rpem": "rpem",
+    "Frozen": "methods.frozen",
+    "LiteralRpem": "methods.literal",
+    "literal_rpem": "methods.literal",
+    "Rpem": "methods.rpem",
 }
 
 

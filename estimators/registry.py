@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.recipes import (
+from flexaxis.estimators.methods.recipes import (
     DEFAULT_IDENTIFY,
     frozen,
     oracle_reset,
@@ -14,7 +14,7 @@ from flexaxis.estimators.recipes import (
     rpem_drift,
     rpem_forgetting,
 )
-from flexaxis.estimators.rivals import forgetful, horizon, imm, joint
+from flexaxis.estimators.methods.rivals import forgetful, horizon, imm, joint
 from flexaxis.estimators.tuned import tuned
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.priors import DRIFT, known_P
+from flexaxis.estimators.offline.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.building.specs import Spec, made, parse

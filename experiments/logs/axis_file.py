@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.model import Model
-from flexaxis.estimators.tables import MODELS, model_from_tables
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean

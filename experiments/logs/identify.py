@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexaxis.estimators.delay import delay_slope, delayed
-from flexaxis.estimators.identification import Identified, output_error
-from flexaxis.estimators.model import Model, Parametrization, increment
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.offline.identification import Identified, output_error
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.spectrum import (

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from flexaxis.estimators.frequency import information, line_spectrum
-from flexaxis.estimators.model import increment
+from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.plausibility import Check, examine, refuse_nonsense

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from flexaxis.estimators.frequency import frequency_response
-from flexaxis.estimators.model import increment
+from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.plausibility import Check

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import csd, welch
 
-from flexaxis.estimators.frequency import frequency_response
-from flexaxis.estimators.model import Model, increment
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.errors import LogError
 
 Array = NDArray[np.float64]

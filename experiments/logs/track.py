@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexaxis.estimators.delay import delayed
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.model import Model, increment
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.offline.delay import delayed
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import Spec, made

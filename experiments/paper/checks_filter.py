@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.adaptation import estimate_covariance, steady_P
+from flexaxis.estimators.offline.adaptation import estimate_covariance, steady_P
 from flexaxis.experiments.paper.claims import Decided, Evidence, by_name, check
 from flexaxis.experiments.paper.convergence import (
     FORGETTING,

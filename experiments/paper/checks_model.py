@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from flexaxis.estimators import Rpem, literal_rpem
-from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.paper.claims import Decided, Evidence, by_name, check
 from flexaxis.experiments.paper.convergence import FORGETTING, steady
 from flexaxis.experiments.paper.data import Data, signals

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators import priors
-from flexaxis.estimators.adaptation import steady_P
-from flexaxis.estimators.frequency import information, line_spectrum
+from flexaxis.estimators.offline import priors
+from flexaxis.estimators.offline.adaptation import steady_P
+from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.experiments.paper.data import Data
 from flexaxis.experiments.paper.filters import Adaptation, FilterRuns, filtered
 from flexaxis.experiments.scoring.pools import settles, spread_at_a_time

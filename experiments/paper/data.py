@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.model import Model, Parametrization, three_mass
+from flexaxis.estimators.models.axes import three_mass
+from flexaxis.estimators.models.model import Model, Parametrization
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.dispatch import spread

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.adaptation import (
+from flexaxis.estimators.offline.adaptation import (
     drift_for,
     estimate_covariance,
     steady_P,

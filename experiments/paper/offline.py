@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.arx import Arx, fit_arx
-from flexaxis.estimators.frequency import frequency_response
-from flexaxis.estimators.identification import Identified, output_error
+from flexaxis.estimators.offline.arx import Arx, fit_arx
+from flexaxis.estimators.offline.frequency import frequency_response
+from flexaxis.estimators.offline.identification import Identified, output_error
 from flexaxis.experiments.paper.data import Data, signals
 from flexaxis.sim.record import Record
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexaxis.estimators.adaptation import steady_P
-from flexaxis.estimators.frequency import frequency_response
+from flexaxis.estimators.offline.adaptation import steady_P
+from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.paper import offline
 from flexaxis.experiments.paper.checks_filter import settled_after
 from flexaxis.experiments.paper.checks_model import PEAKS, low_energy, torque_lines, torque_peaks

@@ -15,8 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.model import Model, Parametrization, increment, three_mass
-from flexaxis.estimators.predictor import sampled_system
+from flexaxis.estimators.models.axes import three_mass
+from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -216,7 +217,7 @@ def drift_tracking_variance(
     Q, variance, walk
         As for `tracking_covariance`.
     P : (p, p) array_like
-        Steady state, as from `flexaxis.estimators.adaptation.steady_P`.
+        Steady state, as from `flexaxis.estimators.offline.adaptation.steady_P`.
     """
     P_ii, Q_ii = np.diag(np.asarray(P)), np.diag(np.asarray(Q))
     return variance * P_ii / 2 + np.diag(np.asarray(walk)) / (2 * P_ii * Q_ii)

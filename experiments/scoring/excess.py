@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import linear_model, noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.nominal import nominal_torque

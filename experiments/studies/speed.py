@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass
-from flexaxis.estimators.ekf import joint_ekf
-from flexaxis.estimators.reference import extended_system
+from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.sampling.extended import extended_system
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.simulate import simulate

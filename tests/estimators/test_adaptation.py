@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from flexaxis.estimators import EstimatorError, Rpem, three_mass
-from flexaxis.estimators.adaptation import (
+from flexaxis.estimators.offline.adaptation import (
     drift_for,
     estimate_covariance,
     steady_P,

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from flexaxis.estimators import Rpem, compiler, three_mass
-from flexaxis.estimators.kernel import rpem_loop
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.recursion.kernel import rpem_loop
+from flexaxis.estimators.sampling import compiler
 
 PROGRAM = """
 import json, sys, time

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.ekf import joint_ekf
+from flexaxis.estimators.methods.ekf import joint_ekf
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005

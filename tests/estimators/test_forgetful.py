@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, Rpem, three_mass
-from flexaxis.estimators.forgetful import forgetful_rpem
-from flexaxis.estimators.oracle_reset import OracleReset
-from flexaxis.estimators.priors import known_P
-from flexaxis.estimators.reference import discretize, extended_system
+from flexaxis.estimators.methods.forgetful import forgetful_rpem
+from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.offline.priors import known_P
+from flexaxis.estimators.sampling.extended import discretize, extended_system
 
 NAMES = ("k_T", "1/J_a", "f_m")
 P0 = known_P(NAMES, forgetting=0.995)

@@ -4,8 +4,8 @@ import control
 import numpy as np
 
 from flexaxis.estimators import three_mass
-from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
+from flexaxis.estimators.offline.predictor import predict
 
 NAMES = ("k_T", "1/J_a", "f_m")
 OMEGA = np.linspace(5.0, 600.0, 50)

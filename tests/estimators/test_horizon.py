@@ -6,8 +6,8 @@ from scipy.linalg import expm
 from scipy.optimize import least_squares
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.horizon import moving_horizon
-from flexaxis.estimators.priors import known_P
+from flexaxis.estimators.methods.moving_horizon import moving_horizon
+from flexaxis.estimators.offline.priors import known_P
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 P0 = known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, three_mass, two_mass
-from flexaxis.estimators.identification import output_error
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.identification import output_error
+from flexaxis.estimators.offline.predictor import predict
 
 NAMES = ("k_T", "1/J_a", "f_m")
 THETA = np.array([1.0, 1.25, 0.05])

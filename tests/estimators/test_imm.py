@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.ekf import joint_ekf
-from flexaxis.estimators.imm import joint_imm, mode_probabilities
+from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.methods.imm import joint_imm, mode_probabilities
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 T, SIGMA = 0.005, 0.1

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
-from flexaxis.estimators.kernel import rpem_loop
-from flexaxis.estimators.pattern import split, unflatten
-from flexaxis.estimators.plan import plan
+from flexaxis.estimators.recursion.kernel import rpem_loop
+from flexaxis.estimators.sampling.pattern import split, unflatten
+from flexaxis.estimators.sampling.plan import plan
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
 DRIFT = [5e-8, 50e-8, 500e-8]

@@ -3,7 +3,7 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
-from flexaxis.estimators.formula import multiply_out
+from flexaxis.estimators.models.formula import multiply_out
 
 EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")
 

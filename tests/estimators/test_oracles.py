@@ -8,13 +8,13 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.forgetful import forgetful_rpem
-from flexaxis.estimators.oracle_reset import OracleReset
-from flexaxis.estimators.plan import plan
-from flexaxis.estimators.recipes import rpem_forgetting
-from flexaxis.estimators.refit import Past, explain
-from flexaxis.estimators.rivals import imm, joint
-from flexaxis.estimators.sampled import terms
+from flexaxis.estimators.methods.forgetful import forgetful_rpem
+from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.methods.recipes import rpem_forgetting
+from flexaxis.estimators.methods.rivals import imm, joint
+from flexaxis.estimators.relocate.refit import Past, explain
+from flexaxis.estimators.sampling.plan import plan
+from flexaxis.estimators.sampling.sampled import terms
 
 T = 0.005
 NAMES = ("k_T", "1/J_a", "f_m")

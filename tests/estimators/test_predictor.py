@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators import increment, three_mass
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.predictor import predict
 
 T = 0.005
 

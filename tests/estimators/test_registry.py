@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, registry
-from flexaxis.estimators.priors import default_drift, gradient, known_P, nominal_P
+from flexaxis.estimators.offline.priors import default_drift, gradient, known_P, nominal_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 
 
@@ -101,7 +101,8 @@ def test_recipe_gives_the_published_data(nominal, loop):
     "options", [{"regularization": 0.3}, {"drift": [5e-8, 50e-8, 500e-8]}, {"forgetting": 0.99}]
 )
 def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
-    from flexaxis.estimators import reference, three_mass
+    from flexaxis.estimators import three_mass
+    from flexaxis.estimators.methods import literal as reference
 
     model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
     P, kept = np.diag(model.theta**2 / 100), []

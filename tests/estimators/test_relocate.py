@@ -6,15 +6,15 @@ from scipy.linalg import expm, solve_toeplitz
 from scipy.signal import lfilter
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.case import Case, Comparison
-from flexaxis.estimators.history import write_colour
-from flexaxis.estimators.plan import plan
-from flexaxis.estimators.predictor import predict
-from flexaxis.estimators.priors import known_P
-from flexaxis.estimators.refit import Change, Past, _normal_equations, explain, replay
-from flexaxis.estimators.relocate import Relocate
-from flexaxis.estimators.sampled import sample, terms
-from flexaxis.estimators.screen import screen
+from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.priors import known_P
+from flexaxis.estimators.relocate.case import Case, Comparison
+from flexaxis.estimators.relocate.filter import Relocate
+from flexaxis.estimators.relocate.memory import write_colour
+from flexaxis.estimators.relocate.refit import Change, Past, _normal_equations, explain, replay
+from flexaxis.estimators.relocate.screen import screen
+from flexaxis.estimators.sampling.plan import plan
+from flexaxis.estimators.sampling.sampled import sample, terms
 
 NAMES = ("k_T", "1/J_a", "f_m")
 SUSPECTS = ("J_m", "J_g", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")

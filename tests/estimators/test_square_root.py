@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexaxis.estimators.square_root import cholesky, forward, triangularize
+from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
 
 RNG = np.random.default_rng(0)
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
-from flexaxis.estimators.ekf import joint_ekf
-from flexaxis.estimators.ukf import joint_ukf
+from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.methods.ukf import joint_ukf
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 T = 0.005

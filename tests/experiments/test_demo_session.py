@@ -7,7 +7,7 @@ import pytest
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.priors import known_P
+from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.demo.dots import Scorer
 from flexaxis.experiments.demo.live_axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, Racer

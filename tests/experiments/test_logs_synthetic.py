@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.delay import delay_slope, delayed
+from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import find_changes

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.estimators import priors
-from flexaxis.estimators.model import Parametrization
+from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import data, reproduce
 from flexaxis.experiments.paper.data import Size

@@ -1,0 +1,1 @@
+"""The estimators, one module each, with the entry under which it is registered."""

@@ -1,0 +1,1 @@
+"""What an axis is: a linear grey-box model as tables of formulas."""

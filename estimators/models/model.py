@@ -1,0 +1,256 @@
+"""
+A linear grey-box model as data: A, B and C as tables of readable entries.
+
+Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. It is
+multiplied out once into monomials ``c·Πθ^e``, and from those follow the matrices at any θ, their
+derivatives, and the compiled filters, for any choice of identified parameters.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.models.formula import Monomial, multiply_out
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Model:
+    """
+    ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
+
+    Parameters
+    ----------
+    name : str
+        What to call the model in messages.
+    states : sequence of str
+        Names of the n states.
+    A : sequence of n rows of n str
+        Entries of A; ``+ - * /``, integer powers (``^`` or ``**``), brackets, names, numbers.
+    B, C : sequence of n str
+        Entries of the column B and of the row C.
+    nominal : mapping
+        Nominal value of every physical parameter [SI].
+    reset : sequence of str
+        States that are set to zero, with their sensitivities, at the start of every sample.
+
+    Raises
+    ------
+    EstimatorError
+        If the tables do not fit together, an entry cannot be read, or a nominal value is missing
+        or not finite.
+
+    Examples
+    --------
+    >>> lag = Model("lag", states=("v",), A=[["-f/J"]], B=["k/J"], C=["1"],
+    ...             nominal={"f": 2.0, "J": 1.0, "k": 3.0})
+    >>> lag.parametrize(["f"]).matrices([2.0])[0]
+    array([[-2.]])
+    """
+
+    name: str
+    states: Sequence[str]
+    A: Sequence[Sequence[str]]
+    B: Sequence[str]
+    C: Sequence[str]
+    nominal: Mapping[str, float]
+    reset: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        n = len(self.states)
+        if [len(self.A), len(self.B), len(self.C), *map(len, self.A)] != [n] * (n + 3):
+            raise EstimatorError(
+                f"model {self.name!r} has {n} states, so A takes {n} rows of {n} entries, "
+                f"and B and C take {n} entries each"
+            )
+        for state in self.reset:
+            if state not in self.states:
+                raise EstimatorError(
+                    f"model {self.name!r} resets an unknown state {state!r}: "
+                    + did_you_mean(state, self.states)
+                )
+        for name in self.parameters:
+            if not np.isfinite(self.nominal.get(name, np.nan)):
+                raise EstimatorError(
+                    f"model {self.name!r} needs a finite nominal value of {name!r}; "
+                    f"given: {', '.join(self.nominal) or 'none'}"
+                )
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Physical parameters that occur in the entries, in the order of ``nominal``."""
+        used = {name for *_, (_, powers) in self.monomials() for name in powers}
+        order = list(self.nominal)
+        return tuple(sorted(used, key=lambda p: (order.index(p) if p in order else len(order), p)))
+
+    def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
+        """Row, column and monomial of every term of the block matrix [A B; C 0]."""
+        rows = [[*row, b] for row, b in zip(self.A, self.B, strict=True)] + [[*self.C, "0"]]
+        for i, row in enumerate(rows):
+            for j, entry in enumerate(row):
+                for monomial in multiply_out(entry):
+                    yield i, j, monomial
+
+    def parametrize(self, identify: Sequence[str]) -> "Parametrization":
+        """
+        Choose the parameters to identify; all others become numbers.
+
+        Parameters
+        ----------
+        identify : sequence of str
+            Physical parameters by name, ``"J_a"``, or their inverses, ``"1/J_a"``.
+
+        Returns
+        -------
+        Parametrization
+            The model as a function of θ.
+
+        Raises
+        ------
+        EstimatorError
+            If a name is unknown, is given twice, or nothing is given.
+        """
+        physical = [name.removeprefix("1/") for name in identify]
+        for name, given in zip(physical, identify, strict=True):
+            if name not in self.parameters:
+                raise EstimatorError(
+                    f"model {self.name!r} has no parameter {given!r} to identify: "
+                    + did_you_mean(name, self.parameters)
+                    + "; or an inverse, such as '1/J_a'"
+                )
+            if physical.count(name) > 1:
+                raise EstimatorError(
+                    f"identify names {name!r} twice in {', '.join(identify)}; name it once"
+                )
+        if not physical:
+            raise EstimatorError("identify is empty; name at least one parameter")
+        sign = np.array([-1 if name.startswith("1/") else 1 for name in identify])
+        rows, columns, coefficients, exponents = [], [], [], []
+        for row, column, (coefficient, powers) in self.monomials():
+            fixed = [self.nominal[k] ** float(e) for k, e in powers.items() if k not in physical]
+            rows.append(row)
+            columns.append(column)
+            coefficients.append(coefficient * float(np.prod(fixed)))
+            exponents.append([powers.get(name, 0) for name in physical] * sign)
+        return Parametrization(
+            names=tuple(identify),
+            theta=np.array([self.nominal[k] for k in physical], float) ** sign,
+            n=len(self.states),
+            row=np.array(rows),
+            column=np.array(columns),
+            coefficient=np.array(coefficients),
+            exponent=np.array(exponents),
+            reset=tuple(list(self.states).index(state) for state in self.reset),
+        )
+
+
+@dataclass(frozen=True)
+class Parametrization:
+    """
+    A model as a function of θ: the terms c·Πθ^e of the block matrix [A B; C 0].
+
+    Attributes
+    ----------
+    names : tuple of str
+        The identified parameters.
+    theta : (p,) array
+        Their nominal values.
+    n : int
+        Number of states.
+    row, column : (t,) int arrays
+        Place of each term in the (n+1, n+1) block matrix.
+    coefficient : (t,) array
+        Factor c of each term, with all parameters that are not identified multiplied in.
+    exponent : (t, p) int array
+        Powers of θ in each term.
+    reset : tuple of int
+        States that are zero at the start of every sample.
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    n: int
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    coefficient: Array
+    exponent: NDArray[np.int64]
+    reset: tuple[int, ...]
+
+    def blocks(self, theta: ArrayLike) -> Array:
+        """
+        Return the block matrix [A B; C 0] at θ and its p derivatives, (1+p, n+1, n+1).
+
+        Parameters
+        ----------
+        theta : (p,) array_like
+            Identified parameters.
+        """
+        theta = np.asarray(theta, float)
+        blocks = np.zeros((1 + len(theta), self.n + 1, self.n + 1))
+        place = self.row, self.column
+        np.add.at(blocks[0], place, self.coefficient * np.prod(theta**self.exponent, axis=1))
+        for i, e in enumerate(self.exponent.T):
+            lowered = self.exponent.copy()
+            lowered[e != 0, i] -= 1
+            slope = self.coefficient * e * np.prod(theta**lowered, axis=1)
+            np.add.at(blocks[1 + i], place, slope)
+        return blocks
+
+    def matrices(self, theta: ArrayLike) -> tuple[Array, Array, Array]:
+        """
+        Return A (n, n), B (n, 1) and C (1, n) at θ, paper eq. (3), (4).
+
+        Parameters
+        ----------
+        theta : (p,) array_like
+            Identified parameters.
+        """
+        block = self.blocks(theta)[0]
+        return block[:-1, :-1], block[:-1, -1:], block[-1:, :-1]
+
+    def derivatives(self, theta: ArrayLike) -> tuple[Array, Array, Array]:
+        """
+        Return ∂A (p, n, n), ∂B (p, n, 1) and ∂C (p, 1, n) at θ, paper eq. (18), (20), (24).
+
+        Parameters
+        ----------
+        theta : (p,) array_like
+            Identified parameters.
+        """
+        block = self.blocks(theta)[1:]
+        return block[:, :-1, :-1], block[:, :-1, -1:], block[:, -1:, :-1]
+
+
+def increment(model: Model, period: float) -> Model:
+    """
+    Return the model whose output is the mean speed (φ[k]−φ[k−1])/T over the last sample.
+
+    One more state integrates the output from zero in every sample, so the increment of the angle
+    is modelled exactly; differencing the angle and calling it speed biases the estimates instead.
+
+    Parameters
+    ----------
+    model : Model
+        Model whose output is the speed.
+    period : float
+        Sampling period T [s].
+
+    Returns
+    -------
+    Model
+        The same with the state ``angle_increment`` appended, and the new output.
+    """
+    grown = [[*row, "0"] for row in model.A] + [[*model.C, "0"]]
+    return replace(
+        model,
+        name=f"{model.name}, increments",
+        states=(*model.states, "angle_increment"),
+        A=grown,
+        B=(*model.B, "0"),
+        C=(*("0" for _ in model.states), repr(1 / float(period))),
+        reset=(*model.reset, "angle_increment"),
+    )

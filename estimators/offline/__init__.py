@@ -1,0 +1,1 @@
+"""What looks at a whole record: identification, frequency responses, priors, theory."""

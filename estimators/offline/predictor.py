@@ -1,0 +1,43 @@
+"""The output-error predictor and its gradient at fixed parameters, for a whole record at once."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.sampling.extended import sampled_system
+
+Array = NDArray[np.float64]
+
+
+def predict(
+    model: Parametrization, theta: ArrayLike, u: ArrayLike, *, period: float = 0.005
+) -> tuple[Array, Array]:
+    """
+    Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), from rest; eq. (15)–(23).
+
+    Exact for a torque that is held over each sample.
+
+    Parameters
+    ----------
+    model : Parametrization
+    theta : (p,) array_like
+        Identified parameters.
+    u : (N,) array_like
+        Torque; u[k] is held on [t_k, t_{k+1}) and first acts on ŷ[k+1].
+    period : float
+        Sampling period T [s].
+    """
+    transition, gain, output = sampled_system(model, theta, period)
+    outputs = _respond(transition, gain, output, np.ascontiguousarray(u, float))
+    return outputs[:, -1], outputs[:, :-1]
+
+
+@njit(cache=True, nogil=True)
+def _respond(transition, gain, output, u):
+    X = np.zeros(len(transition))
+    outputs = np.empty((len(u), len(output)))
+    for k in range(len(u)):
+        outputs[k] = output @ X
+        X = transition @ X + gain * u[k]
+    return outputs

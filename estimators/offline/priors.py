@@ -1,0 +1,182 @@
+"""P(0) and Δ to start from: the paper's recipe, and its result for the nominal axis."""
+
+import pickle
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.model import Model, Parametrization
+from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.kernel import subtract
+from flexaxis.estimators.sampling.extended import discretize, extended_system
+
+Array = NDArray[np.float64]
+
+# the recipe's result on the nominal axis and reference, for the paper's three parameters
+P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # times (1−λ)/0.005
+P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
+DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
+RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
+
+
+def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: float) -> Array:
+    """
+    Return ψ (N, p) along a torque u (N,) at fixed parameters, eq. (16)–(23).
+
+    Parameters
+    ----------
+    model : Parametrization
+    theta : (p,) array_like
+    u : (N,) array_like
+    period : float
+        Sampling period [s].
+    """
+    F, G, H = extended_system(model, np.asarray(theta, float))
+    transition, gain = discretize(F, G, period)
+    # a state that starts every sample at zero has no influence on the next
+    transition.reshape(len(F), -1, model.n)[:, :, list(model.reset)] = 0.0
+    X = np.zeros(len(F))
+    psi = np.empty((len(np.asarray(u)), len(H) - 1))
+    for k, torque in enumerate(np.asarray(u, float)):
+        psi[k] = H[:-1] @ X
+        X = transition @ X + gain[:, 0] * torque
+    return psi
+
+
+def nominal_P(
+    model: Model,
+    u: ArrayLike,
+    *,
+    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    period: float = 0.005,
+    forgetting: float | None = None,
+    drift: ArrayLike | None = None,
+    regularization: float = 0.0,
+    output: str = "speed",
+) -> Array:
+    """
+    Return the diagonal of P(0) by the recipe of the paper's section 5.2.
+
+    P is updated with ψ computed at the nominal parameters; the mean of its diagonal over the
+    second half of the record, after the transient, is P(0).
+
+    Parameters
+    ----------
+    model : Model
+    u : (N,) array_like
+        Torque of a nominal run, some tens of seconds of it.
+    identify, period, forgetting, drift, regularization, output
+        As for `flexaxis.estimators.Rpem`.
+
+    Returns
+    -------
+    (p,) array
+
+    Raises
+    ------
+    EstimatorError
+        If an option or the torque cannot be used.
+    """
+    design = make_design(
+        model,
+        identify=identify,
+        theta0=None,
+        P0=(parametrization := model.parametrize(identify)).theta ** 2 / 100,
+        period=period,
+        forgetting=forgetting,
+        drift=drift,
+        regularization=regularization,
+        bounds=None,
+        output=output,
+    )
+    asked = design.model, parametrization.theta, np.asarray(u, float), period
+    psi = _remembered(_Asked(pickle.dumps(asked), asked))
+    if not len(psi):
+        raise EstimatorError("u is empty; give the torque of some tens of seconds")
+    P = np.array(design.P0)
+    return _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Arguments of `gradient`, told apart by their content."""
+
+    content: bytes
+    arguments: tuple = field(compare=False)
+
+
+# A benchmark makes each of many estimators anew for every record, all with the same gradient.
+@lru_cache(maxsize=32)
+def _remembered(asked: _Asked) -> Array:
+    return gradient(*asked.arguments)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mean_diagonal(psi, P, forgetting, drift, regularization):
+    """Update P along ψ (N, p), eq. (7), (9), (10), (12); return its mean diagonal, second half."""
+    N, p = psi.shape
+    gain, total = np.empty(p), np.zeros(p)
+    for k in range(N):
+        s = 1.0
+        for i in range(p):
+            gain[i] = 0.0
+            for j in range(p):
+                gain[i] += P[i, j] * psi[k, j]
+            s += psi[k, i] * gain[i]
+        subtract(P, gain, 1.0 / s)
+        for i in range(p):
+            for j in range(p):
+                P[i, j] = P[i, j] / forgetting + drift[i, j]
+        for axis in range(p):  # (12) measures every parameter once, with weight μ
+            for i in range(p):
+                gain[i] = P[i, axis]
+            subtract(P, gain, regularization / (1.0 + regularization * P[axis, axis]))
+        for i in range(p if k >= N // 2 else 0):
+            total[i] += P[i, i]
+    return total / (N - N // 2)
+
+
+def default_drift(names: Sequence[str], theta: Array) -> Array:
+    """
+    Return the diagonal of Δ: eq. (32) for the paper's parameters, else 3.2e-6·θ².
+
+    The second is the geometric mean of what (32) means relative to the paper's nominal values.
+
+    Parameters
+    ----------
+    names : sequence of str
+    theta : (p,) array
+        Nominal values.
+    """
+    return np.array(
+        [DRIFT.get(n, RELATIVE_DRIFT * t**2) for n, t in zip(names, theta, strict=True)]
+    )
+
+
+def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.0) -> Array | None:
+    """
+    Return P(0) of the nominal axis for the paper's three parameters, None for any others.
+
+    Parameters
+    ----------
+    names : sequence of str
+    forgetting : float or None
+        λ, with which P goes as 1−λ; None for covariance modification.
+    scale : float
+        Factor on Δ of eq. (32), with which P goes as its root.
+
+    Returns
+    -------
+    (p,) array or None
+    """
+    if set(names) != set(DRIFT):
+        return None
+    if forgetting is None:
+        return np.array([P_DRIFT[name] for name in names]) * np.sqrt(scale)
+    # λ = 1 has no steady state; start it as λ = 0.9999
+    return np.array([P_FORGETTING[name] for name in names]) * max(1 - forgetting, 1e-4) / 0.005

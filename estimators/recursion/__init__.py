@@ -1,0 +1,1 @@
+"""What recursive estimators share: options, the sample, the loop, and how they are run."""

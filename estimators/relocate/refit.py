@@ -1,0 +1,315 @@
+"""
+Explain a stretch of data by a change of some parameters at a known time.
+
+The state at the change is known, so the sensitivities start there at zero, as in the oracle
+Cramér–Rao bound. Levenberg–Marquardt, and Laplace's approximation of the evidence
+(D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, ch. 27–28).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from flexaxis.estimators.sampling.sampled import move, sample
+
+Array = NDArray[np.float64]
+
+TRIALS = 2  # steps of the onset by one sample, at most
+ITERATIONS = 5  # of one fit, at most
+CONVERGED = 0.02  # nats that a further step would gain
+WIDEST, NARROWEST = 1e6, 1e-6  # damping
+
+
+class Past(NamedTuple):
+    """
+    What a filter knew at some samples in a row, and what was measured from the first on.
+
+    Attributes
+    ----------
+    theta : (m, p) array
+        All parameters, at each sample at which a change may have happened.
+    x : (m, n) array
+        State.
+    likelihood : (m,) array
+        Logarithm of the likelihood of the filter up to there [nats].
+    u, y : (N,) arrays
+        Torque held after sample j of these, and the output one sample later; N ≥ m.
+    present : (N,) bool array
+        Where y is measured.
+    epsilon : (m + ORDER,) array
+        Residual of the filter, from ``ORDER`` samples earlier on.
+    colour : (ORDER,) array
+        Weights of the last residuals in the prediction of the next, latest first.
+    variance : float
+        Of what that leaves of the residual, before any change.
+    """
+
+    theta: Array
+    x: Array
+    likelihood: Array
+    u: Array
+    y: Array
+    present: NDArray[np.bool_]
+    epsilon: Array
+    colour: Array
+    variance: float
+
+
+class Change(NamedTuple):
+    """
+    A change that was fitted.
+
+    Attributes
+    ----------
+    onset : int
+        Sample of the past after which the parameters were different.
+    theta : (p,) array
+        All parameters, after the change.
+    evidence : float
+        Logarithm of the probability of all data, but for a constant [nats].
+    unexplained : float
+        Mean square of the residual over the variance of the noise; one if all is explained.
+    """
+
+    onset: int
+    theta: Array
+    evidence: float
+    unexplained: float
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
+    """
+    Fit a change of some parameters, and its time, to the past; all others stay as they were.
+
+    Parameters
+    ----------
+    terms : flexaxis.estimators.sampling.sampled.Terms
+        The model with all parameters.
+    past : Past
+    active : (q,) int array
+        Parameters that may have changed.
+    lower, upper : (p,) arrays
+        Where the parameters may be.
+    spread : float
+        Standard deviation of a change, before anything is measured, relative to the parameter.
+    guess : int
+        Sample of the past to start from.
+    theta : (p,) array
+        Parameters after the change to start from.
+
+    Returns
+    -------
+    Change
+    """
+    best, latest = guess, len(past.theta) - 1
+    evidence, misfit = -np.inf, 0.0
+    for direction in (0, -1, 1):
+        for _ in range(TRIALS if direction else 1):
+            if not 0 <= best + direction <= latest:
+                break
+            found = _at(terms, past, active, lower, upper, spread, best + direction, theta)
+            if direction and found[1] <= evidence:
+                break
+            best, (theta, evidence, misfit) = best + direction, found
+    return Change(best, theta, evidence, misfit / max(np.sum(past.present[best:]), 1))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR0917
+    """Fit a change at a known sample; return θ, evidence and misfit Σε²/σ²."""
+    before = past.theta[onset]
+    theta, evidence, misfit = _refit(
+        terms,
+        before,
+        start,
+        past.x[onset],
+        past.u[onset:],
+        past.y[onset:],
+        past.present[onset:],
+        past.epsilon[onset + 1 : onset + 1 + len(past.colour)],
+        past.colour,
+        past.variance,
+        active,
+        lower,
+        upper,
+        spread * np.abs(before),
+    )
+    return theta, past.likelihood[onset] + evidence, misfit
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _refit(  # noqa: PLR0917
+    terms, before, start, x, u, y, present, epsilon, colour, variance, active, lower, upper, spread
+):
+    q = len(active)
+    theta = before.copy()
+    for i in active:
+        theta[i] = start[i]
+    trial, step, damping = theta, np.zeros(q), 1e-3
+    for tries in range(1 + (ITERATIONS if q else 0)):
+        fit, H_trial, g_trial = _normal_equations(
+            terms, trial, x, u, y, present, epsilon, colour, variance, active
+        )
+        tried = fit + _prior(trial, before, active, spread, H_trial, g_trial)
+        if not tries:
+            misfit, cost, H, g = fit, tried, H_trial, g_trial
+        elif tried < cost:
+            gained = cost - tried
+            theta, misfit, cost, H, g = trial, fit, tried, H_trial, g_trial
+            damping = max(damping / 10, NARROWEST)
+            if gained < CONVERGED:
+                break
+        else:
+            damping *= 10
+            if damping > WIDEST or np.dot(step, g) < CONVERGED:
+                break
+        damped = H.copy()
+        for a in range(q):
+            damped[a, a] += damping * H[a, a]
+        step = g.copy()
+        _solve(damped, step)
+        trial = theta.copy()
+        for a in range(q):
+            i = active[a]
+            trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
+    evidence = -cost / 2
+    if q:
+        scaled = H.copy()
+        for a in range(q):
+            for b in range(q):
+                scaled[a, b] *= spread[active[a]] * spread[active[b]]
+        evidence -= _solve(scaled, g) / 2
+    return theta, evidence, misfit
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve(H, x):
+    """
+    Solve H x = b for positive definite H, both overwritten; return log |H|.
+
+    Cholesky's factorisation; LAPACK's takes ten seconds more to compile.
+    """
+    logarithm = 0.0
+    for i in range(len(x)):
+        for j in range(i):
+            for m in range(j):
+                H[i, j] -= H[i, m] * H[j, m]
+            H[i, j] /= H[j, j]
+            H[i, i] -= H[i, j] ** 2
+            x[i] -= H[i, j] * x[j]
+        H[i, i] = np.sqrt(H[i, i])
+        x[i] /= H[i, i]
+        logarithm += 2 * np.log(H[i, i])
+    for i in range(len(x) - 1, -1, -1):
+        for j in range(i + 1, len(x)):
+            x[i] -= H[j, i] * x[j]
+        x[i] /= H[i, i]
+    return logarithm
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _prior(theta, before, active, spread, H, g):  # noqa: PLR0917
+    """Add what is known of the change before the data to cost, curvature and slope."""
+    cost = 0.0
+    for a in range(len(active)):
+        i = active[a]
+        moved = (theta[i] - before[i]) / spread[i]
+        cost += moved**2
+        H[a, a] += 1 / spread[i] ** 2
+        g[a] -= moved / spread[i]
+    return cost
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
+    """Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over the stretch, of whitened ε and ψ."""
+    D = sample(terms, theta, active)
+    n, q, order = terms.n, len(active), len(colour)
+    X = np.zeros((1 + q, n + 1))
+    for i in range(n):
+        X[0, i] = x[i]
+    moved = np.empty_like(X)
+    lags = np.zeros((1 + q, order))  # of ε and ψ, latest first
+    for i in range(order):
+        lags[0, i] = epsilon[order - 1 - i]
+    white = np.empty(1 + q)
+    H, g, misfit = np.zeros((q, q)), np.zeros(q), 0.0
+    for k in range(len(u)):
+        move(D, X, moved, u[k])
+        X, moved = moved, X
+        for a in range(1 + q):
+            expected = 0.0
+            for i in range(order):
+                expected += colour[i] * lags[a, i]
+            fresh = X[a, n] if a else y[k] - X[0, n]
+            if not present[k]:  # as if it had come as expected
+                fresh = expected
+            white[a] = fresh - expected
+            for i in range(order - 1, 0, -1):
+                lags[a, i] = lags[a, i - 1]
+            lags[a, 0] = fresh
+        misfit += white[0] ** 2
+        for a in range(q):
+            g[a] += white[1 + a] * white[0]
+            for b in range(a + 1):
+                H[a, b] += white[1 + a] * white[1 + b]
+    for a in range(q):
+        for b in range(a):
+            H[b, a] = H[a, b]
+    return misfit / variance, H / variance, g / variance
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def replay(terms, theta, X, P, u, y, present, forgetting):  # noqa: PLR0917
+    """
+    Run least squares around a fixed θ over a stretch: the filter as if it had known θ all along.
+
+    Parameters
+    ----------
+    terms : Terms
+    theta : (p,) array
+        What the model is linearised at.
+    X : (1+p, n+1) array
+        State, and its sensitivities, at the start; overwritten by those at the end.
+    P : (p, p) array
+        At the start, for a noise variance of one; overwritten.
+    u, y, present
+        As in `Past`.
+    forgetting : float
+        λ.
+
+    Returns
+    -------
+    (p,) array
+        What the data add to θ, eq. (5)–(9) with ε = y − ŷ(θ) − ψᵀδ; zero where P is.
+    """
+    p = len(theta)
+    D = sample(terms, theta, np.arange(p))
+    n = terms.n
+    moved = np.empty_like(X)
+    ahead = X
+    delta, gain = np.zeros(p), np.empty(p)
+    for k in range(len(u)):
+        move(D, ahead, moved, u[k])
+        ahead, moved = moved, ahead
+        P /= forgetting
+        if present[k]:
+            s, epsilon = 1.0, y[k] - ahead[0, n]
+            for i in range(p):
+                gain[i] = 0.0
+                for j in range(p):
+                    gain[i] += P[i, j] * ahead[1 + j, n]
+                s += gain[i] * ahead[1 + i, n]
+                epsilon -= ahead[1 + i, n] * delta[i]
+            for i in range(p):
+                delta[i] += gain[i] * epsilon / s
+                for j in range(i + 1):
+                    P[i, j] -= gain[i] * gain[j] / s
+                    P[j, i] = P[i, j]
+    for a in range(1 + p):
+        for i in range(n + 1):
+            X[a, i] = ahead[a, i]
+    return delta
