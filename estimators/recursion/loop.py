@@ -31,10 +31,10 @@ def sample_loop(pattern: Pattern, correct: Callable, label: str) -> Compiled:
     """
     flat = pattern.flat()
 
-    def run(tunings, states, u, y, valid, estimates, trace):  # noqa: PLR0917
+    def run(tunings, states, u, y, valid, estimates, trace, *more):  # noqa: PLR0917
         taken = 0
         for k in range(len(u)):
-            stop = correct(tunings, states, k, u, y, valid, estimates, trace)
+            stop = correct(tunings, states, k, u, y, valid, estimates, trace, *more)
             for j in range(len(states)):
                 tuning, state = tunings[j], states[j]
                 evaluate(flat, tuning["coefficients"], state["theta"], state["M"])

@@ -8,12 +8,12 @@ pass forwards, for ψ and z, and one backwards, for their sums with c A^m (the a
 """
 
 import numpy as np
-from numba import njit
 
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import move, sample
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
     """
     Return the best time of a change of each parameter, its size, and what it gains.
@@ -83,7 +83,7 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
     return onset, change, gain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _forwards(D, x, u, y, present):
     """Return sensitivities z before each sample, and ψ and ε after it, zero in gaps."""
     N, p, n = len(u), len(D) - 1, len(x)
@@ -105,7 +105,7 @@ def _forwards(D, x, u, y, present):
     return z, psi, epsilon
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _product(F, G, H):
     """H ← F G, faster than a call of BLAS for matrices so small."""
     for i in range(F.shape[0]):

@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.sampling.compiler import compiled
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def terms(model: Parametrization, order: int, substeps: int, period: float) -> T
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sample(terms, theta, active):
     """
     Return the sampled system and its derivatives by some parameters.
@@ -97,7 +97,7 @@ def sample(terms, theta, active):
 
 # Loops where NumPy's assignment to slices would read better: with its messages on shapes that do
 # not fit, it takes longer to compile than all the rest.
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _held(block, duration):
     """Take the output (1+q, n+1) out of a block, for the held input does not change; scale it."""
     q, n = block.shape[0], block.shape[1] - 1
@@ -111,7 +111,7 @@ def _held(block, duration):
     return output
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _put_output(output, D):
     """Put the output into the last row, the place of the input."""
     n = D.shape[1] - 1
@@ -125,7 +125,7 @@ def _put_output(output, D):
             D[a, n, m] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _add(term, total):
     """Add a term of a series to its sum; return whether that changed anything."""
     changed = False
@@ -138,25 +138,29 @@ def _add(term, total):
     return changed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _block(terms, theta, active):
     """Return [A B; C 0] and its derivatives by the active parameters, (1+q, n+1, n+1)."""
     block = np.zeros((1 + len(active), terms.n + 1, terms.n + 1))
     for t in range(len(terms.row)):
         row, column = terms.row[t], terms.column[t]
-        value = terms.coefficient[t]
-        for i in range(len(theta)):
-            e = terms.exponent[t, i]
-            for _ in range(abs(e)):
-                value = value * theta[i] if e > 0 else value / theta[i]
-        block[0, row, column] += value
-        for a in range(len(active)):
-            i = active[a]
-            block[1 + a, row, column] += value * terms.exponent[t, i] / theta[i]
+        for a in range(-1, len(active)):
+            lowered = active[a] if a >= 0 else -1
+            if a >= 0 and terms.exponent[t, lowered] == 0:
+                continue
+            value = terms.coefficient[t]
+            for i in range(len(theta)):
+                e = terms.exponent[t, i]
+                if i == lowered:  # the derivative, which is finite where θ is zero
+                    value = value * e
+                    e -= 1
+                for _ in range(abs(e)):
+                    value = value * theta[i] if e > 0 else value / theta[i]
+            block[1 + a, row, column] += value
     return block
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _product(F, G, H):
     """H ← F G for matrices with derivatives, by the product rule; zeros of F are skipped."""
     H[:] = 0.0
@@ -174,7 +178,7 @@ def _product(F, G, H):
                         H[a, i, m] += f * G[0, j, m]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def move(D, X, moved, u):
     """Take states and sensitivities [x; y] over one sample; the place of y lends itself to u."""
     size = X.shape[1]

@@ -9,9 +9,9 @@ Cramér–Rao bound. Levenberg–Marquardt, and Laplace's approximation of the e
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import move, sample
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Past(NamedTuple):
     present : (N,) bool array
         Where y is measured.
     epsilon : (m + ORDER,) array
-        Residual of the filter, from ``ORDER`` samples earlier on.
+        Residual of the filter, from ``ORDER`` samples before the first on; zero where y is missing.
     colour : (ORDER,) array
         Weights of the last residuals in the prediction of the next, latest first.
     variance : float
@@ -79,7 +79,7 @@ class Change(NamedTuple):
     unexplained: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
     """
     Fit a change of some parameters, and its time, to the past; all others stay as they were.
@@ -114,10 +114,13 @@ def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: P
             if direction and found[1] <= evidence:
                 break
             best, (theta, evidence, misfit) = best + direction, found
-    return Change(best, theta, evidence, misfit / max(np.sum(past.present[best:]), 1))
+    measured = 0
+    for k in range(best, len(past.present)):
+        measured += past.present[k]
+    return Change(best, theta, evidence, misfit / max(measured, 1))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR0917
     """Fit a change at a known sample; return θ, evidence and misfit Σε²/σ²."""
     before = past.theta[onset]
@@ -140,7 +143,7 @@ def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR09
     return theta, past.likelihood[onset] + evidence, misfit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _refit(  # noqa: PLR0917
     terms, before, start, x, u, y, present, epsilon, colour, variance, active, lower, upper, spread
 ):
@@ -150,7 +153,7 @@ def _refit(  # noqa: PLR0917
         theta[i] = start[i]
     trial, step, damping = theta, np.zeros(q), 1e-3
     for tries in range(1 + (ITERATIONS if q else 0)):
-        fit, H_trial, g_trial = _normal_equations(
+        fit, H_trial, g_trial = normal_equations(
             terms, trial, x, u, y, present, epsilon, colour, variance, active
         )
         tried = fit + _prior(trial, before, active, spread, H_trial, g_trial)
@@ -185,7 +188,7 @@ def _refit(  # noqa: PLR0917
     return theta, evidence, misfit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _solve(H, x):
     """
     Solve H x = b for positive definite H, both overwritten; return log |H|.
@@ -210,7 +213,7 @@ def _solve(H, x):
     return logarithm
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _prior(theta, before, active, spread, H, g):  # noqa: PLR0917
     """Add what is known of the change before the data to cost, curvature and slope."""
     cost = 0.0
@@ -223,9 +226,21 @@ def _prior(theta, before, active, spread, H, g):  # noqa: PLR0917
     return cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
-    """Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over the stretch, of whitened ε and ψ."""
+@compiled
+def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
+    """
+    Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over a stretch, of whitened ε and ψ.
+
+    Parameters
+    ----------
+    terms, theta, active
+        As for `explain`.
+    x : (n,) array
+        State before the stretch, which does not depend on θ.
+    u, y, present : (N,) arrays
+    epsilon, colour, variance
+        As in `Past`, the residuals right before the stretch.
+    """
     D = sample(terms, theta, active)
     n, q, order = terms.n, len(active), len(colour)
     X = np.zeros((1 + q, n + 1))
@@ -257,59 +272,8 @@ def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance,
             for b in range(a + 1):
                 H[a, b] += white[1 + a] * white[1 + b]
     for a in range(q):
-        for b in range(a):
+        g[a] /= variance
+        for b in range(a + 1):
+            H[a, b] /= variance
             H[b, a] = H[a, b]
-    return misfit / variance, H / variance, g / variance
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def replay(terms, theta, X, P, u, y, present, forgetting):  # noqa: PLR0917
-    """
-    Run least squares around a fixed θ over a stretch: the filter as if it had known θ all along.
-
-    Parameters
-    ----------
-    terms : Terms
-    theta : (p,) array
-        What the model is linearised at.
-    X : (1+p, n+1) array
-        State, and its sensitivities, at the start; overwritten by those at the end.
-    P : (p, p) array
-        At the start, for a noise variance of one; overwritten.
-    u, y, present
-        As in `Past`.
-    forgetting : float
-        λ.
-
-    Returns
-    -------
-    (p,) array
-        What the data add to θ, eq. (5)–(9) with ε = y − ŷ(θ) − ψᵀδ; zero where P is.
-    """
-    p = len(theta)
-    D = sample(terms, theta, np.arange(p))
-    n = terms.n
-    moved = np.empty_like(X)
-    ahead = X
-    delta, gain = np.zeros(p), np.empty(p)
-    for k in range(len(u)):
-        move(D, ahead, moved, u[k])
-        ahead, moved = moved, ahead
-        P /= forgetting
-        if present[k]:
-            s, epsilon = 1.0, y[k] - ahead[0, n]
-            for i in range(p):
-                gain[i] = 0.0
-                for j in range(p):
-                    gain[i] += P[i, j] * ahead[1 + j, n]
-                s += gain[i] * ahead[1 + i, n]
-                epsilon -= ahead[1 + i, n] * delta[i]
-            for i in range(p):
-                delta[i] += gain[i] * epsilon / s
-                for j in range(i + 1):
-                    P[i, j] -= gain[i] * gain[j] / s
-                    P[j, i] = P[i, j]
-    for a in range(1 + p):
-        for i in range(n + 1):
-            X[a, i] = ahead[a, i]
-    return delta
+    return misfit / variance, H, g
