@@ -19,8 +19,7 @@ from flexaxis.estimators.methods.ekf import (
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import finite_vector
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.kernel import grown
-from flexaxis.estimators.relocate.memory import widened
+from flexaxis.estimators.recursion.kernel import grown, widened
 from flexaxis.estimators.sampling.compiler import compile_loop, jit
 from flexaxis.estimators.sampling.lanes import advance, evaluate
 from flexaxis.estimators.sampling.pattern import Pattern, split

@@ -16,7 +16,6 @@ from flexaxis.estimators.tuned import tuned
 
 if TYPE_CHECKING:
     from flexaxis.estimators.recursion.filter import CompiledFilter
-    from flexaxis.estimators.relocate.filter import Relocate
 
 
 def joint(
@@ -148,51 +147,6 @@ def horizon(
     )
 
 
-def relocate(
-    nominal: Nominal,
-    period: float,
-    *,
-    identify: Sequence[str] = PAPER,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
-    alarm: float = 10.0,
-    gain: float = 14.0,
-) -> "Relocate":
-    """
-    Make the filter that detects, rewinds and refits; every parameter but r is a suspect.
-
-    Parameters
-    ----------
-    alarm, gain : float
-        Evidence at which the residual is looked into, and that a change needs [nats].
-    """
-    from flexaxis.estimators.offline import priors
-    from flexaxis.estimators.relocate.filter import Relocate
-
-    model = model_of(nominal)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=forgetting,
-        output=output,
-    )
-    return Relocate(
-        model,
-        identify=identify,
-        suspects=[name for name in model.parameters if name != "r"],
-        P0=initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
-        period=period,
-        forgetting=forgetting,
-        alarm=alarm,
-        gain=gain,
-        output=output,
-    )
-
-
 ENTRIES = (
     Entry(
         "ekf",
@@ -229,14 +183,5 @@ ENTRIES = (
         0.994,
         ("#332288", "P"),
         10,
-    ),
-    Entry(
-        "relocate",
-        "detects a jump, rewinds to it and refits whichever physical parameter explains it",
-        relocate,
-        "forgetting",
-        0.995,
-        ("#882255", "*"),
-        30,
     ),
 )

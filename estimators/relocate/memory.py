@@ -21,7 +21,7 @@ from flexaxis.estimators.recursion.measurement import (
     publish,
 )
 from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.relocate.colour import NORMAL, listen, listening
+from flexaxis.estimators.relocate.colour import NORMAL, listen, listening, resting
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
 from flexaxis.estimators.sampling.pattern import Pattern
@@ -169,13 +169,18 @@ class Memory:
             The other filter at each later sample, and one sample ahead.
         """
         places, state = self._places(int(row["count"])), self.state
-        lanes = replayed.X.shape[1]
+        lanes, last = replayed.X.shape[1], self._ring["epsilon"][places[-1]]
         for name in REPLAYED:
             self._ring[name][places] = getattr(replayed, name)[:-1]
         self._ring["X"][places, :, :lanes] = replayed.X[:-1].transpose(0, 2, 1)
         self._ring["psi"][places] = replayed.X[:-1, 1:, -1]
         before = np.array([row])
         relearn(self._tuning, self._ring, places, replayed.spread, before, self._states)
+        # what the other filter left out is left out for good, but for the last sample, of which it
+        # is not known yet whether it is an outlier
+        self._ring["valid"][places[:-1]] = ~np.isnan(replayed.epsilon[:-2])
+        if np.isnan(replayed.epsilon[-2]):
+            self._ring["epsilon"][places[-1]] = last
         state["theta"], state["P"] = replayed.theta[-1], replayed.P[-1]
         state["claim"], state["X"][:, :lanes] = replayed.claim[-1], replayed.X[-1].T
 
@@ -204,7 +209,8 @@ def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: 
     state["u"], state["y"], state["valid"] = u[k], y[k], int(valid[k])
     state["count"] += 1
     ring[(state["count"] - 1) % len(ring)] = state
-    predict(tuning, state)
+    if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
+        predict(tuning, state)
     publish(state, k, estimates, trace)
     return ringing or state["count"] == state["stop"]
 
@@ -217,11 +223,9 @@ def relearn(tunings, ring, places, spread, before, states):  # noqa: PLR0917
         row = ring[places[k]]
         hand_on(earlier, row)
         row["armed"], row["learning"], row["quiet"] = 0, 1, row["noise"]
-        if row["valid"]:
+        if not np.isnan(row["epsilon"]):
             listen(tuning, row, row["y"])
             learn(tuning, row, row["epsilon"] ** 2 / spread[k])
-        else:
-            row["epsilon"] = np.nan
         earlier = row
     hand_on(earlier, states[0])
 

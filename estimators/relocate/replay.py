@@ -25,7 +25,7 @@ class Replayed(NamedTuple):
     X : (N+1, 1+p, n+1) array
         State and output, and their sensitivities.
     epsilon : (N+1,) array
-        Residual of each measurement; zero in gaps.
+        Residual of each measurement; NaN in gaps.
     scale, spread : (N+1,) arrays
         1 + ψᵀPψ and 1 + ψᵀΣψ before it; one in gaps.
     """
@@ -81,7 +81,7 @@ def replay(
         np.empty((N, p, p)),
         np.empty((N, p, p)),
         np.empty((N, rows, columns)),
-        np.zeros(N),
+        np.full(N, np.nan),
         np.ones(N),
         np.ones(N),
     )
