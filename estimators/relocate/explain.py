@@ -108,7 +108,9 @@ class Ranking:
     def lead(self) -> float:
         """How far the best one is ahead of every other single parameter [nats]."""
         others = [
-            found.odds for i, found in enumerate(self.explanations[: self.singles]) if i != self.best
+            found.odds
+            for i, found in enumerate(self.explanations[: self.singles])
+            if i != self.best
         ]
         return self.odds - max(others, default=-np.inf)
 
@@ -207,18 +209,8 @@ class Hypotheses:
     def _fit(self, past: Past, active: NDArray[np.int64], guess: int, theta: Array) -> Change:
         return Change(*explain(self.terms, past, active, *self.box, SPREAD, guess, theta))
 
-    def warm_up(self, theta: Array) -> None:
-        """Let everything compile now rather than at the first alarm."""
-        one, rest = np.zeros(1), np.zeros((1, self.terms.n))
-        past = Past(
-            theta[None], rest, one, one, one, np.ones(1, bool), np.zeros(1 + ORDER),
-            np.zeros(ORDER), 1.0,
-        )  # fmt: skip
-        self._fit(past, np.arange(1), 0, theta)
-        self._screen(past, 1.0)
 
-
-def past_of(before: Stretch, memory: Memory, normal: Normal, n: int) -> Past:
+def past_of(before: Stretch, memory: Memory, normal: Normal) -> Past:
     """
     Return the past in which a change is looked for.
 
@@ -230,12 +222,12 @@ def past_of(before: Stretch, memory: Memory, normal: Normal, n: int) -> Past:
     memory : Memory
         For what was measured since.
     normal : Normal
-    n : int
-        Number of states.
     """
     u, y, present = memory.signals(before.first)
     residuals = memory.read("epsilon", before.first - ORDER)
-    alone = outliers(residuals, np.sqrt(normal.variance * memory.read("scale", before.first - ORDER)))
+    alone = outliers(
+        residuals, np.sqrt(normal.variance * memory.read("scale", before.first - ORDER))
+    )
     epsilon = np.where(alone | np.isnan(residuals), 0.0, residuals)[: len(before.rows) + ORDER]
     weights, remains = normal.colour[:-1], normal.colour[-1]
     own = before.rows["epsilon"]
@@ -244,7 +236,7 @@ def past_of(before: Stretch, memory: Memory, normal: Normal, n: int) -> Past:
     white = whitened(epsilon, before.rows["scale"], known, normal)
     return Past(
         theta=before.theta,
-        x=before.state(n),
+        x=before.x,
         likelihood=likelihood(white, before.rows["scale"], known),
         u=u[:-1].copy(),
         y=y,
@@ -298,4 +290,3 @@ def outliers(epsilon: Array, deviation: Array | float) -> NDArray[np.bool_]:
     size = np.nan_to_num(np.abs(epsilon))
     around = np.maximum(np.r_[0.0, size[:-1]], np.r_[size[1:], 0.0])
     return (size > OUTLIER * deviation) & (size > LONELY * np.maximum(around, deviation))
-

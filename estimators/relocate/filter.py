@@ -9,29 +9,23 @@ clearly. The filter goes back to k₀, takes the fitted value, and runs through 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.methods.start import ROBUST
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, above_zero, make_design
+from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
-from flexaxis.estimators.relocate.colour import repetition
-from flexaxis.estimators.relocate.explain import (
-    SPREAD,
-    Hypotheses,
-    Normal,
-    Ranking,
-    past_of,
-    residual,
-)
+from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
-from flexaxis.estimators.relocate.memory import Memory, Stretch
+from flexaxis.estimators.relocate.lost import Found, Lookout
+from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.opened import Opened, opened
 from flexaxis.estimators.relocate.policy import (
     TAKEN_BACK,
     Accept,
@@ -40,64 +34,15 @@ from flexaxis.estimators.relocate.policy import (
     GiveUp,
     Policy,
     Retract,
-    dubious,
 )
-from flexaxis.estimators.relocate.replay import replay
-from flexaxis.estimators.relocate.search import Search
+from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.suspects import with_suspects
 from flexaxis.estimators.sampling.pattern import split
 from flexaxis.estimators.sampling.sampled import terms
 
 Array = NDArray[np.float64]
 
-LOOK_BACK = 1.0  # s before an alarm in which its first sign may lie
-AHEAD = 0.3  # s before the first sign in which the change is looked for
-CHECK = 4.0  # s between two looks at whether the filter is lost altogether
-LOST = 0.1  # of the mean square of y left unexplained …
-FORETOLD = 0.8  # … of which so much could be foretold, so that it is no noise
-BETTER = 0.25  # of the mean square of the residual, that other parameters have to leave
-UNKNOWN = 1.0  # s after which a wrong state has been forgotten
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
-
-
-@dataclass(frozen=True)
-class Opened:
-    """
-    An alarm that is being looked into.
-
-    Attributes
-    ----------
-    alarm : int
-        Sample.
-    before : Stretch
-        What was known up to it, from where the change may have happened.
-    normal : Normal
-        What the residual was like before the first sign.
-    repeated, dubious : float
-        As of `flexaxis.estimators.relocate.policy.Case`.
-    ranking : Ranking or None
-        Of the last look.
-    accepted : int or None
-        Hypothesis that is in use …
-    onset : int
-        … and its time; before one is, that of the first sign.
-    """
-
-    alarm: int
-    before: Stretch
-    normal: Normal
-    repeated: float
-    dubious: float
-    onset: int
-    ranking: Ranking | None = None
-    accepted: int | None = None
-
-    @property
-    def active(self) -> NDArray[np.int64]:
-        """Parameters that changed, by the hypothesis in use."""
-        if self.ranking is None or self.accepted in {None, TAKEN_BACK}:
-            return np.arange(0)
-        return self.ranking.explanations[self.accepted].active
 
 
 class Relocate(RecursiveEstimator):
@@ -155,7 +100,7 @@ class Relocate(RecursiveEstimator):
         If an option cannot be used.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_terms", "_hypotheses", "_policy")
+    _shared = (*RecursiveEstimator._shared, "_design", "_hypotheses", "_rewind", "_policy")
 
     def __init__(
         self,
@@ -195,21 +140,30 @@ class Relocate(RecursiveEstimator):
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
         self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
-        order, substeps = int(tuning["order"][0]), int(tuning["substeps"][0])
-        self._terms = terms(design.model, order, substeps, period)
-        self._hypotheses = Hypotheses(self._terms, (design.lower, design.upper), self._p)
+        sizes = int(tuning["order"][0]), int(tuning["substeps"][0])
+        model_ = terms(design.model, *sizes, period)
+        box = design.lower, design.upper
+        self._hypotheses = Hypotheses(model_, box, self._p)
+        self._rewind = Rewind(model_, box, self._p, design.forgetting)
+        self._lookout = Lookout(model_, box, identified=self._p, period=period)
         self._policy = Policy(period, gain=gain)
-        self._check = round(CHECK / period)
-        self._hypotheses.warm_up(design.theta0)
+        self.reset()
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Let everything compile now rather than at the first alarm: take up what is nothing."""
+        self.run(np.zeros(3), np.zeros(3))
+        case = opened(self._memory, self._design.period)
+        past = past_of(case.before, self._memory, case.normal)
+        ranking = self._hypotheses.rank(past, case.normal.variance, None)
+        self._apply(replace(case, ranking=ranking), past, Accept())
         self.reset()
 
     def _start(self) -> None:
         self._memory.reset()
+        self._lookout.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
-        self._search: Search | None = None
-        self._said = False  # that no parameters near here explain the data
-        self._onset = 0  # of the stretch that is searched
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
         self._memory.state["stop"] = self._next_stop()
@@ -243,188 +197,98 @@ class Relocate(RecursiveEstimator):
         """Do what is due after a sample."""
         memory = self._memory
         if memory.state["armed"] and memory.ringing:
-            self._case = self._opened()
+            self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
             self._look(self._case)
-        self._seek()
-        for i in [i for i, when in self._free.items() if when <= memory.count]:
-            del self._free[i]
-            for name in ("P", "claim"):
-                memory.state[name][i, :] = memory.state[name][:, i] = 0.0
+        found = self._lookout.look(memory)
+        if found is not None:
+            self._settle(found)
+        self._freeze()
         memory.state["stop"] = self._next_stop()
 
     def _next_stop(self) -> int:
+        """Return the count at which something is due next."""
         count = self._memory.count
-        if self._search is not None:
-            return count + 1
-        due = [*self._free.values(), count - count % self._check + self._check]
+        due = [self._lookout.due(count), *self._free.values()]
         if self._case is not None:
             due += [self._case.alarm + 1 + age for age in self._policy.ages]
         return min(when for when in due if when > count)
 
-    def _opened(self) -> Opened:
-        """Return the case of an alarm, and stop learning what is normal, as it was before it."""
-        memory, period = self._memory, self._design.period
-        alarm = memory.count - 1
-        silent = int(memory.state["silent"][np.argmax(memory.state["evidence"])])
-        sign = max(silent, alarm - round(LOOK_BACK / period), memory.first)
-        before = memory.stretch(max(sign - round(AHEAD / period), 0))
-        row = before.at(sign)
-        memory.unlearn(row)
-        return Opened(
-            alarm,
-            Stretch(before.first, before.rows[:-1]),
-            Normal(float(row["noise"]), row["colour"].copy()),
-            repetition.function(float(row["correlation"])),
-            dubious(row["colour"], float(row["correlations"][1])),
-            onset=sign,
-        )
-
-    def _look(self, opened: Opened) -> None:
+    def _look(self, case: Opened) -> None:
         """Rank the hypotheses on the data so far, and do what the policy decides."""
         memory = self._memory
-        age = memory.count - 1 - opened.alarm
-        past = past_of(opened.before, memory, opened.normal, self._terms.n)
-        ranking = self._hypotheses.rank(past, opened.normal.variance, opened.ranking)
-        odds = residual(memory, opened.before.first, opened.normal)[1]
-        case = Case(age, len(past.u), odds, opened.repeated, opened.dubious, opened.accepted)
-        opened = replace(opened, ranking=ranking)
-        self._case = self._apply(opened, past, self._policy.decide(ranking, case))
+        age = memory.count - 1 - case.alarm
+        past = past_of(case.before, memory, case.normal)
+        ranking = self._hypotheses.rank(past, case.normal.variance, case.ranking)
+        odds = residual(memory, case.before.first, case.normal)[1]
+        view = Case(age, len(past.u), odds, case.repeated, case.dubious, case.accepted)
+        decision = self._policy.decide(ranking, view)
+        self._case = case = self._apply(replace(case, ranking=ranking), past, decision)
         if age == self._policy.ages[-1]:
-            self._close(self._case)
+            self._close(case)
 
-    def _apply(self, opened: Opened, past: Past, decision: Decision) -> Opened:
+    def _apply(self, case: Opened, past: Past, decision: Decision) -> Opened:
         """Do what was decided on a look."""
-        ranking = opened.ranking
+        ranking = case.ranking
         assert ranking is not None  # there was a look
         if isinstance(decision, Accept):
-            if opened.accepted is None:
-                self._find(opened.onset, "")
-            onset = opened.before.first + ranking.change.onset
-            opened = replace(opened, accepted=ranking.best, onset=onset)
-            self._rewind(opened, past, ranking.change.theta)
-            self._name(opened)
+            if case.accepted is None:
+                self._find(case.onset, "")
+            onset = case.before.first + ranking.change.onset
+            case = replace(case, accepted=ranking.best, onset=onset)
+            self._rewind.to_change(self._memory, case, past, ranking.change.theta, self._free)
+            self._name(case)
         elif isinstance(decision, Retract):
-            opened = replace(opened, accepted=TAKEN_BACK)
-            self._rewind(opened, past, opened.before.at(opened.onset)["theta"])
-            self._name(opened)
-        return opened
-
-    def _rewind(self, opened: Opened, past: Past, theta: Array) -> None:
-        """Put the main filter back to the onset, and run it through the data again."""
-        row, active, terms = opened.before.at(opened.onset), opened.active, self._terms
-        P, claim = row["P"].copy(), row["claim"].copy()
-        X = np.zeros((1 + len(theta), terms.n + 1))
-        X[:, : terms.n] = row["X"][: terms.n, : len(X)].T
-        X[1 + active] = 0.0  # what changes now had no influence before
-        retired = [i for i in range(self._p, len(theta)) if i not in self._free]
-        for M in (P, claim):
-            M[retired, :] = M[:, retired] = M[active, :] = M[:, active] = 0.0
-            M[active, active] = (SPREAD * row["theta"][active]) ** 2 / opened.normal.variance
-        since = opened.onset - opened.before.first
-        self._replay(row, theta, X, P, claim, past.y[since:], past.present[since:])
-
-    def _replay(  # noqa: PLR0917
-        self, row: np.void, theta: Array, X: Array, P: Array, claim: Array, y: Array, present: Array
-    ) -> None:
-        u = self._memory.read("u", int(row["count"]) - 1)
-        replayed = replay(
-            self._terms,
-            theta,
-            X,
-            P,
-            claim,
-            (u, y, present),
-            forgetting=self._design.forgetting,
-            box=(self._design.lower, self._design.upper),
-        )
-        self._memory.rewrite(row, replayed)
+            case = replace(case, accepted=TAKEN_BACK)
+            theta = case.before.at(case.onset)["theta"]
+            self._rewind.to_change(self._memory, case, past, theta, self._free)
+            self._name(case)
+        return case
 
     def _find(self, onset: int, reason: str) -> None:
         self.alarm = True
         self._found.append(Finding(self._memory.count - 1, onset, (), (), reason))
 
-    def _name(self, opened: Opened) -> None:
+    def _name(self, case: Opened) -> None:
         """Write down what changed, as it is seen now."""
-        active, before = opened.active, opened.before.at(opened.onset)["theta"]
+        active, before = case.active, case.before.at(case.onset)["theta"]
         ratio = self._memory.state["theta"][active] / before[active]
         self._found[-1] = replace(
             self._found[-1],
-            onset=opened.onset,
+            onset=case.onset,
             parameters=tuple(self._design.model.names[i] for i in active),
             ratio=tuple(ratio.tolist()),
             reason="" if len(active) else UNEXPLAINED,
         )
 
-    def _close(self, opened: Opened) -> None:
+    def _close(self, case: Opened) -> None:
         """End a case; where the residual stays large, say so and take it as the new noise."""
-        memory = self._memory
-        white, _ = residual(memory, opened.before.first, opened.normal)
-        if isinstance(self._policy.conclude(white, opened.repeated), GiveUp):
-            recent = memory.count - round(self._policy.recent / self._design.period)
-            squares = memory.read("epsilon", recent) ** 2 / memory.read("scale", recent)
+        white, _ = residual(self._memory, case.before.first, case.normal)
+        if isinstance(self._policy.conclude(white, case.repeated), GiveUp):
             if not self._design.noise:
-                memory.state["noise"] = np.nanmean(squares)
-            if opened.accepted is None:
-                self._find(opened.onset, UNEXPLAINED)
-        if opened.accepted is not None:
-            self._name(opened)
-            settled = memory.count + round(SETTLED / self._design.period)
-            self._free |= {int(i): settled for i in opened.active if i >= self._p}
+                self._memory.accept_noise(self._policy.recent)
+            if case.accepted is None:
+                self._find(case.onset, UNEXPLAINED)
+        if case.accepted is not None:
+            self._name(case)
+            settled = self._memory.count + round(SETTLED / self._design.period)
+            self._free |= {int(i): settled for i in case.active if i >= self._p}
         self._case = None
-        memory.arm()
+        self._memory.arm()
 
-    def _seek(self) -> None:
-        """Look for other parameters where those of now leave most of the output unexplained."""
-        memory = self._memory
-        if self._search is not None:
-            self._search.advance()
-            if self._search.done:
-                self._settle(self._search)
-        elif memory.count % self._check == 0:
-            lost = self._lost()
-            self._said &= lost
-            if lost and self._case is None:
-                self._search = self._new_search()
+    def _settle(self, found: Found) -> None:
+        """Take up what a search has found, or say that there is nothing to be found."""
+        if found.better is None:
+            self._find(found.first, LOST)
+            return
+        self._rewind.to_start(self._memory, found.first, found.better)
+        self._case = None
+        self._memory.arm()
 
-    def _lost(self) -> bool:
-        state = self._memory.state
-        return bool(
-            state["noise"] > LOST * state["power"] and 1 - state["model"][-1] > FORETOLD
-        )
-
-    def _new_search(self) -> Search:
-        """Return a search over the last seconds; of the state before them, only rest is known."""
-        memory = self._memory
-        first = memory.count - self._check
-        u, y, present = memory.signals(first)
-        self._onset = first
-        if first:
-            present[: round(UNKNOWN / self._design.period)] = False
-        return Search(
-            self._terms,
-            memory.state["theta"].copy(),
-            (self._design.lower, self._design.upper),
-            identified=self._p,
-            x=memory.stretch(first).state(self._terms.n)[0],
-            signals=(u[:-1], y, present),
-        )
-
-    def _settle(self, search: Search) -> None:
-        """Take up what a search found, if that is much better than what the filter has."""
-        memory, first, best = self._memory, self._onset, search.best
-        self._search = None
-        own = np.nanmean(memory.read("epsilon", first + round(UNKNOWN / self._design.period)) ** 2)
-        if best is not None and best.square < BETTER * own:
-            row, n = memory.beginning(first + 1), self._terms.n
-            X, P = np.zeros((1 + len(best.theta), n + 1)), np.zeros_like(row["P"])
-            X[0, :n] = memory.stretch(first).state(n)[0]
-            mine = np.arange(self._p)
-            P[mine, mine] = SPREAD**2 / best.square
-            _, y, present = memory.signals(first)
-            self._replay(row, best.theta, X, P, P, y, present)
-            self._case = None
-            memory.arm()
-        elif self._lost() and not self._said:
-            self._said = True
-            self._find(first, LOST)
+    def _freeze(self) -> None:
+        """Fix unidentified parameters at what they have been found to be."""
+        count = self._memory.count
+        for i in [i for i, when in self._free.items() if when <= count]:
+            del self._free[i]
+            for M in (self._memory.state["P"], self._memory.state["claim"]):
+                M[i, :] = M[:, i] = 0.0

@@ -57,9 +57,10 @@ class Stretch:
         """All parameters, (N, p)."""
         return np.ascontiguousarray(self.rows["theta"])
 
-    def state(self, n: int) -> Array:
-        """Return x, (N, n)."""
-        return np.ascontiguousarray(self.rows["X"][:, :n, 0])
+    @property
+    def x(self) -> Array:
+        """State, (N, n)."""
+        return np.ascontiguousarray(self.rows["X"][:, :-1, 0])
 
 
 class Memory:
@@ -85,7 +86,7 @@ class Memory:
         place = record(count=0, stop=-1, u=0.0, y=0.0, valid=0)
         self._tuning = joined(tuning, parts[0])
         self._begin = joined(state, parts[1], place)
-        self._length = round(MEMORY / period)
+        self._period, self._length = period, round(MEMORY / period)
         self._loop = remembering_loop(pattern)
         self.reset()
 
@@ -120,6 +121,12 @@ class Memory:
             self.state[name] = row[name]
         self.state["armed"] = self.state["learning"] = 0
 
+    def accept_noise(self, recent: float) -> None:
+        """Take the residual of the last seconds for the noise of today."""
+        first = self.count - round(recent / self._period)
+        squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
+        self.state["noise"] = np.nanmean(squares)
+
     def arm(self) -> None:
         """Listen and learn again, from now on."""
         self.state["armed"] = self.state["learning"] = 1
@@ -129,9 +136,7 @@ class Memory:
         self, u: Array, y: Array, present: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> int:
         """Take samples until an alarm goes off or the count reaches ``stop``; return how many."""
-        return self._loop(
-            self._tuning, self._states, u, y, present, estimates, trace, self._ring
-        )
+        return self._loop(self._tuning, self._states, u, y, present, estimates, trace, self._ring)
 
     def beginning(self, count: int) -> np.void:
         """Return the filter as it was before the first sample, but for the count."""
