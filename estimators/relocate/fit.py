@@ -102,22 +102,24 @@ def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: P
 
     Returns
     -------
-    Change
+    onset, theta, evidence, unexplained
+        As of a `Change`.
     """
     best, latest = guess, len(past.theta) - 1
-    evidence, misfit = -np.inf, 0.0
-    for direction in (0, -1, 1):
-        for _ in range(TRIALS if direction else 1):
-            if not 0 <= best + direction <= latest:
+    after, evidence, misfit = _at(terms, past, active, lower, upper, spread, best, theta)
+    for direction in (-1, 1):
+        for _ in range(TRIALS):
+            onset = best + direction
+            if onset < 0 or onset > latest:
                 break
-            found = _at(terms, past, active, lower, upper, spread, best + direction, theta)
-            if direction and found[1] <= evidence:
+            found, odds, left = _at(terms, past, active, lower, upper, spread, onset, after)
+            if odds <= evidence:
                 break
-            best, (theta, evidence, misfit) = best + direction, found
+            best, after, evidence, misfit = onset, found, odds, left
     measured = 0
     for k in range(best, len(past.present)):
         measured += past.present[k]
-    return Change(best, theta, evidence, misfit / max(measured, 1))
+    return best, after, evidence, misfit / max(measured, 1)
 
 
 @compiled
@@ -138,7 +140,7 @@ def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR09
         active,
         lower,
         upper,
-        spread * np.abs(before),
+        spread,
     )
     return theta, past.likelihood[onset] + evidence, misfit
 
@@ -147,16 +149,19 @@ def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR09
 def _refit(  # noqa: PLR0917
     terms, before, start, x, u, y, present, epsilon, colour, variance, active, lower, upper, spread
 ):
-    q = len(active)
-    theta = before.copy()
-    for i in active:
-        theta[i] = start[i]
+    p, q = len(before), len(active)
+    theta, deviation = np.empty(p), np.empty(q)
+    for i in range(p):
+        theta[i] = before[i]
+    for a in range(q):
+        theta[active[a]] = start[active[a]]
+        deviation[a] = spread * abs(before[active[a]])
     trial, step, damping = theta, np.zeros(q), 1e-3
     for tries in range(1 + (ITERATIONS if q else 0)):
         fit, H_trial, g_trial = normal_equations(
             terms, trial, x, u, y, present, epsilon, colour, variance, active
         )
-        tried = fit + _prior(trial, before, active, spread, H_trial, g_trial)
+        tried = fit + _prior(trial, before, active, deviation, H_trial, g_trial)
         if not tries:
             misfit, cost, H, g = fit, tried, H_trial, g_trial
         elif tried < cost:
@@ -167,62 +172,64 @@ def _refit(  # noqa: PLR0917
                 break
         else:
             damping *= 10
-            if damping > WIDEST or np.dot(step, g) < CONVERGED:
+            promised = 0.0
+            for a in range(q):
+                promised += step[a] * g[a]
+            if damping > WIDEST or promised < CONVERGED:
                 break
-        damped = H.copy()
-        for a in range(q):
-            damped[a, a] += damping * H[a, a]
-        step = g.copy()
-        _solve(damped, step)
-        trial = theta.copy()
+        step, trial = np.empty(q), np.empty(p)
+        _solve(H, g, damping, step)
+        for i in range(p):
+            trial[i] = theta[i]
         for a in range(q):
             i = active[a]
             trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
-    evidence = -cost / 2
+    logarithm = 0.0
     if q:
-        scaled = H.copy()
+        logarithm = _solve(H, g, 0.0, step)
         for a in range(q):
-            for b in range(q):
-                scaled[a, b] *= spread[active[a]] * spread[active[b]]
-        evidence -= _solve(scaled, g) / 2
-    return theta, evidence, misfit
+            logarithm += 2 * np.log(deviation[a])
+    return theta, -(cost + logarithm) / 2, misfit
 
 
 @compiled
-def _solve(H, x):
+def _solve(H, g, damping, x):
     """
-    Solve H x = b for positive definite H, both overwritten; return log |H|.
+    Write x that solves (H + damping diag H) x = g for positive definite H; return log |…|.
 
     Cholesky's factorisation; LAPACK's takes ten seconds more to compile.
     """
-    logarithm = 0.0
-    for i in range(len(x)):
-        for j in range(i):
+    n = len(g)
+    L, logarithm = np.empty((n, n)), 0.0
+    for i in range(n):
+        x[i] = g[i]
+        for j in range(i + 1):
+            L[i, j] = H[i, j] * (1.0 + damping) if i == j else H[i, j]
             for m in range(j):
-                H[i, j] -= H[i, m] * H[j, m]
-            H[i, j] /= H[j, j]
-            H[i, i] -= H[i, j] ** 2
-            x[i] -= H[i, j] * x[j]
-        H[i, i] = np.sqrt(H[i, i])
-        x[i] /= H[i, i]
-        logarithm += 2 * np.log(H[i, i])
-    for i in range(len(x) - 1, -1, -1):
-        for j in range(i + 1, len(x)):
-            x[i] -= H[j, i] * x[j]
-        x[i] /= H[i, i]
+                L[i, j] -= L[i, m] * L[j, m]
+            if j < i:
+                L[i, j] /= L[j, j]
+                x[i] -= L[i, j] * x[j]
+        L[i, i] = np.sqrt(L[i, i])
+        x[i] /= L[i, i]
+        logarithm += 2 * np.log(L[i, i])
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= L[j, i] * x[j]
+        x[i] /= L[i, i]
     return logarithm
 
 
 @compiled
-def _prior(theta, before, active, spread, H, g):  # noqa: PLR0917
+def _prior(theta, before, active, deviation, H, g):  # noqa: PLR0917
     """Add what is known of the change before the data to cost, curvature and slope."""
     cost = 0.0
     for a in range(len(active)):
         i = active[a]
-        moved = (theta[i] - before[i]) / spread[i]
+        moved = (theta[i] - before[i]) / deviation[a]
         cost += moved**2
-        H[a, a] += 1 / spread[i] ** 2
-        g[a] -= moved / spread[i]
+        H[a, a] += 1 / deviation[a] ** 2
+        g[a] -= moved / deviation[a]
     return cost
 
 

@@ -75,22 +75,28 @@ def sample(terms, theta, active):
     """
     n, q = terms.n, len(active)
     block = _block(terms, theta, active)
-    small, power, next_power = np.zeros((3, 1 + q, n + 1, n + 1))
+    shape = 1 + q, n + 1, n + 1
+    small, power, next_power = np.zeros(shape), np.zeros(shape), np.empty(shape)
     output = _held(block, terms.period / terms.substeps)
     for i in range(n + 1):
         small[0, i, i] = power[0, i, i] = 1.0
     for k in range(1, terms.order + 1):
         _product(block, power, next_power)
         power, next_power = next_power, power
-        power /= k
-        if not _add(power, small):
+        if not _add(power, 1.0 / k, small):
             break  # what is left is below rounding
-    D = small.copy()
+    D = power
+    for a in range(1 + q):
+        for i in range(n + 1):
+            for m in range(n + 1):
+                D[a, i, m] = small[a, i, m]
     for _ in range(terms.substeps - 1):
-        _product(small, D, power)
-        D, power = power, D
+        _product(small, D, next_power)
+        D, next_power = next_power, D
     for i in terms.reset:
-        D[:, :, i] = 0.0
+        for a in range(1 + q):
+            for m in range(n + 1):
+                D[a, m, i] = 0.0
     _put_output(output, D)
     return D
 
@@ -126,13 +132,14 @@ def _put_output(output, D):
 
 
 @compiled
-def _add(term, total):
-    """Add a term of a series to its sum; return whether that changed anything."""
+def _add(term, factor, total):
+    """Scale a term of a series and add it to the sum; return whether that changed anything."""
     changed = False
     for a in range(total.shape[0]):
         for i in range(total.shape[1]):
             for m in range(total.shape[2]):
                 before = total[a, i, m]
+                term[a, i, m] *= factor
                 total[a, i, m] += term[a, i, m]
                 changed |= total[a, i, m] != before
     return changed
@@ -163,7 +170,10 @@ def _block(terms, theta, active):
 @compiled
 def _product(F, G, H):
     """H ← F G for matrices with derivatives, by the product rule; zeros of F are skipped."""
-    H[:] = 0.0
+    for a in range(len(H)):
+        for i in range(H.shape[1]):
+            for m in range(H.shape[2]):
+                H[a, i, m] = 0.0
     for i in range(F.shape[1]):
         for j in range(F.shape[2]):
             f = F[0, i, j]
