@@ -265,8 +265,7 @@ class Relocate(RecursiveEstimator):
         """End a case; where the residual stays large, say so and take it as the new noise."""
         white, _ = residual(self._memory, case.before.first, case.normal)
         if isinstance(self._policy.conclude(white, case.repeated), GiveUp):
-            if not self._design.noise:
-                self._memory.accept_noise(self._policy.recent)
+            self._memory.accept(self._policy.recent, noise=not self._design.noise)
             if case.accepted is None:
                 self._find(case.onset, UNEXPLAINED)
         if case.accepted is not None:

@@ -12,8 +12,11 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 CHECK = 4.0  # s between two looks, and of the past that is searched
-LOST = 0.1  # of the mean square of y left unexplained …
-FORETOLD = 0.8  # … of which so much could be foretold, so that it is no noise
+# Of the mean square of y left unexplained, and of that share what could be foretold and so is no
+# noise. Friction and play leave up to 0.01 and half of it; a local minimum 0.005 to 0.6, and 0.6
+# to 0.95 of it: what is suspicious is worth a search, what is absurd is worth telling.
+SUSPICIOUS = 0.002, 0.5
+ABSURD = 0.1, 0.8
 BETTER = 0.25  # of the mean square of the residual, that other parameters have to leave
 UNKNOWN = 1.0  # s after which a wrong state has been forgotten
 
@@ -62,7 +65,8 @@ class Lookout:
     def reset(self) -> None:
         """Return to the start."""
         self._search: Search | None = None
-        self._first = 0
+        self._first = 0  # sample before what is searched
+        self._next = self._wait = self._check  # count of the next search, samples between two
         self._said = False
 
     def due(self, count: int) -> int:
@@ -75,10 +79,10 @@ class Lookout:
             self._search.advance()
             return self._end(memory, self._search.best) if self._search.done else None
         if memory.count % self._check == 0:
-            if lost(memory.state):
+            if not left(memory.state, SUSPICIOUS):
+                self._said, self._wait, self._next = False, self._check, memory.count
+            elif memory.count >= self._next:
                 self._begin(memory)
-            else:
-                self._said = False
         return None
 
     def _begin(self, memory: Memory) -> None:
@@ -102,13 +106,16 @@ class Lookout:
         own = np.nanmean(memory.read("epsilon", self._first + self._unknown) ** 2)
         if best is not None and best.square < BETTER * own:
             return Found(self._first, best)
-        if not lost(memory.state) or self._said:
+        self._wait *= 2  # nothing near here: look ever less often
+        self._next = memory.count + self._wait
+        if self._said or not left(memory.state, ABSURD):
             return None
         self._said = True
         return Found(self._first, None)
 
 
-def lost(state: np.void) -> bool:
-    """Whether most of the output is left unexplained, and is no noise."""
-    foretold = 1 - state["model"][-1]
-    return bool(state["noise"] > LOST * state["power"] and foretold > FORETOLD)
+def left(state: np.void, limits: tuple[float, float]) -> bool:
+    """Whether more than this share of y is left unexplained, and more than that of it no noise."""
+    share, foretold = limits
+    unexplained = state["noise"] > share * state["power"]
+    return bool(unexplained and 1 - state["model"][-1] > foretold)

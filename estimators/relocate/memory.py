@@ -121,11 +121,15 @@ class Memory:
             self.state[name] = row[name]
         self.state["armed"] = self.state["learning"] = 0
 
-    def accept_noise(self, recent: float) -> None:
-        """Take the residual of the last seconds for the noise of today."""
+    def accept(self, recent: float, *, noise: bool) -> None:
+        """Take the residual of the last seconds for normal: its variance, and learn its colour."""
         first = self.count - round(recent / self._period)
-        squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
-        self.state["noise"] = np.nanmean(squares)
+        if noise:
+            squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
+            self.state["noise"] = np.nanmean(squares)
+        for name in NORMAL:
+            if name != "power":
+                self.state[name] = self._begin[name][0]
 
     def arm(self) -> None:
         """Listen and learn again, from now on."""
