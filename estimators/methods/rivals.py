@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, forgetting_P, initial_P, model_of
+from flexaxis.estimators.methods.start import Nominal, forgetting_P, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.tuned import tuned

@@ -24,6 +24,7 @@ SPREAD = 0.5  # of a change, relative to the value before: from half to one and 
 UNLIKELY = 2.0  # nats against a change of what is not identified
 SEVERAL = 6.0  # nats against a change of all identified parameters at once
 FAR = 20.0  # nats behind the leader, to first order, from which on a hypothesis is not fitted
+NOTHING = -1e300  # nats for what cannot even be evaluated
 OUTLIER = 6.0  # standard deviations of a lone residual that no change of a parameter makes, …
 LONELY = 4.0  # … times larger than its neighbours
 
@@ -160,16 +161,21 @@ class Hypotheses:
         """
         seen = self._screen(past, noise)
         gains = np.array([np.max(seen.gain[active]) for active in self.choices]) - self.costs
+        gains = np.nan_to_num(gains, nan=NOTHING)  # a filter that has diverged explains nothing
         behind = gains.max() - gains
         if before is not None:
             odds = np.array([found.odds for found in before.explanations])
             behind = np.minimum(behind, odds.max() - odds)
-        fitted = {i: self._explain(past, i, seen, before) for i in np.flatnonzero(behind < FAR)}
-        odds = {i: change.evidence - self.costs[i] for i, change in fitted.items()}
-        most = max(odds.values())
+        near = [int(i) for i in np.flatnonzero(behind < FAR)]
+        fitted = {i: self._explain(past, i, seen, before) for i in near}
+        found = {
+            i: np.nan_to_num(change.evidence, nan=NOTHING) - self.costs[i]
+            for i, change in fitted.items()
+        }
+        most = max(found.values())
         return Ranking(
             tuple(
-                Explanation(active, odds.get(i, most - behind[i]), fitted.get(i))
+                Explanation(active, found.get(i, most - behind[i]), fitted.get(i))
                 for i, active in enumerate(self.choices)
             ),
             singles=len(self.box[0]),
@@ -207,7 +213,7 @@ class Hypotheses:
         return max(found, key=lambda change: change.evidence)
 
     def _fit(self, past: Past, active: NDArray[np.int64], guess: int, theta: Array) -> Change:
-        return Change(*explain(self.terms, past, active, *self.box, SPREAD, guess, theta))
+        return explain(self.terms, past, active, *self.box, SPREAD, guess, theta)
 
 
 def past_of(before: Stretch, memory: Memory, normal: Normal) -> Past:

@@ -199,7 +199,8 @@ class Relocate(RecursiveEstimator):
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
-            self._look(self._case)
+            with np.errstate(all="ignore"):  # a filter that diverges is a result
+                self._look(self._case)
         found = self._lookout.look(memory)
         if found is not None:
             self._settle(found)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import move, sample
+from flexaxis.estimators.sampling.sampled import Terms, move, sample
 
 Array = NDArray[np.float64]
 
@@ -79,14 +79,22 @@ class Change(NamedTuple):
     unexplained: float
 
 
-@compiled
-def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
+def explain(  # noqa: PLR0917
+    terms: Terms,
+    past: Past,
+    active: NDArray[np.int64],
+    lower: Array,
+    upper: Array,
+    spread: float,
+    guess: int,
+    theta: Array,
+) -> Change:
     """
     Fit a change of some parameters, and its time, to the past; all others stay as they were.
 
     Parameters
     ----------
-    terms : flexaxis.estimators.sampling.sampled.Terms
+    terms : Terms
         The model with all parameters.
     past : Past
     active : (q,) int array
@@ -99,12 +107,12 @@ def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: P
         Sample of the past to start from.
     theta : (p,) array
         Parameters after the change to start from.
-
-    Returns
-    -------
-    onset, theta, evidence, unexplained
-        As of a `Change`.
     """
+    return Change(*_explain(terms, past, active, lower, upper, spread, guess, theta))
+
+
+@compiled
+def _explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
     best, latest = guess, len(past.theta) - 1
     after, evidence, misfit = _at(terms, past, active, lower, upper, spread, best, theta)
     for direction in (-1, 1):
@@ -172,24 +180,36 @@ def _refit(  # noqa: PLR0917
                 break
         else:
             damping *= 10
-            promised = 0.0
-            for a in range(q):
-                promised += step[a] * g[a]
-            if damping > WIDEST or promised < CONVERGED:
+            if damping > WIDEST or _product(step, g) < CONVERGED:
                 break
-        step, trial = np.empty(q), np.empty(p)
         _solve(H, g, damping, step)
-        for i in range(p):
-            trial[i] = theta[i]
-        for a in range(q):
-            i = active[a]
-            trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
+        trial = _moved(theta, step, active, lower, upper)
     logarithm = 0.0
     if q:
         logarithm = _solve(H, g, 0.0, step)
         for a in range(q):
             logarithm += 2 * np.log(deviation[a])
     return theta, -(cost + logarithm) / 2, misfit
+
+
+@compiled
+def _product(a, b):
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def _moved(theta, step, active, lower, upper):
+    """Return θ with a step of some parameters, inside the box."""
+    trial = np.empty(len(theta))
+    for i in range(len(theta)):
+        trial[i] = theta[i]
+    for a in range(len(step)):
+        i = active[a]
+        trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
+    return trial
 
 
 @compiled

@@ -103,8 +103,8 @@ class Lookout:
     def _end(self, memory: Memory, best: Evaluated | None) -> Found | None:
         """Judge what was found by what the filter leaves of the same samples; say so once."""
         self._search = None
-        own = np.nanmean(memory.read("epsilon", self._first + self._unknown) ** 2)
-        if best is not None and best.square < BETTER * own:
+        own = np.nan_to_num(memory.read("epsilon", self._first + self._unknown))
+        if best is not None and best.square < BETTER * np.mean(own**2):
             return Found(self._first, best)
         self._wait *= 2  # nothing near here: look ever less often
         self._next = memory.count + self._wait

@@ -124,9 +124,10 @@ class Memory:
     def accept(self, recent: float, *, noise: bool) -> None:
         """Take the residual of the last seconds for normal: its variance, and learn its colour."""
         first = self.count - round(recent / self._period)
-        if noise:
-            squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
-            self.state["noise"] = np.nanmean(squares)
+        squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
+        measured = squares[~np.isnan(squares)]
+        if noise and len(measured):
+            self.state["noise"] = np.mean(measured)
         for name in NORMAL:
             if name != "power":
                 self.state[name] = self._begin[name][0]

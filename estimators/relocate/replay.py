@@ -39,7 +39,7 @@ class Replayed(NamedTuple):
     spread: Array
 
 
-def replay(
+def replay(  # noqa: PLR0917
     terms: Terms,
     theta: Array,
     X: Array,

@@ -55,7 +55,12 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
         for j in range(n):
             A[i, j] = At[j, i] = D[0, i, j]
     a, b, W = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))  # sums with c A^m
-    next_a, next_b, next_W, half = np.empty((1, n)), np.empty((p, n)), np.empty((n, n)), np.empty((n, n))
+    next_a, next_b, next_W, half = (
+        np.empty((1, n)),
+        np.empty((p, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+    )
     slope, square = np.zeros(p), np.zeros(p)
     onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
     for k in range(N - 1, -1, -1):

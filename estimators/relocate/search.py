@@ -25,7 +25,7 @@ CONVERGED = 1e-3  # of the sum of squares, that a further step gains
 
 @dataclass(frozen=True)
 class Evaluated:
-    """θ (p,), its mean square of the residual, and curvature (q, q) and slope (q,) of half of it."""
+    """θ (p,), its mean square ε², and curvature (q, q) and slope (q,) of half of that."""
 
     theta: Array
     square: float
