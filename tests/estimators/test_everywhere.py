@@ -212,7 +212,7 @@ def test_steps_and_run_agree_and_show_the_same(name):
 
 @pytest.mark.parametrize("name", REGISTRY)
 def test_reset_begins_anew_and_a_copy_goes_its_own_way(name):
-    u, y, valid = motion()
+    u, y, _ = motion()
     estimator = make(name, onsets=(400,))
     first = by_steps(estimator, 600)
     end = estimator.covariance

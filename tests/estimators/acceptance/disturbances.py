@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+
 from acceptance.axes import Run, simulate
 
 BEFORE = 20.0  # s of good data, unless the disturbance comes first

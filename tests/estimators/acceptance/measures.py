@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+
 from acceptance.axes import AXES, NAMES, Run, scaled, simulate, theta_of
 from acceptance.disturbances import Disturbed
 from acceptance.units import SI, Units
-
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.estimators.registry import REGISTRY
 

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from acceptance.axes import NAMES, Run
 
+from acceptance.axes import NAMES, Run
 from flexaxis.estimators import Model, three_mass
 
 
