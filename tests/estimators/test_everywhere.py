@@ -8,12 +8,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from acceptance.axes import AXES, NAMES, theta_of
+from acceptance.axes import AXES, NAMES, scaled, simulate, theta_of
 from acceptance.disturbances import DISTURBANCES, SHORT
 from acceptance.measures import (
     AGES,
     claims,
     make,
+    nominal_torque,
     outcome,
     relative_rms,
     stepped,
@@ -22,7 +23,7 @@ from acceptance.measures import (
 )
 from acceptance.units import CHANGES, SI
 
-from flexaxis.estimators import EstimatorError
+from flexaxis.estimators import EstimatorError, three_mass
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.estimators.registry import REGISTRY
 
@@ -32,8 +33,8 @@ MOVING = [name for name in REGISTRY if name != "frozen"]
 SHIPPED = [name for name in MOVING if name != "literal-rpem"]
 # It takes a matrix exponential a sample; the compiled one, its equal, is tried at length.
 SLOW = {"literal-rpem"}
-# The walk of these is so slow that they are still on their way after half a minute.
-CREEPING = {"ekf", "ukf", "imm", "rpem-drift", "rpem-drift-mu"}
+# With the Δ of the paper the noise alone is beyond a per cent.
+NOISY = {"rpem-drift", "rpem-drift-mu"}
 
 disturbed = cache(lambda name, short: (SHORT if short else DISTURBANCES)[name](AXES["n1"]))
 
@@ -102,7 +103,7 @@ def test_any_rate_will_do(name, axis, period):
 
 
 @pytest.mark.parametrize("start", [0.8, 1.5])
-@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in CREEPING])
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in NOISY])
 def test_a_wrong_start_is_left_without_an_alarm(name, start):
     found = arrives(name, "n1", 0.005, start)
     assert found.error < 0.01 and not found.findings
@@ -110,7 +111,7 @@ def test_a_wrong_start_is_left_without_an_alarm(name, start):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [0.8, 0.9, 1.1, 1.2, 1.3, 1.5])
-@pytest.mark.parametrize("name", [name for name in MOVING if name not in CREEPING])
+@pytest.mark.parametrize("name", [name for name in MOVING if name not in NOISY])
 def test_any_wrong_start_is_left_without_an_alarm(name, start):
     found = arrives(name, "n1", 0.005, start)
     assert found.error < 0.01 and not found.findings
@@ -137,6 +138,31 @@ def test_a_disturbance_is_survived(name, case):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_any_disturbance_is_survived(name, case):
     survives(name, case, False)
+
+
+def on_an_axis_without(absent, name, seconds, fault=1.0):
+    """A start 10 % off, and f_m times as large at half time."""
+    axis = AXES["n1"] | {absent: 0.0}
+    after = axis | {"f_m": fault * axis["f_m"]}
+    run = simulate(axis, seconds, faults={seconds / 2: after})
+    model, torque = three_mass(scaled(axis, 1.1)), nominal_torque("n1", 0.005)
+    made = REGISTRY[name].factory(model, 0.005, identify=NAMES, torque=torque)
+    return relative_rms(run_estimator(made, run.u, run.y), run, 2.0), made
+
+
+@pytest.mark.parametrize("absent", ["f_g", "f_a", "d_g", "d_a"])
+@pytest.mark.parametrize("name", [name for name in MOVING if name not in SLOW])
+def test_a_friction_or_damping_may_be_absent(name, absent):
+    error, made = on_an_axis_without(absent, name, 20.0)
+    assert error < 0.03 and np.isfinite(made.covariance).all()
+    assert not getattr(made, "findings", ())
+
+
+@pytest.mark.parametrize("absent", ["f_g", "f_a", "d_g", "d_a"])
+def test_a_fault_is_found_where_a_friction_or_damping_is_absent(absent):
+    error, made = on_an_axis_without(absent, "relocate", 20.0, fault=1.5)
+    assert error < 0.03
+    assert [finding.parameters for finding in made.findings] == [("f_m",)]
 
 
 # Claims
@@ -208,6 +234,7 @@ def test_steps_and_run_agree_and_show_the_same(name):
     np.testing.assert_array_equal(np.concatenate(innovations)[:, 0], np.array(shown)[:, 0])
     np.testing.assert_array_equal(np.concatenate(innovations)[valid, 1], np.array(shown)[valid, 1])
     np.testing.assert_array_equal(other.covariance, one.covariance)
+    assert other.run([], []).shape == (0, len(NAMES))
 
 
 @pytest.mark.parametrize("name", REGISTRY)
