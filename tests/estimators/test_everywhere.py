@@ -202,7 +202,7 @@ def test_one_shape(name):
     u, y, valid = motion()
     for k in range(320):
         theta = estimator.step(u[k], y[k] if valid[k] else None)
-        np.testing.assert_array_equal(theta, estimator.theta)
+        np.testing.assert_allclose(theta, estimator.theta, rtol=1e-12)
         assert np.isfinite(estimator.prediction)
         if valid[k]:
             assert estimator.innovation == pytest.approx(y[k] - estimator.prediction, abs=1e-12)
