@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
-from acceptance.axes import AXES, simulate
-from acceptance.textbook import Cusum, Variable, directional, efra, start, textbook, vector
+from acceptance.axes import AXES, NAMES, scaled, simulate, theta_of
+from acceptance.textbook import Cusum, Variable, directional, efra, textbook, vector
 
 from flexaxis.estimators import three_mass
-from flexaxis.estimators.methods.forgetful import forgetful_rpem
+from flexaxis.estimators.registry import REGISTRY
 
 LAMBDA = 0.995
 P0 = np.array([2.97e-4, 5.19e-5, 4.69e-6])
-THETA0 = start(AXES["n1"], 1.05)
+START = 1.05
+THETA0 = START * theta_of(AXES["n1"])
 
 
 @pytest.fixture(scope="module")
@@ -23,39 +24,34 @@ def jumps():
     return run.u, run.y, (k % 11 > 0) & ((k < 600) | (k > 640))
 
 
-def compare(jumps, name, rule, *, P0=P0, corrected=False, **options):
+def compare(jumps, name, rule, *, corrected=False, **options):
     """Both over the same samples."""
     expected = textbook(AXES["n1"], *jumps, rule=rule, theta0=THETA0, P0=P0, corrected=corrected)
-    ours = forgetful_rpem(
-        three_mass(AXES["n1"]),
-        rule=name,
-        identify=("k_T", "1/J_a", "f_m"),
-        theta0=THETA0,
-        P0=P0,
-        period=0.005,
-        **options,
+    model = three_mass(scaled(AXES["n1"], START))
+    ours = REGISTRY[name].factory(
+        model, 0.005, identify=NAMES, P0=P0, forgetting=LAMBDA, robust=0.0, **options
     )
     np.testing.assert_allclose(ours.run(*jumps) / THETA0, expected / THETA0, rtol=0, atol=1e-9)
 
 
 def test_vector(jumps):
-    rates = [0.99, 0.995, 0.998]
-    compare(jumps, "vector", vector(rates), forgetting=LAMBDA, rates=rates)
+    rates = np.array([2.0, 1.0, 0.4])
+    compare(jumps, "vector-forgetting", vector(1 - (1 - LAMBDA) * rates), rates=rates)
 
 
 def test_directional(jumps):
-    compare(jumps, "directional", directional(LAMBDA), forgetting=LAMBDA)
+    compare(jumps, "directional-forgetting", directional(LAMBDA))
 
 
 def test_efra(jumps):
     S = np.diag(10 * P0 / THETA0**2)
-    compare(jumps, "efra", efra(LAMBDA, S), forgetting=LAMBDA)
+    compare(jumps, "efra", efra(LAMBDA, S))
 
 
 def test_variable(jumps):
     """The level is low, so that the formula lies between its limits now and then."""
     rule = Variable(LAMBDA, level=1.2)
-    compare(jumps, "variable", rule, forgetting=LAMBDA, level=1.2)
+    compare(jumps, "variable-forgetting", rule, level=1.2)
     factors = np.array(rule.factors)
     assert ((factors > 0.9) & (factors < LAMBDA)).sum() >= 50
     assert (factors == 0.9).any() and (factors == LAMBDA).any()
@@ -64,8 +60,8 @@ def test_variable(jumps):
 def test_cusum(jumps):
     """The first second is not judged, and after an alarm half of one: both were put to the test."""
     rule = Cusum(LAMBDA, level=10.0, reset=0.1)
-    options = {"forgetting": LAMBDA, "level": 10.0, "reset": 0.1}
-    compare(jumps, "cusum", rule, corrected=True, **options)
+    compare(jumps, "cusum-reset", rule, corrected=True, level=10.0, reset=0.1)
     measured = np.cumsum(jumps[2])
     first, second, third = (measured[k] for k in rule.alarms)
-    assert first == 201 and third - second == 101 and second - first > 101
+    # the first of all finds nothing in motion, and tells no variance to judge the next by
+    assert first == 202 and third - second == 101 and second - first > 101

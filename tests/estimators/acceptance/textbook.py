@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from acceptance.axes import NAMES, system, theta_of
+from acceptance.axes import NAMES, system
 
 N_X, N_P = 5, len(NAMES)
 MEMORY = 400  # samples of the running noise variance
+ASLEEP = 1e-2  # |ψ|² over the noise variance, below which a sample tells nothing
 
 Array = np.ndarray
 
@@ -31,14 +32,15 @@ class Seen:
         Residual.
     spread : float
         ψᵀPψ before the measurement.
-    noise : float
-        Running noise variance before this sample.
+    before, after : float
+        Running noise variance without and with this sample; ``before`` is NaN where there is none.
     """
 
     psi: Array
     epsilon: float
     spread: float
-    noise: float
+    before: float
+    after: float
 
 
 Rule = Callable[[Array, Seen | None], Array]
@@ -90,23 +92,50 @@ def textbook(
         Whether x follows every change of θ by its sensitivities.
     """
     eta, P, X = np.ones(N_P), np.diag(P0 / theta0**2), np.zeros((1 + N_P, N_X))
-    noise, count, found = 1.0, 0, []
+    claim, noise, found = P, RunningNoise(), []
     for k in range(len(u)):
         seen = None
         if valid[k]:
             psi, epsilon = X[1:, 2].copy(), y[k] - X[0, 2]
-            seen = Seen(psi, epsilon, psi @ P @ psi, noise)
-            gain = P @ psi / (1 + seen.spread)
+            spread, known = psi @ P @ psi, noise.value
+            gain = P @ psi / (1 + spread)
             before, eta = eta, np.clip(eta + gain * epsilon, 0.1, 10.0)
+            noise.add(epsilon**2 / (1 + psi @ claim @ psi), psi)
+            seen = Seen(psi, epsilon, spread, known, noise.value)
             P = P - np.outer(gain, psi @ P)
-            count = min(count + 1, MEMORY)
-            noise += (epsilon**2 / (1 + seen.spread) - noise) / count
+            keep = np.eye(N_P) - np.outer(gain, psi)
+            claim = keep @ claim @ keep.T + np.outer(gain, gain)
             if corrected:
                 X[0] += (eta - before) @ X[1:]
         P = rule(P, seen)
+        if isinstance(rule, Cusum) and rule.alarms[-1:] == [k]:
+            claim = P
         found.append(eta * theta0)
         X = advance(X, u[k], axis | physical(found[-1]), theta0, period)
     return np.array(found)
+
+
+class RunningMean:
+    """Exponential, and exact until there are as many samples as its memory."""
+
+    def __init__(self, memory: int) -> None:
+        self.memory, self.count, self.value = memory, 0, 0.0
+
+    def add(self, sample: float) -> float:
+        self.count = min(self.count + 1, self.memory)
+        self.value += (sample - self.value) / self.count
+        return self.value
+
+
+class RunningNoise:
+    """R̂: the mean of ε²/(1+ψᵀΣψ), of samples in which something moves."""
+
+    def __init__(self) -> None:
+        self.mean, self.value = RunningMean(MEMORY), np.nan
+
+    def add(self, square: float, psi: Array) -> None:
+        if psi @ psi > (ASLEEP * self.value if self.mean.count else 0.0):
+            self.value = self.mean.add(square)
 
 
 def physical(theta: Array) -> dict[str, float]:
@@ -130,25 +159,13 @@ def directional(factor: float) -> Rule:
     """Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz)."""
 
     def rule(P: Array, seen: Seen | None) -> Array:
-        if seen is None or not seen.psi.any():
+        if seen is None or not seen.psi @ seen.psi > ASLEEP * seen.after:
             return P
         R = np.linalg.inv(P)
         v = R @ seen.psi
         return np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (seen.psi @ v))
 
     return rule
-
-
-class RunningMean:
-    """Exponential, and exact until there are as many samples as its memory."""
-
-    def __init__(self, memory: int) -> None:
-        self.memory, self.count, self.value = memory, 0, 0.0
-
-    def add(self, sample: float) -> float:
-        self.count = min(self.count + 1, self.memory)
-        self.value += (sample - self.value) / self.count
-        return self.value
 
 
 class Variable:
@@ -179,9 +196,9 @@ class Cusum:
     def __call__(self, P: Array, seen: Seen | None) -> Array:
         self.k += 1
         P = P / self.factor
-        if seen is None:
+        if seen is None or np.isnan(seen.before):
             return P
-        square = min(seen.epsilon**2 / (seen.noise * (1 + seen.spread)), 16.0)
+        square = min(seen.epsilon**2 / (seen.before * (1 + seen.spread)), 16.0)
         growth = 4.0  # of the variance; log of the ratio of likelihoods
         self.evidence += (square * (1 - 1 / growth) - np.log(growth)) / 2
         self.evidence = max(self.evidence, 0.0)
@@ -189,10 +206,5 @@ class Cusum:
         if self.evidence > self.level and self.wait < 0:
             self.evidence, self.wait = 0.0, 100  # half a second
             self.alarms.append(self.k)
-            return np.eye(N_P) * self.reset**2 / seen.noise
+            return np.eye(N_P) * self.reset**2 / seen.after
         return P
-
-
-def start(axis: Mapping[str, float], factor: float) -> Array:
-    """θ(0), ``factor`` times the truth."""
-    return factor * theta_of(axis)
