@@ -1,6 +1,6 @@
 """What is measured of one estimator: the numbers behind `test_everywhere` and `tables`."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -29,6 +29,7 @@ def make(
     period: float = 0.005,
     start: float = 1.0,
     units: Units = SI,
+    identify: tuple[str, ...] = NAMES,
     onsets: tuple[int, ...] = (),
     **options: float,
 ):
@@ -36,18 +37,27 @@ def make(
     if name == "oracle-reset":
         options["onsets"] = onsets
     return REGISTRY[name].factory(
-        units.model(scaled(AXES[axis], start)),
+        units.model(scaled(AXES[axis], start, identify)),
         period,
-        identify=NAMES,
+        identify=identify,
         output="speed",
         torque=units.torque(nominal_torque(axis, period)),
         **options,
     )
 
 
-def stepped(axis: str, seconds: float, *, at: float, seed: int, period: float = 0.005) -> Run:
-    """A run in which f_m grows by half."""
-    after = AXES[axis] | {"f_m": 1.5 * AXES[axis]["f_m"]}
+def stepped(
+    axis: str,
+    seconds: float,
+    *,
+    at: float,
+    seed: int,
+    period: float = 0.005,
+    parameter: str = "f_m",
+    factor: float = 1.5,
+) -> Run:
+    """A run in which a parameter jumps."""
+    after = AXES[axis] | {parameter: factor * AXES[axis][parameter]}
     return simulate(AXES[axis], seconds, period=period, seed=seed, faults={at: after})
 
 
@@ -121,25 +131,26 @@ class Claims:
     deviation: np.ndarray
 
 
-def claims(name: str, runs: Mapping[int, Run], make_one: Callable = make) -> Claims:
+def claims(name: str, runs: Mapping[int, Run], identify: tuple[str, ...] = NAMES) -> Claims:
     """NEES of an estimator over runs with a fault at `ONSET`."""
     onset = round(ONSET / 0.005)
-    estimator = make_one(name, onsets=(onset,))
+    estimator = make(name, identify=identify, onsets=(onset,))
+    columns = [NAMES.index(parameter) for parameter in identify]
     ratios = []
     for run in runs.values():
         estimator.reset()
-        ratios.append(_ratios(estimator, run, onset))
+        ratios.append(_ratios(estimator, run, run.theta[:, columns], onset))
     ratios = np.array(ratios)
     return Claims(ratios.mean(axis=0), ratios.std(axis=0) / np.sqrt(len(ratios)))
 
 
-def _ratios(estimator, run: Run, onset: int) -> list[float]:
+def _ratios(estimator, run: Run, truth: np.ndarray, onset: int) -> list[float]:
     found, done = [], 0
     before = [onset - 200 * i for i in range(4, -1, -1)]  # a second apart: nearly independent
     for stop in [*before, *(onset + age for age in AGES)]:
         theta = run_estimator(estimator, run.u[done:stop], run.y[done:stop])[-1]
-        error, done = theta - run.theta[stop - 1], stop
-        C = np.asarray(estimator.covariance)
+        error, done = theta - truth[stop - 1], stop
         with np.errstate(all="ignore"):
-            found.append(float(error @ np.linalg.solve(C, error)) / len(error))
+            square = error @ np.linalg.solve(np.asarray(estimator.covariance), error)
+        found.append(float(square) / len(error))
     return [float(np.mean(found[: len(before)])), *found[len(before) :]]
