@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from acceptance.axes import AXES, NAMES, Run, scaled, simulate, theta_of
+from acceptance.axes import AXES, NAMES, SIGMA, Run, scaled, simulate, theta_of
 from acceptance.disturbances import Disturbed
 from acceptance.units import SI, Units
 from flexaxis.estimators.protocol import run_estimator
@@ -55,10 +55,11 @@ def stepped(
     period: float = 0.005,
     parameter: str = "f_m",
     factor: float = 1.5,
+    sigma: float = SIGMA,
 ) -> Run:
     """A run in which a parameter jumps."""
     after = AXES[axis] | {parameter: factor * AXES[axis][parameter]}
-    return simulate(AXES[axis], seconds, period=period, seed=seed, faults={at: after})
+    return simulate(AXES[axis], seconds, period=period, seed=seed, sigma=sigma, faults={at: after})
 
 
 def unit_error(
