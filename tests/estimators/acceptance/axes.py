@@ -151,5 +151,5 @@ def simulate(
         u[k] = row[:9] @ z + row[9] * (rho[k] + shift)
         z = M @ z + n * (rho[k] + shift)
     y = clean + sigma * np.random.default_rng([seed, 1]).standard_normal(N)
-    y[off_from:off_to] = clean[off_from:off_to]
+    y[off_from + round(1.0 / period) : off_to] = 0.0
     return Run(u, y, clean, theta, period)

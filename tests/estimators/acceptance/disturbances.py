@@ -59,9 +59,10 @@ def noise_alone(axis, seconds, **options) -> Disturbed:
     """As `drive_off`, but the sensor goes on being noisy."""
     given = drive_off(axis, seconds, **options)
     y, span = given.run.y.copy(), slice(*given.rest)
-    y[span] += options.get("sigma", 0.1) * np.random.default_rng(5).standard_normal(
+    y[span] = options.get("sigma", 0.1) * np.random.default_rng(5).standard_normal(
         span.stop - span.start
     )
+    y[span] += given.run.clean[span]
     return replace(given, run=replace(given.run, y=y))
 
 
