@@ -65,3 +65,11 @@ def test_cusum(jumps):
     first, second, third = (measured[k] for k in rule.alarms)
     # the first of all finds nothing in motion, and tells no variance to judge the next by
     assert first == 202 and third - second == 101 and second - first > 101
+
+
+def test_cusum_of_a_quiet_residual(jumps):
+    """A low level: when noise alone raises an alarm hangs on every term of the sum."""
+    u, y, valid = (signal[:1200] for signal in jumps)
+    rule = Cusum(LAMBDA, level=2.0, reset=0.05)
+    compare((u, y, valid), "cusum-reset", rule, corrected=True, level=2.0, reset=0.05)
+    assert len(rule.alarms) >= 4 and max(np.diff(rule.alarms)) > 130
