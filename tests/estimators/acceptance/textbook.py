@@ -191,20 +191,22 @@ class Cusum:
     def __init__(self, factor: float, *, level: float, reset: float) -> None:
         self.factor, self.level, self.reset = factor, level, reset
         self.evidence, self.wait, self.alarms = 0.0, 200, []  # a second before the first
-        self.k = -1
+        self.history = []
 
     def __call__(self, P: Array, seen: Seen | None) -> Array:
-        self.k += 1
         P = P / self.factor
-        if seen is None or np.isnan(seen.before):
-            return P
+        if seen is not None and np.isfinite(seen.before):
+            self.add(seen)
+            if self.evidence > self.level and self.wait < 0:
+                self.evidence, self.wait = 0.0, 100  # half a second
+                self.alarms.append(len(self.history))
+                P = np.eye(N_P) * self.reset**2 / seen.after
+        self.history.append(self.evidence)
+        return P
+
+    def add(self, seen: Seen) -> None:
+        """Log of the ratio of likelihoods of four times the variance and of what it was."""
         square = min(seen.epsilon**2 / (seen.before * (1 + seen.spread)), 16.0)
-        growth = 4.0  # of the variance; log of the ratio of likelihoods
-        self.evidence += (square * (1 - 1 / growth) - np.log(growth)) / 2
+        self.evidence += (square * (1 - 1 / 4) - np.log(4)) / 2
         self.evidence = max(self.evidence, 0.0)
         self.wait -= 1
-        if self.evidence > self.level and self.wait < 0:
-            self.evidence, self.wait = 0.0, 100  # half a second
-            self.alarms.append(self.k)
-            return np.eye(N_P) * self.reset**2 / seen.after
-        return P
