@@ -10,6 +10,7 @@ from flexaxis.estimators.registry import REGISTRY
 LAMBDA = 0.995
 P0 = np.array([2.97e-4, 5.19e-5, 4.69e-6])
 START = 1.05
+RELATIVE_P0 = P0 / theta_of(scaled(AXES["n1"], START)) ** 2
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +43,11 @@ def test_vector(jumps):
 
 
 def test_directional(jumps):
-    compare(jumps, "directional-forgetting", directional(LAMBDA))
+    compare(jumps, "directional-forgetting", directional(LAMBDA, np.sqrt(RELATIVE_P0)))
 
 
 def test_efra(jumps):
-    S = np.diag(10 * P0 / theta_of(scaled(AXES["n1"], START)) ** 2)
-    compare(jumps, "efra", efra(LAMBDA, S))
+    compare(jumps, "efra", efra(LAMBDA, np.diag(10 * RELATIVE_P0)))
 
 
 def test_variable(jumps):

@@ -155,15 +155,20 @@ def efra(factor: float, S: Array) -> Rule:
     return lambda P, seen: P / factor + nu / 10 * (S - P @ np.linalg.inv(S) @ P)
 
 
-def directional(factor: float) -> Rule:
-    """Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz)."""
+def directional(factor: float, unit: Array) -> Rule:
+    """
+    Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz).
+
+    The parameters are measured in ``unit`` (p,), relative to θ(0).
+    """
+    D = np.diag(unit)
 
     def rule(P: Array, seen: Seen | None) -> Array:
         if seen is None or not seen.psi @ seen.psi > ASLEEP * seen.after:
             return P
-        R = np.linalg.inv(P)
-        v = R @ seen.psi
-        return np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (seen.psi @ v))
+        R, psi = D @ np.linalg.inv(P) @ D, D @ seen.psi
+        v = R @ psi
+        return D @ np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (psi @ v)) @ D
 
     return rule
 
