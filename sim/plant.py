@@ -14,7 +14,6 @@ from flexaxis.models_mjcf import model_files
 from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.nonlinear import Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
-from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]
 
@@ -68,8 +67,8 @@ class Plant:
         self,
         parameters: Sequence[AxisParameters] | Array,
         *,
-        period: float = PERIOD,
-        substeps: int = 5,
+        period: float,
+        substeps: int,
         threads: int = 1,
         nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:

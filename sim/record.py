@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.timing import rate
 
 Array = NDArray[np.float64]
+
+ROUNDING = 2e-7  # of a period; nobody's clock is so exact
 
 OUTPUTS = ("speed", "increment", "angle")
 """The signals of which a record needs one."""
@@ -90,9 +92,10 @@ class Record:
     def period(self) -> float:
         """Sampling period [s]."""
         span = self.time[-1] - self.time[0]
-        # The simulated grid is exact; a mean over it would be off by rounding.
         mean = float(span / (len(self.time) - 1))
-        return PERIOD if abs(mean - PERIOD) < 1e-9 else mean
+        # A simulated grid is exact; a mean over it would be off by rounding.
+        whole = rate(mean)
+        return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the record as NetCDF-4; a file of that name is replaced at once or not at all.
