@@ -1,5 +1,7 @@
 """The MuJoCo plant against equations (3) and (4), and against itself in batches."""
 
+from threading import Barrier, Event, Thread
+
 import mujoco
 import numpy as np
 import pytest
@@ -150,6 +152,49 @@ def test_divergence_is_an_error_and_leaves_no_litter(torque, parameters, run):
         for _ in range(3):
             plant.step(np.array(torque))
     assert caught.value.run == run and "MuJoCo warning" in caught.value.reason
+
+
+def _logs():
+    setting = mujoco.MjLogConfig.get()
+    return setting.logto_console, setting.logto_file
+
+
+def test_plants_in_several_threads_leave_the_log_setting_as_it_was():
+    """The setting is one for the process: whoever saw it silenced must not put that back."""
+    before, inside, seen = _logs(), Barrier(2), []
+    plants = [plant_of([N1]) for _ in range(2)]
+    step = mujoco.batch.Batch.step
+    done = Event()
+
+    class Watched:
+        """A batch whose steps overlap: the first to step is the first to have done."""
+
+        def __init__(self, batch, first):
+            self._batch, self._first = batch, first
+
+        def __getattr__(self, name):
+            return getattr(self._batch, name)
+
+        def step(self, nstep):
+            inside.wait(10)
+            if not self._first:
+                done.wait(10)
+            seen.append(_logs())
+            step(self._batch, nstep=nstep)
+
+    def run(plant, first):
+        plant._batch = Watched(plant._batch, first)
+        plant.step(np.zeros(1))
+        if first:
+            done.set()
+
+    threads = [Thread(target=run, args=args) for args in zip(plants, (True, False), strict=True)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert seen == [(False, False)] * 2, "quiet while any of them steps"
+    assert _logs() == before
 
 
 def test_wrong_parameters_are_refused_and_change_nothing():

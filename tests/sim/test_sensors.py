@@ -67,8 +67,16 @@ def test_increments_add_up_to_the_angle_and_start_at_zero():
 def test_delay_shifts_and_begins_at_rest():
     late = read(DelayConfig(measurement=3))
     assert not late[:3].any() and np.array_equal(late[3:], ANGLE[:-3])
-    short = reading([DelayConfig(measurement=5)], "angle", white, period=0.005)(ANGLE[:2])
-    assert not short.any() and short.shape == (2, 2)
+
+
+@pytest.mark.parametrize("samples", range(1, 13))
+@pytest.mark.parametrize("piece", [1, 3, 12])
+def test_delay_of_a_signal_shorter_and_longer_than_it(samples, piece):
+    late = reading([DelayConfig(measurement=5)], "angle", white, period=0.005)
+    ends = range(0, samples, piece)
+    found = np.concatenate([late(ANGLE[k : min(k + piece, samples)]) for k in ends])
+    expected = np.vstack([np.zeros((5, 2)), ANGLE])[:samples]
+    assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("signal", ["angle", "speed"])
