@@ -86,7 +86,11 @@ class Record:
     first: int = 0
 
     def __post_init__(self) -> None:
+        for name in (*SIGNALS, "true_parameters", "valid"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
         _check(self)
+        if self.valid is not None:
+            object.__setattr__(self, "valid", self.valid.astype(bool, copy=False))
 
     @property
     def period(self) -> float:
@@ -204,6 +208,16 @@ def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
     except Exception as error:
         # The HDF5 stack has many exceptions for a broken file, and no common one.
         raise RecordError(f"{path}: no NetCDF-4 file, or a broken one ({error}).") from error
+
+
+def _numbers(name: str, values: object) -> Array | None:
+    """Return a signal as an array of float; such an array, or one of bool, is left as it is."""
+    if values is None or (isinstance(values, np.ndarray) and values.dtype == bool):
+        return values  # type: ignore[return-value]
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{name} is no array of numbers: {error}.") from None
 
 
 def _check(record: Record) -> None:
