@@ -9,13 +9,14 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.methods.recipes import (
     DEFAULT_IDENTIFY,
     frozen,
+    model_of,
     oracle_reset,
     relocate,
     rpem_drift,
     rpem_forgetting,
 )
 from flexaxis.estimators.methods.rivals import forgetful, horizon, imm, joint
-from flexaxis.estimators.tuned import tuned
+from flexaxis.estimators.tuned import TunedFactory, Tuning, at_equal_noise
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
@@ -51,7 +52,7 @@ class Entry:
         another model with its own; ``P0`` is used if given, else the paper's recipe on ``torque``,
         the (N,) torque of a nominal run, else the known P(0) of the paper's three parameters.
     options : mapping
-        Names of the options with their defaults.
+        Names of the options with their defaults; of the knob, that on an axis without tuning.
     knob : str or None
         The option that trades tracking speed against variance.
     """
@@ -61,6 +62,17 @@ class Entry:
     factory: Callable[..., "Estimator"]
     options: Mapping[str, float]
     knob: str | None = None
+
+    @property
+    def tuning(self) -> Tuning | None:
+        """What its knob is by default on the axis that it was tuned for, if it is another value."""
+        return at_equal_noise(self.name) if isinstance(self.factory, TunedFactory) else None
+
+    @property
+    def usual(self) -> dict[str, float]:
+        """Names of the options with their values on the axis that the knob was tuned for."""
+        tuned = {self.knob: self.tuning.value} if self.knob and self.tuning else {}
+        return {**self.options, **tuned}
 
 
 def entry(name: str) -> Entry:
@@ -80,10 +92,10 @@ def entry(name: str) -> Entry:
 def _tuned(
     name: str, summary: str, factory: Callable[..., "Estimator"], options: Mapping[str, float]
 ) -> Entry:
-    """Return an entry whose knob, the first option, has the value found by `flexaxis tune`."""
+    """Return an entry whose knob, the first option, is tuned where `flexaxis tune` has done so."""
     knob = next(iter(options))
-    value = tuned(name, otherwise=options[knob])
-    return Entry(name, summary, partial(factory, **{knob: value}), {**options, knob: value}, knob)
+    made = TunedFactory(name, factory, knob, otherwise=options[knob], model_of=model_of)
+    return Entry(name, summary, made, options, knob)
 
 
 REGISTRY: Mapping[str, Entry] = {

@@ -81,7 +81,7 @@ def rpem_drift(
     model = model_of(nominal)
     if not scale > 0:
         raise EstimatorError(f"scale is {scale}; the factor on Δ must be above 0")
-    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
+    drift = scale * priors.default_drift(model, identify, period)
     recipe = partial(
         priors.nominal_P,
         model,
@@ -91,7 +91,7 @@ def rpem_drift(
         regularization=regularization,
         output=output,
     )
-    known = priors.known_P(identify, forgetting=None, scale=scale)
+    known = priors.stored_P(model, identify, period, forgetting=None, scale=scale)
     return Rpem(
         model,
         identify=identify,
@@ -182,7 +182,9 @@ def relocate(
         model,
         identify=identify,
         suspects=[name for name in model.parameters if name != "r"],
-        P0=_initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
+        P0=_initial_P(
+            P0, torque, recipe, priors.stored_P(model, identify, period, forgetting=forgetting)
+        ),
         period=period,
         forgetting=forgetting,
         alarm=alarm,
@@ -214,7 +216,8 @@ def forgetting_P(
         regularization=regularization,
         output=output,
     )
-    return _initial_P(given, torque, recipe, priors.known_P(identify, forgetting=forgetting))
+    known = priors.stored_P(model, identify, period, forgetting=forgetting)
+    return _initial_P(given, torque, recipe, known)
 
 
 def _initial_P(
@@ -230,8 +233,9 @@ def _initial_P(
     if known is not None:
         return known
     raise EstimatorError(
-        f"P(0) is known only for {', '.join(DEFAULT_IDENTIFY)}; for other parameters give P0, "
-        "or the torque of a nominal run for the recipe"
+        f"P(0) is known only for {', '.join(DEFAULT_IDENTIFY)} of the nominal axis at 5 ms; for "
+        "another axis, other parameters or another period give P0, or the torque of a nominal run "
+        "for the recipe"
     )
 
 

@@ -82,7 +82,7 @@ class Racer:
         self.spec = estimator if isinstance(estimator, Spec) else parse(estimator)
         self.text, self._nominal = self.spec.text, nominal
         self.name = self.text.partition("[")[0].strip()
-        options = dict(getattr(REGISTRY.get(self.name), "options", {})) | dict(self.spec.options)
+        options = dict(getattr(REGISTRY.get(self.name), "usual", {})) | dict(self.spec.options)
         self._knobs = {
             key: options[key] for key in ("forgetting", "regularization") if key in options
         }
