@@ -1,18 +1,13 @@
 """Settings found by `flexaxis tune`, and on which axis they hold."""
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
-from inspect import Signature, signature
-from typing import TYPE_CHECKING, Any
 
 from flexaxis.estimators.models.known import moves_as
 from flexaxis.estimators.models.model import Model
-
-if TYPE_CHECKING:
-    from flexaxis.estimators.protocol import Estimator
 
 PERIODS_AGREE = 1e-6  # relative
 
@@ -124,43 +119,3 @@ def tuned(name: str, model: Model, period: float, identify: Sequence[str]) -> fl
     """
     found = at_equal_noise(name)
     return found.value if found and found.holds_for(model, period, identify) else None
-
-
-@dataclass(frozen=True)
-class TunedFactory:
-    """
-    A factory whose knob, unless it is given, is the tuned one where that holds.
-
-    Attributes
-    ----------
-    name : str
-        Of the estimator, in the registry.
-    factory : callable
-        ``factory(nominal, period, *, identify, …, <knob>)``.
-    knob : str
-        The option.
-    otherwise : float
-        Its value on any axis for which nothing was tuned.
-    model_of : callable
-        Returns the model of what the factory takes as nominal.
-    """
-
-    name: str
-    factory: Callable[..., "Estimator"]
-    knob: str
-    otherwise: float
-    model_of: Callable[[Mapping[str, float] | Model], Model]
-
-    @property
-    def __signature__(self) -> Signature:
-        return signature(self.factory)
-
-    def __call__(
-        self, nominal: Mapping[str, float] | Model, period: float, **options: Any
-    ) -> "Estimator":
-        """Make the estimator; options as for `factory`."""
-        if self.knob not in options:
-            identify = options.get("identify", self.__signature__.parameters["identify"].default)
-            value = tuned(self.name, self.model_of(nominal), period, tuple(identify))
-            options = options | {self.knob: self.otherwise if value is None else value}
-        return self.factory(nominal, period, **options)

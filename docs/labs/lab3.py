@@ -7,8 +7,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.adaptation import estimate_covariance, steady_P
-from flexaxis.estimators.frequency import information, line_spectrum
+from flexaxis.estimators.offline.adaptation import estimate_covariance, steady_P
+from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
@@ -34,7 +34,7 @@ for forgetting in LAMBDAS:
     theory = np.sqrt(estimate_covariance(P, sigma**2)[2, 2])
     noise, lag = [], []
     for record in records:
-        rpem = Rpem(axis, P0=P, forgetting=forgetting)
+        rpem = Rpem(axis, P0=P, forgetting=forgetting, period=0.005)
         f_m = rpem.run(record.torque, record.speed)[:, 2]
         noise.append(np.mean((f_m[quiet] - nominal[2]) ** 2))
         lag.append(T * np.sum(np.abs(f_m[onset : onset + 1000] / nominal[2] - 1.5)) / 0.5)

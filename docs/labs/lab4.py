@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.adaptation import drift_for, steady_P, tracking_error
-from flexaxis.estimators.frequency import information, line_spectrum
+from flexaxis.estimators.offline.adaptation import drift_for, steady_P, tracking_error
+from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
@@ -37,7 +37,7 @@ def experiment(tau):
     predicted = tracking_error(P, Q, after)[:, 2, 2]
     runs = []
     for record in records:
-        rpem = Rpem(axis, P0=P, drift=Delta)
+        rpem = Rpem(axis, P0=P, drift=Delta, period=0.005)
         runs.append(rpem.run(record.torque, record.speed)[:, 2] / model.theta[2])
     mean = np.mean(runs, axis=0)
     noise = np.sqrt(np.mean((np.array(runs)[:, 1000:onset] - 1) ** 2))

@@ -97,7 +97,7 @@ def joint_imm(
     tuning = np.repeat(widened(tuning, _tuning_type(pattern)), 1 + p)
     tuning["stay"] = 1 - period / hold
     tuning["stay"][0] = 1 - rate * period
-    for i, variance in enumerate(finite_vector("jump", jump, p)):
+    for i, variance in enumerate(finite_vector("jump", jump, p) / design.scale**2):
         tuning["drift"][1 + i, i, i] += variance
     start = np.repeat(widened(start, _state_type(pattern)), 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0

@@ -128,7 +128,12 @@ def moving_horizon(
     order, substeps = plan(design.model, design.lower, design.upper, period)
     setting = Setting(design.forgetting, int(every), int(iterations), design.lower, design.upper)
     tuning = terms(design.model, order, substeps, period), setting
-    return CompiledFilter(horizon_loop, tuning, _start(design, int(window)), design, _read)
+    return CompiledFilter(_legacy, tuning, _start(design, int(window)), design, _read)
+
+
+def _legacy(tuning, state, u, y, valid, estimates, trace):
+    trace.fill(np.nan)
+    horizon_loop(tuning, state, u, y, valid, estimates)
 
 
 def _start(design: Design, window: int) -> Window:

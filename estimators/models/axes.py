@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 from flexaxis.estimators.models.model import Model
 
+PAPER = ("k_T", "1/J_a", "f_m")  # what the paper identifies
+
 
 def one_mass(nominal: Mapping[str, float]) -> Model:
     """
@@ -64,6 +66,7 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
         positive=("J_m", "J_g", "J_a", "k_g", "k_a"),
         nonnegative=("d_g", "d_a", "f_m", "f_g", "f_a"),
         nonzero=("k_T", "r"),
+        identify=PAPER,
     )
 
 

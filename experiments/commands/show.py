@@ -43,9 +43,13 @@ def main(args: argparse.Namespace) -> int:
         lines = [f"{entry.name}: {entry.summary}", "", "options and defaults:"]
         lines += [f"  {key} = {value}" for key, value in entry.options.items()] or ["  none"]
         lines += ["", f"knob that trades speed for variance: {entry.knob or 'none'}"]
-        if entry.tuning:
+        if entry.knob and entry.tuning:
             axis = entry.tuning.axis
-            lines += [f"  {entry.knob} = {entry.tuning.value} on the axis it was tuned for: {axis}"]
+            lines += [
+                f"  {entry.options[entry.knob]} as tuned for {axis}",
+                f"  {entry.default} on any other axis"
+                + (", for 5 ms: a time constant of 1 s" if entry.knob == "forgetting" else ""),
+            ]
         text = "\n".join(lines)
     elif args.name in catalogue.suite_names():
         content = asdict(catalogue.find_suite(args.name))

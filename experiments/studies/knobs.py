@@ -35,9 +35,9 @@ def with_value(name: str, value: float) -> str:
 
 
 def usual_value(name: str) -> float:
-    """Return the knob of a registered estimator, as tuned if it is; 0 where there is none."""
+    """Return the knob of a registered estimator on its axis; 0 where there is none."""
     entry = REGISTRY[name]
-    return float(entry.usual[entry.knob]) if entry.knob else 0.0
+    return float(entry.options[entry.knob]) if entry.knob else 0.0
 
 
 def _knob(name: str) -> tuple[str | None, float]:

@@ -87,7 +87,10 @@ def test_the_race_is_what_the_estimator_does_alone():
         session.advance(piece)
     samples = axis.advance(400)
     alone = Rpem(
-        three_mass(axis.nominal.as_dict()), P0=known_P(NAMES, forgetting=0.995), forgetting=0.995
+        three_mass(axis.nominal.as_dict()),
+        P0=known_P(NAMES, forgetting=0.995),
+        forgetting=0.995,
+        period=0.005,
     )
     expected = alone.run(samples.torque, samples.speed)
     np.testing.assert_array_equal(session.racers[0].theta, expected[-1])
@@ -189,7 +192,7 @@ def test_without_regularisation_a_pause_winds_up():
     session.advance(15 * RATE)
     plain, regularised = session.racers
     assert plain.P.max() > 1.0
-    assert regularised.P.max() <= 0.005 / 0.3 * (1 + 1e-9)
+    assert np.all(np.diag(regularised.P) <= 2.97e-4 / 0.01 * (1 + 1e-9))
 
 
 def test_estimators_can_be_changed_while_it_runs():

@@ -98,7 +98,7 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
 def test_the_registry_has_what_was_tuned():
     for entry in REGISTRY.values():
         if entry.knob and entry.name not in OWN | NOISIER:
-            assert entry.usual[entry.knob] == at_equal_noise(entry.name).value
+            assert entry.options[entry.knob] == at_equal_noise(entry.name).value
     known = {t.estimator for t in tunings()}
     assert known == {e.name for e in REGISTRY.values() if e.knob} - NOISIER
     for found in tunings():
@@ -173,8 +173,8 @@ def test_and_on_no_other(model, period, identify):
     assert tuned("rpem-corrected", model, period, identify) is None
     options = {"identify": identify, "P0": [1e-4] * len(identify)}
     made = REGISTRY["rpem-corrected"].factory(model, period, **options)
-    assert REGISTRY["rpem-corrected"].options["forgetting"] == 0.995
-    assert forgetting_of(made) == pytest.approx(0.995, rel=1e-12)
+    assert REGISTRY["rpem-corrected"].default == 0.995
+    assert forgetting_of(made) == pytest.approx(1 - period, rel=1e-12), "1 s of memory"
 
 
 def test_an_axis_without_friction_is_another():
@@ -192,8 +192,8 @@ def test_the_knob_of_a_scenario_is_that_of_its_axis():
 def test_list_and_show_say_where_a_knob_is_tuned(capsys):
     assert main(["show", "ekf"]) == 0
     said = capsys.readouterr().out
-    assert "walk = 0.002\n" in said
-    assert "walk = 0.001162 on the axis it was tuned for: n1 at 5 ms, k_T, 1/J_a, f_m, no" in said
+    assert "0.001162 as tuned for n1 at 5 ms, k_T, 1/J_a, f_m, noise 0.1 rad/s" in said
+    assert "0.002 on any other axis" in said
     assert main(["list", "estimators"]) == 0
     assert "tuned for n1 at 5 ms" in " ".join(capsys.readouterr().out.split())
 
