@@ -1,12 +1,11 @@
 """`relocate` in the registry."""
 
 from collections.abc import Sequence
-from functools import partial
 
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, factor, initial_P, model_of
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.relocate.filter import Relocate
 
@@ -36,22 +35,15 @@ def relocate(
     noise : float, optional
         Standard deviation of y, in its unit; estimated from the residual by default.
     """
-    from flexaxis.estimators.offline import priors
-
-    model, weight = model_of(nominal), factor("relocate", forgetting, period)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=weight,
-        output=output,
-    )
+    model = model_of(nominal)
+    weight = factor("relocate", forgetting, model, period, identify)
     return Relocate(
         model,
         identify=identify,
         suspects=[name for name in model.parameters if name != "r"],
-        P0=initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=weight)),
+        P0=forgetting_P(
+            P0, torque, model, identify, period=period, forgetting=weight, output=output
+        ),
         period=period,
         forgetting=weight,
         alarm=alarm,

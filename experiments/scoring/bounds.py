@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -33,7 +33,7 @@ def jump_gradient(
     u: ArrayLike,
     x: ArrayLike,
     *,
-    period: float = 0.005,
+    period: float,
 ) -> Array:
     """
     Return the gradient ψ₀ (N, p) at the N samples from a jump on.
@@ -59,7 +59,7 @@ def jump_gradient(
     return _driven(transition, gain, X, np.asarray(u, float))[:-1] @ output[:-1].T
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _driven(transition, gain, x, u):
     """Return the states (N+1, n) that u takes x to."""
     states = np.empty((len(u) + 1, len(x)))
@@ -90,7 +90,7 @@ def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
     return variance * np.linalg.inv(prior + np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0))
 
 
-def lag_bound(deviation: ArrayLike, size: float, *, period: float = 0.005) -> float:
+def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
     Return the lag [s] of an estimator on the bound, Σ T min(1, √(2/π) s_n/D).
 
@@ -248,7 +248,7 @@ def posterior_bound(psi: ArrayLike, variance: float, *, walk: ArrayLike, start: 
     return bounds
 
 
-def validity(time_constants: ArrayLike, poles: ArrayLike, *, period: float = 0.005) -> float:
+def validity(time_constants: ArrayLike, poles: ArrayLike, *, period: float) -> float:
     """
     Return how much slower the adaptation is than the memory of the plant; below 1, mistrust.
 

@@ -1,8 +1,17 @@
 """
-Plant errors one at a time, and see whether the test named beside each fails.
+Plant errors one at a time, each in a copy with cold caches, and see whether a test dies of it.
 
-``python tests/mutants/run.py [FILE.toml …] [--only WORDS]``; without files, all of this folder.
-Works on the checkout that it lies in, puts every file back, and ends with 1 if an error survived.
+``python tests/mutants/run.py [NAME …] [--jobs N]`` runs those of all tables beside this file, or
+those whose names contain one of the words; a table is a list of
+
+    [[mutant]]
+    name = "what is wrong"
+    file = "estimators/…"
+    old = "text that stands in that file once"
+    new = "what is planted there"
+    killer = "tests/… of the fast tier, as pytest takes it"
+
+Status 1 where one survives. A killer must pass where nothing is planted, and that is tried first.
 """
 
 import argparse
@@ -12,62 +21,101 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+FOLDERS = ("models_mjcf", "sim", "estimators", "experiments")
+LONGEST = 600  # s, for one killer with everything to compile
 
 
-def main() -> int:
-    """Run all mutants asked for; print one line for each."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("files", nargs="*", type=Path)
-    parser.add_argument("--only", default="", help="words that the name has to contain")
-    options = parser.parse_args()
-    files = options.files or sorted(HERE.glob("*.toml"))
-    mutants = [m for file in files for m in tomllib.loads(file.read_text())["mutant"]]
-    chosen = [m for m in mutants if options.only in m["name"]]
-    survivors = [mutant["name"] for mutant in chosen if not killed(mutant)]
-    print(f"{len(chosen) - len(survivors)} of {len(chosen)} killed")
-    return 1 if survivors else 0
+@dataclass(frozen=True)
+class Mutant:
+    """A planted error, and the test that is to see it."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    killer: str
+
+    def problem(self) -> str | None:
+        """Say why it cannot be planted, if so."""
+        path = ROOT / self.file
+        if not path.is_file():
+            return f"there is no {self.file}"
+        if (count := path.read_text(encoding="utf-8").count(self.old)) != 1:
+            return f"{self.file} has {count} times, and not once: {self.old!r}"
+        if not (ROOT / self.killer.partition("::")[0]).is_file():
+            return f"there is no {self.killer}"
+        return None
 
 
-def killed(mutant: dict[str, str]) -> bool:
-    """Plant one error, with nothing compiled before, and say whether its test fails."""
-    path = ROOT / mutant["file"]
-    right = path.read_text()
-    if right.count(mutant["old"]) != 1:
-        print(
-            f"NOT PLANTED  {mutant['name']}: the text is there {right.count(mutant['old'])} times"
-        )
-        return False
-    try:
-        path.write_text(right.replace(mutant["old"], mutant["new"]))
-        outcome = failing(mutant["killer"])
-    finally:
-        path.write_text(right)
-        forget()
-    word = {0: "SURVIVED", 1: "killed"}.get(outcome, f"ERROR {outcome}")
-    print(f"{word:12} {mutant['name']}", flush=True)
-    return outcome == 1
+def mutants() -> list[Mutant]:
+    """All of the tables beside this file."""
+    tables = [tomllib.loads(p.read_text(encoding="utf-8")) for p in sorted(HERE.glob("*.toml"))]
+    return [Mutant(**entry) for table in tables for entry in table["mutant"]]
 
 
-def failing(test: str) -> int:
-    """Return pytest's exit status for one test, from cold caches."""
-    forget()
-    with tempfile.TemporaryDirectory() as cold:
-        environment = os.environ | {"NUMBA_CACHE_DIR": cold, "PYTHONDONTWRITEBYTECODE": "1"}
-        command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", test]
-        return subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, check=False
-        ).returncode
+def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
+    """Run tests on a copy, with or without an error in it; return what failed first."""
+    with tempfile.TemporaryDirectory(prefix="mutant") as folder:
+        place = Path(folder)
+        for name in FOLDERS:
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, place / "flexaxis" / name, ignore=ignored)
+        if mutant is not None:
+            path = place / "flexaxis" / mutant.file
+            text = path.read_text(encoding="utf-8")
+            path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *killers]
+        done = subprocess.run(
+            words, cwd=ROOT, env=environment(place), capture_output=True, text=True, check=False,
+            timeout=LONGEST,
+        )  # fmt: skip
+    if done.returncode == 0:
+        return None
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    if not lines or lines[0].startswith("ERROR"):
+        raise SystemExit(f"{mutant and mutant.name}: no test failed, but\n{done.stdout[-2000:]}")
+    return lines[0].removeprefix("FAILED ").partition(" - ")[0]
 
 
-def forget() -> None:
-    """Remove what Python has compiled of the estimators."""
-    for folder in (ROOT / "estimators").rglob("__pycache__"):
-        shutil.rmtree(folder, ignore_errors=True)
+def environment(place: Path) -> dict[str, str]:
+    """The environment in which `flexaxis` is the copy, and nothing is compiled yet."""
+    own = {
+        "PYTHONPATH": str(place),
+        "PYTHONPYCACHEPREFIX": str(place / "pycache"),
+        "NUMBA_CACHE_DIR": str(place / "numba"),
+        "XDG_CACHE_HOME": str(place / "home"),
+        "FLEXAXIS_CACHE": str(place / "records"),
+    }
+    return os.environ | own | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run what is asked for, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("names", nargs="*", help="words that the names contain")
+    parser.add_argument("--jobs", type=int, default=1, help="copies at a time (1)")
+    given = parser.parse_args(arguments)
+    chosen = [m for m in mutants() if not given.names or any(w in m.name for w in given.names)]
+    if wrong := [f"{m.name}: {m.problem()}" for m in chosen if m.problem()]:
+        sys.exit("\n".join(["these fit no more:", *wrong]))
+    if failed := dies(sorted({m.killer for m in chosen})):
+        sys.exit(f"fails where nothing is planted: {failed}")
+    dead = 0
+    with ThreadPoolExecutor(given.jobs) as pool:
+        ends = pool.map(lambda mutant: dies([mutant.killer], mutant), chosen)
+        for mutant, killer in zip(chosen, ends, strict=True):
+            dead += killer is not None
+            print(f"{mutant.name:60} {killer or 'SURVIVES'}", flush=True)
+    print(f"{dead} of {len(chosen)}")
+    return int(dead < len(chosen))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
