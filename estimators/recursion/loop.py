@@ -18,15 +18,16 @@ def sample_loop(pattern: Pattern, correct: Callable, label: str) -> Compiled:
         ``correct(tunings, states, k, u, y, valid, estimates, trace, *more)``, `inlined`: takes
         ŷ[k], which is the output in X, and y[k], moves θ, P and x, writes row k of ``estimates``
         (η[k]) and of ``trace`` (ŷ[k], y[k] − ŷ[k] and its variance; NaN in a gap), and returns
-        whether to stop after this sample. u[k] is not yet in x then. ``more`` are arrays of its own.
+        whether to stop after this sample. u[k] is not yet in x then; ``more`` are arrays of its
+        own.
     label : str
         What the filter is, for the user who waits for the compiler.
 
     Returns
     -------
     callable
-        ``run(tunings, states, u, y, valid, estimates, trace, *more)`` takes samples, from ``states`` and
-        back into them, and returns how many. Records have the fields of
+        ``run(tunings, states, u, y, valid, estimates, trace, *more)`` takes samples, from
+        ``states`` and back into them, and returns how many. Records have the fields of
         `flexaxis.estimators.recursion.records.on_lanes`.
     """
     flat = pattern.flat()
