@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.paper import rpem_forgetting
+from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import Nominal, factor
+from flexaxis.estimators.methods.start import Nominal, factor, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -102,16 +102,15 @@ def oracle_reset(
     noise : float, optional
         Standard deviation of y, in its unit.
     """
-    rpem = rpem_forgetting(
+    rpem = rpem_corrected(
         nominal,
         period,
         identify=identify,
         output=output,
         P0=P0,
         torque=torque,
-        forgetting=factor("oracle-reset", forgetting, period),
+        forgetting=factor("oracle-reset", forgetting, model_of(nominal), period, identify),
         noise=noise,
-        state_correction=True,
     )
     return OracleReset(rpem, onsets=onsets, spread=spread)
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, forgetting_P, initial_P, model_of
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, initial_P, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.tuned import tuned
@@ -46,7 +46,8 @@ def joint(
     from flexaxis.estimators.methods.ukf import joint_ukf
 
     model = model_of(nominal)
-    walk = tuned("ukf" if unscented else "ekf", otherwise=0.002) if walk is None else walk
+    if walk is None:
+        walk = tuned("ukf" if unscented else "ekf", model, period, identify) or 0.002
     P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
     return (joint_ukf if unscented else joint_ekf)(
         model, identify=identify, P0=P0, drift=drift, noise=noise, period=period, output=output
@@ -81,7 +82,8 @@ def imm(
     from flexaxis.estimators.methods.imm import joint_imm
 
     model = model_of(nominal)
-    walk = tuned("imm", otherwise=0.0015) if walk is None else walk
+    if walk is None:
+        walk = tuned("imm", model, period, identify) or 0.0015
     P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
     return joint_imm(
         model,
@@ -131,9 +133,8 @@ def horizon(
     """
     from flexaxis.estimators.methods.moving_horizon import moving_horizon
 
-    forgetting = tuned("moving-horizon", otherwise=0.994) if forgetting is None else forgetting
-
     model = model_of(nominal)
+    forgetting = factor("moving-horizon", forgetting, model, period, identify)
     return moving_horizon(
         model,
         identify=identify,
@@ -184,7 +185,9 @@ def relocate(
         model,
         identify=identify,
         suspects=[name for name in model.parameters if name != "r"],
-        P0=initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
+        P0=initial_P(
+            P0, torque, recipe, priors.stored_P(model, identify, period, forgetting=forgetting)
+        ),
         period=period,
         forgetting=forgetting,
         alarm=alarm,
@@ -226,7 +229,7 @@ ENTRIES = (
         "nonlinear least squares over a moving window, with an arrival cost",
         horizon,
         "forgetting",
-        0.994,
+        0.995,
         ("#332288", "P"),
         10,
     ),
