@@ -8,8 +8,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, make_design
+from flexaxis.estimators.recursion.design import Design, finite_vector, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.level import STATE as LEVEL_STATE
+from flexaxis.estimators.recursion.level import TUNING as LEVEL_TUNING
+from flexaxis.estimators.recursion.level import bound, judge, set_level
 from flexaxis.estimators.sampling.compiler import compile_loop, jit
 from flexaxis.estimators.sampling.lanes import advance, evaluate
 from flexaxis.estimators.sampling.pattern import Pattern, split
@@ -25,8 +28,10 @@ def joint_ekf(
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
-    noise: float = 0.1,
-    period: float = 0.005,
+    period: float,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -36,7 +41,9 @@ def joint_ekf(
     θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u; y = h(x) + e,
     var e = σ². The textbook filter of L. Ljung, *Asymptotic behavior of the extended Kalman filter
     as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979). Unlike the
-    prediction-error method it corrects the state as well, and knows σ.
+    prediction-error method it corrects the state as well. P of θ_i stays below θ_i(0)², to which row
+    and column are scaled down. A sample that lies alone beyond 100 of its standard
+    deviations is not used.
 
     Parameters
     ----------
@@ -47,13 +54,16 @@ def joint_ekf(
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
-        Covariance of θ(0); x(0) = 0 is certain.
+        Covariance of θ(0).
     drift : (p,) or (p, p) array_like
         W, what the covariance of θ gains in every sample.
-    noise : float
-        σ, standard deviation of the measured output [rad/s].
     period : float
         Sampling period T [s].
+    noise : float, optional
+        σ, standard deviation of y in its unit; else R = σ² is learnt from the innovations, see
+        `flexaxis.estimators.recursion.level`.
+    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
+        State at the first sample and its covariance; zero, and certain, by default.
     bounds : (lower, upper), optional
         Box on which θ is projected after every update; 0.1 to 10 times θ(0) by default.
     output : {"speed", "increment"}
@@ -70,13 +80,13 @@ def joint_ekf(
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
         bounds=bounds,
         output=output,
     )
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, noise)
+    tuning, start = ekf_records(design, pattern, initial_state(design, x0, x0_covariance))
+    set_level(tuning, start, noise, period)
     return CompiledFilter(
         ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
@@ -93,14 +103,11 @@ def walking(
     theta0: ArrayLike | None,
     P0: ArrayLike,
     drift: ArrayLike,
-    noise: float,
     period: float,
     bounds: tuple[ArrayLike, ArrayLike] | None,
     output: str,
 ) -> Design:
     """Check the options of `joint_ekf`, which explains them, and fill in defaults."""
-    if not (np.isfinite(noise) and noise > 0):
-        raise EstimatorError(f"noise is {noise}; give the standard deviation of y, above 0")
     return make_design(
         model,
         identify=identify,
@@ -115,8 +122,47 @@ def walking(
     )
 
 
+def initial_state(
+    design: Design, x0: ArrayLike | None, covariance: ArrayLike | None
+) -> tuple[Array, Array]:
+    """
+    Return x(0) (n,) and its covariance (n, n), checked; zero where nothing is given.
+
+    States that are zero at the start of every sample need not be given; they come last.
+    """
+    n, given = design.model.n, design.model.n - len(design.model.reset)
+    x, P = np.zeros(n), np.zeros((n, n))
+    if x0 is not None:
+        x[:given] = finite_vector("x0", x0, given)
+    if covariance is not None:
+        P[:given, :given] = _semidefinite("x0_covariance", covariance, given)
+    return x, P
+
+
+def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
+    """Return a symmetric matrix (n, n) without negative eigenvalues, from that or its diagonal."""
+    matrix = np.array(value, float)
+    if matrix.shape == (n,):
+        matrix = np.diag(matrix)
+    if matrix.shape != (n, n) or not np.all(np.isfinite(matrix)):
+        raise EstimatorError(
+            f"{name} is {value!r}; give finite values, ({n},) or ({n}, {n}), for {n} states"
+        )
+    certain = np.diag(matrix) == 0
+    scale = np.sqrt(np.where(certain, 1.0, abs(np.diag(matrix))))
+    correlation = matrix / np.outer(scale, scale)  # judged free of units
+    if (
+        not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
+        or np.linalg.eigvalsh(correlation)[0] < -1e-9
+    ):
+        raise EstimatorError(
+            f"{name} must be symmetric and not negative; given: {matrix.tolist()}"
+        )
+    return (matrix + matrix.T) / 2
+
+
 def ekf_records(
-    design: Design, pattern: Pattern, noise: float
+    design: Design, pattern: Pattern, initial: tuple[Array, Array]
 ) -> tuple[NDArray[np.void], NDArray[np.void]]:
     """Return tuning and start of the filter, as records for the compiled loop."""
     _, coefficients = split(design.model)
@@ -128,7 +174,7 @@ def ekf_records(
     tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
     tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
     tuning["order"], tuning["substeps"] = order, substeps
-    tuning["drift"], tuning["variance"] = design.drift, noise**2
+    tuning["drift"], tuning["ceiling"] = design.drift, design.theta0**2
     tuning["lower"], tuning["upper"] = design.lower, design.upper
 
     p = len(design.theta0)
@@ -136,8 +182,12 @@ def ekf_records(
     start["theta"] = 1.0  # what pads θ must have an inverse
     start["theta"][0, :p] = design.theta0
     start["P"][0, :p, :p] = design.P0
-    start["M"][0, :, : 1 + p] = (design.model.blocks(design.theta0)[:, row, column] * scale).T
-    start["X"][0, : pattern.n, 1 + p : 1 + pattern.p] = np.eye(pattern.n)
+    blocks, (x, covariance), n = design.model.blocks(design.theta0), initial, pattern.n
+    start["M"][0, :, : 1 + p] = (blocks[:, row, column] * scale).T
+    start["P"][0, p:, p:] = covariance
+    X = start["X"][0]
+    X[:n, 0], X[:n, 1 + p : 1 + p + n] = x, np.eye(n)
+    X[n, : 1 + p], X[n, 1 + p : 1 + p + n] = blocks[:, n, :n] @ x, blocks[0, n, :n]
     return tuning, start
 
 
@@ -164,9 +214,10 @@ def ekf_tuning_type(pattern: Pattern) -> np.dtype:
             ("order", int),
             ("substeps", int),
             ("drift", float, (p, p)),
-            ("variance", float),
+            ("ceiling", float, (p,)),  # of the variance of θ
             ("lower", float, (p,)),
             ("upper", float, (p,)),
+            *LEVEL_TUNING,
         ],
         align=True,
     )
@@ -184,6 +235,8 @@ def ekf_state_type(pattern: Pattern) -> np.dtype:
             ("GP", float, (n, m)),
             ("Ph", float, (m,)),
             ("gain", float, (m,)),
+            ("spread", float),  # hᵀPh
+            *LEVEL_STATE,
         ],
         align=True,
     )
@@ -206,7 +259,9 @@ def ekf_loop(pattern: Pattern) -> Callable:
         tuning, state = tunings[0], states[0]
         n, p = len(state["GP"]), estimates.shape[1]
         for k in range(len(u)):
-            correct(tuning, state, y[k], valid[k])
+            look(state)
+            use = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
+            correct(tuning, state, y[k], use, state["noise"])
             evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
             start_sample(state["X"], n, p)
             advance(
@@ -233,35 +288,45 @@ def start_sample(X, n, p):
 
 
 @jit
-def correct(tuning, state, y, valid):
+def look(state):
+    """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
+    P, X, Ph = state["P"], state["X"], state["Ph"]
+    m = len(P)
+    state["spread"] = 0.0
+    for i in range(m):
+        Ph[i] = 0.0
+        for j in range(m):
+            Ph[i] += P[i, j] * X[-1, 1 + j]
+        state["spread"] += Ph[i] * X[-1, 1 + i]
+
+
+@jit
+def correct(tuning, state, y, use, noise):  # noqa: PLR0917
     """
-    Take P over the last sample, and ξ and P through the measurement, in one step.
+    Take P over the last sample, and ξ and P through the measurement if that is used, in one step.
 
     With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
-    S = hᵀPh + σ², K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
+    S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
     P, X, GP, Ph, gain = state["P"], state["X"], state["GP"], state["Ph"], state["gain"]
     theta, n, p = state["theta"], len(GP), len(tuning["lower"])
     m = p + n
-    S = tuning["variance"]
-    for i in range(m):
-        Ph[i] = 0.0
-        for j in range(m):
-            Ph[i] += P[i, j] * X[n, 1 + j]
-        S += Ph[i] * X[n, 1 + i]
     for i in range(n):
-        total = 0.0
         for j in range(m):
-            total += X[i, 1 + j] * Ph[j]
             GP[i, j] = 0.0
             for q in range(m):
                 GP[i, j] += X[i, 1 + q] * P[q, j]
-        gain[p + i] = total / S
-    for i in range(p):
-        gain[i] = Ph[i] / S
     transport(P, GP, X, tuning["drift"], n, p)
-    if valid:
+    if use:
+        S = state["spread"] + noise
         innovation = y - X[n, 0]
+        for i in range(n):
+            total = 0.0
+            for j in range(m):
+                total += X[i, 1 + j] * Ph[j]
+            gain[p + i] = total / S
+        for i in range(p):
+            gain[i] = Ph[i] / S
         for i in range(m):
             for j in range(i + 1):
                 P[i, j] -= S * gain[i] * gain[j]
@@ -270,6 +335,7 @@ def correct(tuning, state, y, valid):
             X[i, 0] += gain[p + i] * innovation
         for i in range(p):
             theta[i] += gain[i] * innovation
+    bound(P, tuning["ceiling"])
     project(theta, tuning["lower"], tuning["upper"])
 
 

@@ -12,6 +12,8 @@ from flexaxis.estimators.methods.ekf import (
     ekf_records,
     ekf_state_type,
     ekf_tuning_type,
+    initial_state,
+    look,
     start_sample,
     walking,
     with_state,
@@ -20,6 +22,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import finite_vector
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.kernel import grown
+from flexaxis.estimators.recursion.level import judge, set_level
 from flexaxis.estimators.relocate.memory import widened
 from flexaxis.estimators.sampling.compiler import compile_loop, jit
 from flexaxis.estimators.sampling.lanes import advance, evaluate
@@ -40,8 +43,10 @@ def joint_imm(
     jump: ArrayLike,
     rate: float = 1e-3,
     hold: float = 0.05,
-    noise: float = 0.1,
-    period: float = 0.005,
+    period: float,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -55,13 +60,13 @@ def joint_imm(
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
 
-    and mode j goes on from ξ⁰_j, P⁰_j. Estimate and covariance are those of the mixture. H. A. P.
-    Blom and Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian
+    and mode j goes on from ξ⁰_j, P⁰_j. Estimate, covariance and innovation are those of the mixture,
+    from which one R is learnt for all modes. H. A. P. Blom and Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian
     switching coefficients*, IEEE Trans. AC 33 (1988) 780–783.
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, noise, period, bounds, output
+    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
         As for `flexaxis.estimators.methods.ekf.joint_ekf`; ``drift`` is that of the quiet mode.
     jump : (p,) array_like
         Variance that θ_i gains in every sample while it jumps.
@@ -81,23 +86,26 @@ def joint_imm(
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
         bounds=bounds,
         output=output,
     )
     p = len(design.theta0)
-    if not (0 < rate * period < 1 and hold > period):
+    if not (0 < rate * period < 1 and period < hold < np.inf):
         raise EstimatorError(
             f"rate is {rate} and hold {hold}; a jump comes less than once and lasts more than one "
             f"sample of {period} s"
         )
+    variances = finite_vector("jump", jump, p)
+    if not (variances >= 0).all():
+        raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, noise)
+    tuning, start = ekf_records(design, pattern, initial_state(design, x0, x0_covariance))
+    set_level(tuning, start, noise, period)
     tuning = np.repeat(widened(tuning, _tuning_type(pattern)), 1 + p)
     tuning["stay"] = 1 - period / hold
     tuning["stay"][0] = 1 - rate * period
-    for i, variance in enumerate(finite_vector("jump", jump, p)):
+    for i, variance in enumerate(variances):
         tuning["drift"][1 + i, i, i] += variance
     start = np.repeat(widened(start, _state_type(pattern)), 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
@@ -141,9 +149,11 @@ def imm_loop(pattern: Pattern) -> Callable:
     def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
         n, p = len(states[0]["GP"]), estimates.shape[1]
         for k in range(len(u)):
+            use = look_together(tunings[0], states, y[k], valid[k])
+            noise = states[0]["noise"]
             for j in range(len(states)):
-                listen(tunings[j], states[j], y[k], valid[k])
-                correct(tunings[j], states[j], y[k], valid[k])
+                listen(states[j], y[k], use, noise)
+                correct(tunings[j], states[j], y[k], use, noise)
             weigh(states)
             for i in range(p):
                 estimates[k, i] = 0.0
@@ -168,17 +178,25 @@ def imm_loop(pattern: Pattern) -> Callable:
 
 
 @jit
-def listen(tuning, state, y, valid):
+def look_together(tuning, states, y, valid):
+    """Judge the sample by mean and variance of the mixture's prediction, kept in the first record."""
+    mean, spread = 0.0, 0.0
+    for j in range(len(states)):
+        look(states[j])
+        mean += states[j]["predicted"] * states[j]["X"][-1, 0]
+    for j in range(len(states)):
+        apart = states[j]["X"][-1, 0] - mean
+        spread += states[j]["predicted"] * (states[j]["spread"] + apart**2)
+    return judge(tuning, states[0], y, valid, mean, spread)
+
+
+@jit
+def listen(state, y, use, noise):
     """Keep log Λ of the innovation, before it is used."""
     state["logarithm"] = 0.0
-    if valid:
-        P, X = state["P"], state["X"]
-        n, m = len(state["GP"]), len(P)
-        S = tuning["variance"]
-        for i in range(m):
-            for j in range(m):
-                S += X[n, 1 + i] * P[i, j] * X[n, 1 + j]
-        state["logarithm"] = -0.5 * (np.log(S) + (y - X[n, 0]) ** 2 / S)
+    if use:
+        S = state["spread"] + noise
+        state["logarithm"] = -0.5 * (np.log(S) + (y - state["X"][-1, 0]) ** 2 / S)
 
 
 @jit

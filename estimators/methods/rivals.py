@@ -21,7 +21,7 @@ def joint(
     identify: Sequence[str] = DEFAULT_IDENTIFY,
     output: str = "speed",
     walk: float = 0.002,
-    noise: float = 0.1,
+    noise: float | None = None,
     spread: float = 0.2,
     unscented: bool = False,
 ) -> "CompiledFilter":
@@ -32,8 +32,8 @@ def joint(
     ----------
     walk : float
         Standard deviation of the random walk of every θ after a second, relative to θ(0).
-    noise : float
-        Standard deviation of the output [rad/s].
+    noise : float, optional
+        Standard deviation of the output, in its unit; else it is learnt from the innovations.
     spread : float
         Standard deviation of θ(0), relative to it.
     """
@@ -54,9 +54,9 @@ def imm(
     identify: Sequence[str] = DEFAULT_IDENTIFY,
     output: str = "speed",
     walk: float = 0.002,
-    noise: float = 0.1,
+    noise: float | None = None,
     spread: float = 0.2,
-    jump: float = 0.05,
+    jump: float = 0.1581,
     rate: float = 1e-3,
     hold: float = 0.05,
 ) -> "CompiledFilter":
@@ -68,9 +68,9 @@ def imm(
     walk, noise, spread : float
         As for `joint`; walk is that of the quiet mode.
     jump : float
-        Standard deviation that θ_i gains in a sample while it jumps, relative to θ(0).
+        Standard deviation of a jump of θ_i, relative to θ(0).
     rate, hold : float
-        How often a jump comes [1/s], and how long it lasts [s].
+        How often a jump comes [1/s], and how long it lasts on average [s].
     """
     from flexaxis.estimators.methods.imm import joint_imm
 
@@ -81,7 +81,7 @@ def imm(
         identify=identify,
         P0=P0,
         drift=drift,
-        jump=(jump * model.parametrize(identify).theta) ** 2,
+        jump=period / hold * (jump * model.parametrize(identify).theta) ** 2,
         rate=rate,
         hold=hold,
         noise=noise,

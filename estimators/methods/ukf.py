@@ -7,11 +7,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.ekf import project, walking
+from flexaxis.estimators.methods.ekf import initial_state, project, walking
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.square_root import triangularize
+from flexaxis.estimators.recursion.level import STATE as LEVEL_STATE
+from flexaxis.estimators.recursion.level import TUNING as LEVEL_TUNING
+from flexaxis.estimators.recursion.level import judge, set_level
+from flexaxis.estimators.recursion.square_root import (
+    bound_root,
+    triangular_root,
+    triangularize,
+)
 from flexaxis.estimators.sampling.compiler import compile_loop, jit
 from flexaxis.estimators.sampling.pattern import Pattern, split
 from flexaxis.estimators.sampling.plan import plan
@@ -26,9 +33,11 @@ def joint_ukf(
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
-    noise: float = 0.1,
+    period: float,
+    noise: float | None = None,
     spread: float = 1.0,
-    period: float = 0.005,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -51,7 +60,7 @@ def joint_ukf(
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, noise, period, bounds, output
+    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
         As for `flexaxis.estimators.methods.ekf.joint_ekf`.
     spread : float
         α in [0.52, 1.93], how far out the sigma points lie.
@@ -70,24 +79,18 @@ def joint_ukf(
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
         bounds=bounds,
         output=output,
     )
     pattern, _ = split(design.model)
-    return CompiledFilter(
-        ukf_loop(pattern),
-        _tuning(design, pattern, noise, spread, v0),
-        _start(design, pattern, spread),
-        design,
-        partial(_read, pattern.p),
-    )
+    tuning = _tuning(design, pattern, spread, v0)
+    start = _start(design, pattern, spread, initial_state(design, x0, x0_covariance))
+    set_level(tuning, start, noise, period)
+    return CompiledFilter(ukf_loop(pattern), tuning, start, design, partial(_read, pattern.p))
 
 
-def _tuning(
-    design: Design, pattern: Pattern, noise: float, spread: float, v0: float
-) -> NDArray[np.void]:
+def _tuning(design: Design, pattern: Pattern, spread: float, v0: float) -> NDArray[np.void]:
     _, coefficients = split(design.model)
     order, substeps = plan(design.model, design.lower, design.upper, design.period)
     row, column, _ = np.array(pattern.entries).T
@@ -103,24 +106,34 @@ def _tuning(
     weights = np.full(2 * m, 1 / (2 * spread**2 * m))
     tuning["mean"] = np.r_[1 - 1 / spread**2, weights]
     tuning["root"] = np.sqrt(np.r_[v0, weights])
-    tuning["walk"][0, : pattern.p, 1 : 1 + pattern.p] = np.linalg.cholesky(design.drift).T
-    tuning["walk"][0, pattern.p, 0] = noise
+    tuning["walk"][0, :, : pattern.p] = np.linalg.cholesky(design.drift).T
+    tuning["ceiling"] = design.theta0**2
     tuning["order"], tuning["substeps"] = order, substeps
     tuning["m"], tuning["p"] = m, pattern.p
     tuning["lower"], tuning["upper"] = design.lower, design.upper
     return tuning
 
 
-def _start(design: Design, pattern: Pattern, spread: float) -> NDArray[np.void]:
-    p, m = pattern.p, pattern.p + pattern.n
+def _start(
+    design: Design, pattern: Pattern, spread: float, initial: tuple[Array, Array]
+) -> NDArray[np.void]:
+    p, n, m = pattern.p, pattern.n, pattern.p + pattern.n
     row, column, _ = np.array(pattern.entries).T
-    S = np.linalg.cholesky(design.P0).T
-    reach = spread * np.sqrt(m) * np.vstack([S, np.zeros((pattern.n, p))])
+    S = np.zeros((m, m))
+    S[:p, :p] = np.linalg.cholesky(design.P0).T
+    S[p:, p:] = triangular_root(initial[1])
+    xi = np.concatenate([design.theta0, initial[0]])
+    reach = spread * np.sqrt(m) * S
+    points = (xi + np.vstack([np.zeros(m), reach, -reach])).T
+    inside = np.clip(points[:p].T, design.lower, design.upper)
     _, substeps = plan(design.model, design.lower, design.upper, design.period)
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
+    scale = np.where(row < n, design.period / substeps, 1.0)
     start = np.zeros(1, _state_type(pattern))
-    start["xi"][0, :p], start["S"][0, :p, :p] = design.theta0, S
-    start["points"][0, :p] = (design.theta0 + np.vstack([np.zeros(p), reach, -reach])).T
+    start["xi"][0, :m], start["S"][0], start["points"][0, :m] = xi, S, points
+    start["points"][0, m] = [
+        design.model.blocks(theta)[0, n, :n] @ x
+        for theta, x in zip(inside, points[p:].T, strict=True)
+    ]
     start["M"] = (design.model.blocks(design.theta0)[0, row, column] * scale)[:, None]
     return start
 
@@ -144,13 +157,15 @@ def _tuning_type(pattern: Pattern) -> np.dtype:
             ("reach", float),  # of the sigma points, in standard deviations
             ("mean", float, (2 * m + 1,)),  # weights w
             ("root", float, (2 * m + 1,)),  # √v
-            ("walk", float, (p + 1, 1 + m)),  # upper square root of W for θ, and σ for y
+            ("walk", float, (p, p)),  # upper square root of W
             ("order", int),
             ("substeps", int),
             ("m", int),  # sizes known only when it runs: else the compiler unrolls every loop
             ("p", int),
             ("lower", float, (p,)),
             ("upper", float, (p,)),
+            ("ceiling", float, (p,)),  # of the variance of θ
+            *LEVEL_TUNING,
         ],
         align=True,
     )
@@ -168,6 +183,7 @@ def _state_type(pattern: Pattern) -> np.dtype:
             ("power", float, (n + 1, points)),
             ("next", float, (n + 1, points)),
             ("array", float, (points + p + 1, 1 + m)),
+            *LEVEL_STATE,
         ],
         align=True,
     )
@@ -193,28 +209,47 @@ def ukf_loop(pattern: Pattern) -> Callable:
 @jit
 def correct(tuning, state, y, valid):
     """Take ξ̂ and S from the propagated points, and through the measurement."""
-    xi, S, A, Z = state["xi"], state["S"], state["array"], state["points"]
+    xi, S, A = state["xi"], state["S"], state["array"]
     m, p = tuning["m"], tuning["p"]
     points = 2 * m + 1
-    for i in range(m + 1):
-        mean = 0.0
-        for j in range(points):
-            mean += tuning["mean"][j] * Z[i, j]
-        for j in range(points):
-            A[j, (i + 1) % (m + 1)] = tuning["root"][j] * (Z[i, j] - mean)  # y comes first
-        for j in range(p + 1):
-            A[points + j, i] = tuning["walk"][j, i]
-        xi[i] = mean
-    if not valid:
+    spread = gather(tuning, state)
+    use = judge(tuning, state, y, valid, xi[m], spread)
+    A[points + p, 0] = np.sqrt(state["noise"])
+    if not use:
         for j in range(points):
             A[j, 0] = 0.0
     triangularize(A, points + p + 1, 1 + m)
     for i in range(m):
         for j in range(i, m):
             S[i, j] = A[1 + i, 1 + j]
-        if valid:
+        if use:
             xi[i] += A[0, 1 + i] * ((y - xi[m]) / A[0, 0])
+    bound_root(S, tuning["ceiling"])
     project(xi, tuning["lower"], tuning["upper"])
+
+
+@jit
+def gather(tuning, state):
+    """Write ξ̂⁻, ŷ and the array of deviations and √W, y first; return the variance of ŷ."""
+    xi, A, Z = state["xi"], state["array"], state["points"]
+    m, p = tuning["m"], tuning["p"]
+    points = 2 * m + 1
+    spread = 0.0
+    for i in range(m + 1):
+        mean = 0.0
+        for j in range(points):
+            mean += tuning["mean"][j] * Z[i, j]
+        for j in range(points):
+            A[j, (i + 1) % (m + 1)] = tuning["root"][j] * (Z[i, j] - mean)
+        for j in range(p + 1):
+            A[points + j, i] = 0.0
+        xi[i] = mean
+    for j in range(points):
+        spread += A[j, 0] ** 2
+    for i in range(p):
+        for j in range(p):
+            A[points + i, 1 + j] = tuning["walk"][i, j]
+    return spread
 
 
 @jit

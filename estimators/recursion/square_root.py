@@ -1,6 +1,7 @@
 """Triangular factors of covariances, in compiled code: the steps that square-root filters share."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import jit
 
@@ -56,3 +57,22 @@ def forward(L, B):
             for k in range(i):
                 B[i, c] -= L[i, k] * B[k, c]
             B[i, c] /= L[i, i]
+
+
+@jit
+def bound_root(S, ceiling):
+    """Scale the columns of S for which a variance of SᵀS is above its ceiling (p,) down to it."""
+    for i in range(len(ceiling)):
+        variance = 0.0
+        for j in range(i + 1):
+            variance += S[j, i] ** 2
+        if variance > ceiling[i]:
+            factor = np.sqrt(ceiling[i] / variance)
+            for j in range(i + 1):
+                S[j, i] *= factor
+
+
+def triangular_root(P: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an upper triangular S with SᵀS = P, for P (m, m) that may be singular."""
+    values, vectors = np.linalg.eigh(P)
+    return np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")

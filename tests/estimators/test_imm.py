@@ -16,6 +16,8 @@ OPTIONS = {
     "jump": (0.02 * TRUTH) ** 2,
     "rate": 2.0,
     "hold": 0.1,
+    "period": T,
+    "noise": SIGMA,
 }
 
 
@@ -80,7 +82,7 @@ def test_against_the_textbook(nominal, simulated, by_hand):
     loop = simulated(0.5, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
     N = 80
     theta, claimed, mu = textbook(by_hand, nominal, loop, N)
-    ours = joint_imm(three_mass(nominal), **OPTIONS, noise=SIGMA)
+    ours = joint_imm(three_mass(nominal), **OPTIONS)
     # central differences of step 1e-5 are good to some 1e-9
     np.testing.assert_allclose(ours.run(loop.u[:N], loop.y[:N]), theta, rtol=1e-6)
     np.testing.assert_allclose(mode_probabilities(ours), mu, rtol=1e-5, atol=1e-9)
@@ -93,7 +95,7 @@ def test_against_the_textbook(nominal, simulated, by_hand):
 def test_modes_that_are_the_same_are_one_filter(nominal, loop):
     options = OPTIONS | {"jump": 1e-30 * TRUTH}
     mixed = joint_imm(three_mass(nominal), **options).run(loop.u[:2000], loop.y[:2000])
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"])
+    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA)
     np.testing.assert_allclose(mixed, single.run(loop.u[:2000], loop.y[:2000]), rtol=1e-9)
 
 
@@ -101,7 +103,7 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
     loop = simulated(14.0, seed=2, faults={8.0: nominal | {"f_m": 0.075}})
     options = OPTIONS | {"drift": T * (0.002 * TRUTH) ** 2, "rate": 1e-3}
     imm = joint_imm(three_mass(nominal), **options)
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"])
+    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA)
     before = imm.run(loop.u[:1600], loop.y[:1600])
     assert mode_probabilities(imm)[0] > 0.9
     seen, after = np.zeros(4), []
