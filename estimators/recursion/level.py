@@ -23,6 +23,10 @@ CLIP = 3.0  # standard deviations beyond which an innovation counts as one of th
 CONSISTENCY = erf(CLIP / sqrt(2)) * (1 - CLIP**2) + CLIP**2 - CLIP * sqrt(2 / pi) * exp(
     -(CLIP**2) / 2
 )  # E min(z², CLIP²) of a normal z: what clipping leaves of the variance
+SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 of its deviations
+SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
+# that is wrong, from which R is learnt more slowly
+SLOWER = 10.0  # times the memory
 ODD = 100.0  # standard deviations beyond which a sample that stands alone is not used: no noise
 # reaches that, and a fault that does lasts, and counts from its second sample on
 MOVING = 0.1  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
@@ -33,9 +37,10 @@ STATE = [
     ("innovation", float),
     ("innovation_variance", float),
     ("noise", float),  # R
-    ("levels", float, (2,)),  # its two means
+    ("levels", float, (4,)),  # means of squares and of squared differences, and over the last KNOWN
     ("samples", float),  # that they are the means of
-    ("before", float, (2,)),  # innovation and variance of the last sample, if it was used
+    ("past", float, (3,)),  # innovations before, the last one first
+    ("run", float),  # of samples in a row that were used
     ("odd", float),  # 1 where the last sample was beyond ODD
 ]
 
@@ -64,7 +69,6 @@ def set_level(tuning, start, noise: float | None, period: float) -> None:
     tuning["known"], tuning["memory"] = noise is not None, max(MEMORY / period, KNOWN)
     start["noise"] = 0.0 if noise is None else noise**2
     start["prediction"] = start["innovation"] = start["innovation_variance"] = np.nan
-    start["before"] = np.nan
 
 
 @jit
@@ -75,52 +79,70 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     ``spread`` is hᵀPh. Nothing is used before something moves if R has to be learnt: then ξ is not
     yet seen either, and R starts from the first sample as e² + hᵀPh, all that is not known of y.
     """
-    before, noise = state["before"], state["noise"]
+    noise = state["noise"]
+    S = spread + noise
     state["prediction"], state["innovation"] = prediction, np.nan
-    state["innovation_variance"] = spread + noise
-    first, last = before[0], before[1]
-    before[0] = before[1] = np.nan
+    state["innovation_variance"] = S if noise > 0.0 else np.nan
     if not valid:
+        state["run"] = 0.0
         return False
     e = y - prediction
     state["innovation"] = e
-    if tuning["known"] == 0.0 and state["samples"] == 0.0:
-        state["innovation_variance"] = np.nan
-        if prediction == 0.0:
-            return False
-        state["noise"] = e**2 + spread
-        state["levels"][0] = state["levels"][1] = state["noise"]
-        state["samples"] = 1.0
-        return True
-    S = spread + noise
+    if noise <= 0.0:
+        if prediction != 0.0:
+            begin(state, e**2 + spread)
+        return prediction != 0.0
     alone = state["odd"] == 0.0
     state["odd"] = 1.0 if e**2 > ODD**2 * S else 0.0
     if state["odd"] > 0.0 and alone:
+        state["run"] = 0.0
         return False
-    before[0], before[1] = e, S
+    rough = roughness(state["past"], e)
+    state["run"] += 1.0
     if tuning["known"] == 0.0 and prediction**2 > MOVING**2 * noise:
-        rough = 0.5 * (e - first) ** 2 / (0.5 * (S + last))
-        learn(tuning, state, spread, e**2 / S, rough)
+        learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
     return True
 
 
 @jit
+def begin(state, square):
+    """Start R from a first sample."""
+    state["noise"], state["samples"] = square, 1.0
+    for i in range(4):
+        state["levels"][i] = square
+
+
+@jit
+def roughness(past, e):
+    """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three innovations before, and keep the last ones."""
+    rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
+    past[2], past[1], past[0] = past[1], past[0], e
+    return rough
+
+
+@jit
 def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
-    """Take squares of the innovation and of its difference, relative to S, into R."""
-    R = state["noise"]
+    """Take squares of the innovation and of its difference into R."""
+    R, levels = state["noise"], state["levels"]
     S = spread + R
     share = R / S
-    scale = R * share
-    if state["samples"] < KNOWN:  # with R on the high side no sample is believed too much
-        scale = S
-    else:
-        square = min(square, CLIP**2) / CONSISTENCY
-        rough = min(rough, CLIP**2) / CONSISTENCY
-    state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-    levels = state["levels"]
-    levels[0] += (spread * share + scale * square - levels[0]) / state["samples"]
+    rest, scale = spread * share, share**2
+    if state["samples"] < KNOWN:  # R is kept on the high side, so that no sample is believed too much
+        scale = 1.0
+    count = state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
+    levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
     if rough >= 0.0:  # not NaN, as after a gap
-        levels[1] += (spread * share + scale * rough - levels[1]) / state["samples"]
+        levels[3] += (rest + scale * rough - levels[3]) / min(count, KNOWN)
+    if count > KNOWN:
+        square = min(square, CLIP**2 * S) / CONSISTENCY
+        rough = min(rough, CLIP**2 * S) / CONSISTENCY
+        if levels[3] < SMOOTH * levels[2]:
+            count *= SLOWER
+    levels[0] += (rest + scale * square - levels[0]) / count
+    if rough >= 0.0:
+        levels[1] += (rest + scale * rough - levels[1]) / count
+    for i in range(2):
+        levels[i] = min(levels[i], SURE * levels[2])
     state["noise"] = min(levels[0], levels[1])
 
 
