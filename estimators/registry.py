@@ -134,25 +134,25 @@ REGISTRY: Mapping[str, Entry] = {
             "ekf",
             "joint extended Kalman filter for state and parameters",
             joint,
-            {"walk": 0.002, "noise": 0.1, "spread": 0.2},
+            {"walk": 0.002, "spread": 0.2},
         ),
         _tuned(
             "ukf",
             "joint unscented Kalman filter for state and parameters, in square-root form",
             partial(joint, unscented=True),
-            {"walk": 0.002, "noise": 0.1, "spread": 0.2},
+            {"walk": 0.002, "spread": 0.2},
         ),
         _tuned(
             "imm",
             "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
             imm,
-            {"walk": 0.0015, "noise": 0.1, "spread": 0.2, "jump": 0.05, "rate": 1e-3, "hold": 0.05},
+            {"walk": 0.0015, "spread": 0.2, "jump": 0.1581, "rate": 1e-3, "hold": 0.05},
         ),
         _tuned(
             "moving-horizon",
             "nonlinear least squares over a moving window, with an arrival cost",
             horizon,
-            {"forgetting": 0.994, "window": 200, "every": 10},
+            {"forgetting": 0.994, "window": 1.0, "every": 0.05},
         ),
         *(
             _tuned(name, summary, partial(forgetful, rule=rule), {"forgetting": 0.995})

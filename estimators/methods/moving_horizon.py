@@ -8,10 +8,18 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.methods.ekf import initial_state
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
+from flexaxis.estimators.recursion.level import KNOWN, MOVING, ODD, noise_variance
+from flexaxis.estimators.recursion.square_root import (
+    bound_root,
+    cholesky,
+    forward,
+    triangular_root,
+    triangularize,
+)
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import sample, terms
 
@@ -21,13 +29,15 @@ _inlined = njit(inline="always", error_model="numpy")  # compiled once, with wha
 
 
 class Setting(NamedTuple):
-    """What stays as it is: the options of `moving_horizon`, and the box."""
+    """What stays as it is: the options of `moving_horizon`, and what θ̂ and its P may be."""
 
     forgetting: float
     every: int
     iterations: int
+    known: bool
     lower: Array
     upper: Array
+    ceiling: Array
 
 
 class Window(NamedTuple):
@@ -44,10 +54,20 @@ class Window(NamedTuple):
         ξ̂ at sample s.
     claimed : (p, p) array
         Covariance of θ̂.
+    half : (m, m) array
+        P^½, with the covariance PᵀP of ξ̂ for a noise variance of one, after the data.
+    D : (1+p, n+1, n+1) array
+        The model sampled at θ̂, as from `flexaxis.estimators.sampling.sampled.sample`.
+    x, Z : (n+1,) and (n+1, m) arrays
+        State and output at the last sample as predicted from ξ̂, and their sensitivities by ξ.
     taken : (2,) int array
         Samples so far, and those of them in the window.
     held : (1,) array
         Torque since the last sample.
+    level : (2,) array
+        R̂, 0 while it is not known, and 1 if the last sample was beyond `ODD`.
+    shown : (3,) array
+        ŷ, innovation and its variance at the last sample.
     """
 
     u: Array
@@ -57,8 +77,14 @@ class Window(NamedTuple):
     root: Array
     xi: Array
     claimed: Array
+    half: Array
+    D: Array
+    x: Array
+    Z: Array
     taken: NDArray[np.int64]
     held: Array
+    level: Array
+    shown: Array
 
 
 def moving_horizon(
@@ -67,11 +93,14 @@ def moving_horizon(
     identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
-    period: float = 0.005,
-    forgetting: float = 0.995,
+    period: float,
+    forgetting: float | None = None,
     window: int = 200,
     every: int = 10,
     iterations: int = 2,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -90,7 +119,9 @@ def moving_horizon(
     246–258. The estimate stays as it is between two windows.
 
     Its claim is R̂ P (N+M/2)/(N+M), M = 1/(1−λ): the variance of a mean with the weight 1 in the
-    window and λ^k before it. R̂ is the mean square of the residual in the window.
+    window and λ^k before it. R̂ is the mean square of the residual at those samples of the window in
+    which the axis moves. R̂P̄ of θ_i stays below θ_i(0)², to which row and column are scaled down. A
+    sample that lies alone beyond 100 standard deviations of its prediction is not used.
 
     Parameters
     ----------
@@ -102,6 +133,11 @@ def moving_horizon(
         Samples in a window, N, and from one to the next, of which N is a multiple.
     iterations : int
         Steps of Gauss and Newton in each.
+    noise : float, optional
+        σ of y, in its unit; R̂ = σ² then.
+    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
+        State at the first sample and its covariance, for a noise variance of one as P0; zero, and
+        certain, by default.
 
     Raises
     ------
@@ -120,22 +156,42 @@ def moving_horizon(
         bounds=bounds,
         output=output,
     )
-    if not (every >= 1 and iterations >= 1 and window > every and window % every == 0):
+    _check_window(window, every, iterations)
+    level = noise_variance(noise)
+    order, substeps = plan(design.model, design.lower, design.upper, period)
+    setting = Setting(
+        design.forgetting,
+        int(every),
+        int(iterations),
+        noise is not None,
+        design.lower,
+        design.upper,
+        design.theta0**2,
+    )
+    tuning = terms(design.model, order, substeps, period), setting
+    start = _start(design, int(window), level, initial_state(design, x0, x0_covariance))
+    return CompiledFilter(horizon_loop, tuning, start, design, _read)
+
+
+def _check_window(window: float, every: float, iterations: float) -> None:
+    whole = all(np.isfinite(n) and n == int(n) for n in (window, every, iterations))
+    if not (whole and every >= 1 and iterations >= 1 and window > every and window % every == 0):
         raise EstimatorError(
             f"window is {window}, every {every}, iterations {iterations}; the window is a multiple "
-            "of every, such as 200 and 10, and there is one iteration at least"
+            "of every in whole samples, such as 200 and 10, and there is one iteration at least"
         )
-    order, substeps = plan(design.model, design.lower, design.upper, period)
-    setting = Setting(design.forgetting, int(every), int(iterations), design.lower, design.upper)
-    tuning = terms(design.model, order, substeps, period), setting
-    return CompiledFilter(horizon_loop, tuning, _start(design, int(window)), design, _read)
 
 
-def _start(design: Design, window: int) -> Window:
+def _start(design: Design, window: int, level: float, initial: tuple[Array, Array]) -> Window:
     p, n = len(design.theta0), design.model.n
+    x, covariance = initial
     root = np.zeros((p + n, p + n))
     root[:p, :p] = np.linalg.cholesky(design.P0).T
-    xi = np.concatenate([design.theta0, np.zeros(n)])
+    root[p:, p:] = triangular_root(covariance)
+    xi = np.concatenate([design.theta0, x])
+    blocks = design.model.blocks(design.theta0)
+    Z = np.eye(n + 1, p + n, p)
+    Z[n, :p], Z[n, p:] = blocks[1:, n, :n] @ x, blocks[0, n, :n]
     return Window(
         u=np.zeros(window),
         y=np.zeros(window),
@@ -144,8 +200,14 @@ def _start(design: Design, window: int) -> Window:
         root=root,
         xi=xi.copy(),
         claimed=design.P0.copy(),
+        half=root.copy(),
+        D=np.zeros((1 + p, n + 1, n + 1)),
+        x=np.append(x, blocks[0, n, :n] @ x),
+        Z=Z,
         taken=np.zeros(2, np.int64),
         held=np.zeros(1),
+        level=np.array([level, 0.0]),
+        shown=np.full(3, np.nan),
     )
 
 
@@ -157,39 +219,72 @@ def _read(state: Window) -> tuple[Array, Array]:
 def horizon_loop(tuning, state, u, y, valid, estimates):  # noqa: PLR0917
     """Take N samples, as `flexaxis.estimators.recursion.kernel.rpem_loop`."""
     terms, setting = tuning
+    p = len(setting.lower)
     for k in range(len(u)):
-        if state.taken[0] > 0:
+        if state.taken[0] == 0:
+            state.D[:] = sample(terms, state.xi[:p].copy(), np.arange(p))
+            _judge(state, y[k], valid[k])
+        else:
+            _forward(state.D, state.x, state.Z, state.held[0], p)
             j = state.taken[1]
-            state.u[j], state.y[j], state.present[j] = state.held[0], y[k], valid[k]
+            state.u[j], state.y[j] = state.held[0], y[k]
+            state.present[j] = _judge(state, y[k], valid[k])
             state.taken[1] += 1
             if state.taken[0] % setting.every == 0:
                 _solve(terms, setting, state)
         state.held[0] = u[k]
         state.taken[0] += 1
-        for i in range(estimates.shape[1]):
+        for i in range(p):
             estimates[k, i] = state.xi[i]
+
+
+@_inlined
+def _judge(state, y, valid):
+    """Keep the innovation and its variance; return whether the sample is to be used."""
+    m, last = len(state.xi), len(state.x) - 1
+    spread = 0.0
+    for i in range(m):
+        total = 0.0
+        for j in range(m):
+            total += state.half[i, j] * state.Z[last, j]
+        spread += total**2
+    known = state.level[0] > 0.0
+    variance = state.level[0] * (1.0 + spread)
+    state.shown[0], state.shown[1] = state.x[last], np.nan
+    state.shown[2] = variance if known else np.nan
+    if not valid:
+        return False
+    state.shown[1] = y - state.x[last]
+    alone = state.level[1] == 0.0
+    state.level[1] = 1.0 if known and state.shown[1] ** 2 > ODD**2 * variance else 0.0
+    return not (state.level[1] > 0.0 and alone)
 
 
 @_inlined
 def _solve(terms, setting, state):
     """Minimise over the window from where ξ is, and move it on if it is full."""
-    length = state.taken[1]
-    for iteration in range(setting.iterations + 1):
-        fitting = iteration < setting.iterations
-        if fitting or length == len(state.u):
-            stop = length if fitting else setting.every
-            H, g, x, Z, square = _run(terms, setting, state, stop)
-            half = _minimum(state, H, g)
-            if fitting:
-                _publish(setting, state, half, square)
-            else:
-                _move(setting, state, half, x, Z)
+    p, length = len(setting.lower), state.taken[1]
+    before = state.xi.copy()
+    for _ in range(setting.iterations):
+        before[:] = state.xi
+        H, g = _run(setting, state, length)
+        _publish(setting, state, _minimum(state, H, g))
+        state.D[:] = sample(terms, state.xi[:p].copy(), np.arange(p))
+    end, slopes = state.x.copy(), state.Z.copy()
+    for i in range(len(end)):  # from where it was linearised to ξ̂
+        for j in range(len(before)):
+            end[i] += slopes[i, j] * (state.xi[j] - before[j])
+    if length == len(state.u):
+        H, g = _run(setting, state, setting.every)
+        _move(setting, state, _minimum(state, H, g))
+    state.x[:], state.Z[:] = end, slopes
 
 
 @_inlined
-def _publish(setting, state, half, square):
+def _publish(setting, state, half):
     """Take ξ̂, with θ̂ in the box, and its covariance."""
     p, m = len(setting.lower), len(state.xi)
+    state.half[:] = half[:, :m]
     for i in range(m):
         state.xi[i] = half[i, m]
         if i < p:
@@ -198,7 +293,7 @@ def _publish(setting, state, half, square):
             elif state.xi[i] > setting.upper[i]:
                 state.xi[i] = setting.upper[i]
     reach = state.taken[1] * (1.0 - setting.forgetting)
-    share = square * (reach + 0.5) / (reach + 1.0)
+    share = state.level[0] * (reach + 0.5) / (reach + 1.0)
     for i in range(p):
         for j in range(p):
             state.claimed[i, j] = 0.0
@@ -207,9 +302,9 @@ def _publish(setting, state, half, square):
 
 
 @_inlined
-def _run(terms, setting, state, stop):
+def _run(setting, state, stop):
     """
-    Predict the first samples of the window from ξ̂, with the sensitivities Z by ξ.
+    Predict the first samples of the window from ξ̂ into x and Z, and learn R̂ from a whole one.
 
     Returns
     -------
@@ -217,45 +312,47 @@ def _run(terms, setting, state, stop):
         Σ φφᵀ, φ = ∂ŷ/∂ξ.
     g : (m,) array
         Σ φ (y − ŷ).
-    x, Z : (n+1,) and (n+1, m) arrays
-        State and output after them, and their sensitivities.
-    square : float
-        Mean square of y − ŷ.
     """
     p, m = len(setting.lower), len(state.xi)
-    n = m - p
-    D = sample(terms, state.xi[:p].copy(), np.arange(p))
+    n, x, Z = m - p, state.x, state.Z
     H, g = np.zeros((m, m)), np.zeros(m)
-    x, Z = np.zeros(n + 1), np.zeros((n + 1, m))
-    x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
     square, count = 0.0, 0
     for i in range(n):
         x[i] = state.xi[p + i]
-        Z[i, p + i] = 1.0
+        for a in range(m):
+            Z[i, a] = 1.0 if a == p + i else 0.0
     for k in range(stop):
-        x[n] = state.u[k]
-        for i in range(n + 1):
-            x_next[i] = 0.0
-            for a in range(m):
-                Z_next[i, a] = 0.0
-            for j in range(n + 1):
-                x_next[i] += D[0, i, j] * x[j]
-                for a in range(p):
-                    Z_next[i, a] += D[1 + a, i, j] * x[j]
-                if j < n:
-                    for a in range(m):
-                        Z_next[i, a] += D[0, i, j] * Z[j, a]
-        x, x_next = x_next, x
-        Z, Z_next = Z_next, Z
+        _forward(state.D, x, Z, state.u[k], p)
         if state.present[k]:
             residual = state.y[k] - x[n]
-            square += residual**2
-            count += 1
+            if x[n] ** 2 > MOVING**2 * state.level[0]:
+                square += residual**2
+                count += 1
             for i in range(m):
                 g[i] += Z[n, i] * residual
                 for j in range(m):
                     H[i, j] += Z[n, i] * Z[n, j]
-    return H, g, x, Z, square / max(count, 1)
+    enough = count >= KNOWN or (count > 0 and state.taken[0] < len(state.u))
+    if enough and stop == state.taken[1] and not setting.known:
+        state.level[0] = square / count
+    return H, g
+
+
+@_inlined
+def _forward(D, x, Z, u, p):  # noqa: PLR0917
+    """Take state, output (n+1,) and their sensitivities by ξ (n+1, m) over one sample."""
+    n, m = len(x) - 1, Z.shape[1]
+    x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
+    x[n] = u
+    for i in range(n + 1):
+        for j in range(n + 1):
+            x_next[i] += D[0, i, j] * x[j]
+            for a in range(p):
+                Z_next[i, a] += D[1 + a, i, j] * x[j]
+            if j < n:
+                for a in range(m):
+                    Z_next[i, a] += D[0, i, j] * Z[j, a]
+    x[:], Z[:] = x_next, Z_next
 
 
 @_inlined
@@ -293,10 +390,12 @@ def _minimum(state, H, g):
 
 
 @_inlined
-def _move(setting, state, half, x, Z):
-    """Drop the oldest samples from the window, and take ξ̄ and S through them."""
-    p, m, every = len(setting.lower), len(state.xi), setting.every
-    growth = setting.forgetting ** (-0.5 * every)
+def _move(setting, state, half):
+    """Drop the oldest samples from the window, and take ξ̄ and S through them, to x and Z."""
+    p, m, every, x, Z = len(setting.lower), len(state.xi), setting.every, state.x, state.Z
+    growth = 1.0  # nothing is forgotten before anything is seen
+    if state.level[0] > 0.0:
+        growth = setting.forgetting ** (-0.5 * every)
     array = np.zeros((m, m))
     for i in range(m):  # F = [I 0; Z] takes a deviation through the samples
         state.mean[i] = half[i, m] if i < p else x[i - p]
@@ -313,6 +412,8 @@ def _move(setting, state, half, x, Z):
             state.xi[i] = x[i - p]
         for j in range(m):
             state.root[i, j] = array[i, j] if j >= i else 0.0
+    if state.level[0] > 0.0:
+        bound_root(state.root, setting.ceiling / state.level[0])
     state.taken[1] -= every
     for k in range(state.taken[1]):
         state.u[k], state.y[k] = state.u[k + every], state.y[k + every]

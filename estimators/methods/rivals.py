@@ -143,8 +143,8 @@ def horizon(
     P0: ArrayLike | None = None,
     torque: ArrayLike | None = None,
     forgetting: float = 0.995,
-    window: float = 200,
-    every: float = 10,
+    window: float = 1.0,
+    every: float = 0.05,
 ) -> "CompiledFilter":
     """
     Make the least-squares fit over a moving window.
@@ -153,12 +153,13 @@ def horizon(
     ----------
     forgetting : float
         λ, of what lies before the window.
-    window, every : int
-        Samples in a window, and from one to the next.
+    window, every : float
+        Length of a window, and from one to the next, of which it is a multiple [s].
     """
     from flexaxis.estimators.methods.moving_horizon import moving_horizon
 
     model = model_of(nominal)
+    samples = max(1, round(every / period)) if np.isfinite(every) else 0
     return moving_horizon(
         model,
         identify=identify,
@@ -167,7 +168,18 @@ def horizon(
         ),
         period=period,
         forgetting=forgetting,
-        window=int(window),
-        every=int(every),
+        window=samples * _multiple(window, every),
+        every=samples,
         output=output,
     )
+
+
+def _multiple(window: float, every: float) -> int:
+    """Return how often ``every`` goes into ``window``, twice at least."""
+    ratio = window / every if every > 0 else np.nan
+    if not (np.isfinite(ratio) and ratio > 1.5 and abs(ratio - round(ratio)) < 1e-6):
+        raise EstimatorError(
+            f"window is {window} and every {every}; the window is a multiple of every, both in "
+            "seconds, such as 1.0 and 0.05"
+        )
+    return round(ratio)

@@ -62,13 +62,20 @@ def set_level(tuning, start, noise: float | None, period: float) -> None:
     EstimatorError
         If that is no standard deviation.
     """
-    if noise is not None and not (np.isfinite(noise) and noise > 0):
+    start["noise"] = noise_variance(noise)
+    tuning["known"], tuning["memory"] = noise is not None, max(MEMORY / period, KNOWN)
+    start["prediction"] = start["innovation"] = start["innovation_variance"] = np.nan
+
+
+def noise_variance(noise: float | None) -> float:
+    """Return σ², or 0 where it is to be learnt; an `EstimatorError` if σ is none."""
+    if noise is None:
+        return 0.0
+    if not (np.isfinite(noise) and noise > 0):
         raise EstimatorError(
             f"noise is {noise}; give the standard deviation of y, above 0, or None to estimate it"
         )
-    tuning["known"], tuning["memory"] = noise is not None, max(MEMORY / period, KNOWN)
-    start["noise"] = 0.0 if noise is None else noise**2
-    start["prediction"] = start["innovation"] = start["innovation_variance"] = np.nan
+    return float(noise) ** 2
 
 
 @jit
