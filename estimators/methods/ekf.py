@@ -43,7 +43,7 @@ def joint_ekf(
     as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979). Unlike the
     prediction-error method it corrects the state as well. P of θ_i stays below θ_i(0)², to which row
     and column are scaled down. A sample that lies alone beyond 100 of its standard
-    deviations is not used.
+    deviations is not used, and each after it counts as one of that size.
 
     Parameters
     ----------
@@ -260,8 +260,8 @@ def ekf_loop(pattern: Pattern) -> Callable:
         n, p = len(state["GP"]), estimates.shape[1]
         for k in range(len(u)):
             look(state)
-            use = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
-            correct(tuning, state, y[k], use, state["noise"])
+            used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
+            correct(tuning, state, used, state["noise"])
             evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
             start_sample(state["X"], n, p)
             advance(
@@ -301,9 +301,9 @@ def look(state):
 
 
 @jit
-def correct(tuning, state, y, use, noise):  # noqa: PLR0917
+def correct(tuning, state, y, noise):
     """
-    Take P over the last sample, and ξ and P through the measurement if that is used, in one step.
+    Take P over the last sample, and ξ and P through the measurement unless that is NaN.
 
     With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
@@ -317,7 +317,7 @@ def correct(tuning, state, y, use, noise):  # noqa: PLR0917
             for q in range(m):
                 GP[i, j] += X[i, 1 + q] * P[q, j]
     transport(P, GP, X, tuning["drift"], n, p)
-    if use:
+    if not np.isnan(y):
         S = state["spread"] + noise
         innovation = y - X[n, 0]
         for i in range(n):

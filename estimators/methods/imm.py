@@ -149,11 +149,11 @@ def imm_loop(pattern: Pattern) -> Callable:
     def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
         n, p = len(states[0]["GP"]), estimates.shape[1]
         for k in range(len(u)):
-            use = look_together(tunings[0], states, y[k], valid[k])
+            used = look_together(tunings[0], states, y[k], valid[k])
             noise = states[0]["noise"]
             for j in range(len(states)):
-                listen(states[j], y[k], use, noise)
-                correct(tunings[j], states[j], y[k], use, noise)
+                listen(states[j], used, noise)
+                correct(tunings[j], states[j], used, noise)
             weigh(states)
             for i in range(p):
                 estimates[k, i] = 0.0
@@ -191,10 +191,10 @@ def look_together(tuning, states, y, valid):
 
 
 @jit
-def listen(state, y, use, noise):
+def listen(state, y, noise):
     """Keep log Λ of the innovation, before it is used."""
     state["logarithm"] = 0.0
-    if use:
+    if not np.isnan(y):
         S = state["spread"] + noise
         state["logarithm"] = -0.5 * (np.log(S) + (y - state["X"][-1, 0]) ** 2 / S)
 

@@ -12,7 +12,7 @@ from flexaxis.estimators.methods.ekf import initial_state
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.level import KNOWN, MOVING, ODD, noise_variance
+from flexaxis.estimators.recursion.level import FINEST, KNOWN, MOVING, ODD, noise_variance
 from flexaxis.estimators.recursion.square_root import (
     bound_root,
     cholesky,
@@ -121,7 +121,8 @@ def moving_horizon(
     Its claim is R̂ P (N+M/2)/(N+M), M = 1/(1−λ): the variance of a mean with the weight 1 in the
     window and λ^k before it. R̂ is the mean square of the residual at those samples of the window in
     which the axis moves. R̂P̄ of θ_i stays below θ_i(0)², to which row and column are scaled down. A
-    sample that lies alone beyond 100 standard deviations of its prediction is not used.
+    sample that lies alone beyond 100 standard deviations of its prediction is not used, and each
+    after it counts as one of that size.
 
     Parameters
     ----------
@@ -225,10 +226,10 @@ def horizon_loop(tuning, state, u, y, valid, estimates):  # noqa: PLR0917
             state.D[:] = sample(terms, state.xi[:p].copy(), np.arange(p))
             _judge(state, y[k], valid[k])
         else:
-            _forward(state.D, state.x, state.Z, state.held[0], p)
+            _predict(state)
             j = state.taken[1]
-            state.u[j], state.y[j] = state.held[0], y[k]
-            state.present[j] = _judge(state, y[k], valid[k])
+            state.u[j], state.y[j] = state.held[0], _judge(state, y[k], valid[k])
+            state.present[j] = not np.isnan(state.y[j])
             state.taken[1] += 1
             if state.taken[0] % setting.every == 0:
                 _solve(terms, setting, state)
@@ -239,8 +240,16 @@ def horizon_loop(tuning, state, u, y, valid, estimates):  # noqa: PLR0917
 
 
 @_inlined
+def _predict(state):
+    """Take the prediction one sample on, under the torque that was held."""
+    x, Z = np.zeros(len(state.x)), np.zeros(state.Z.shape)
+    _forward(state.D, state.x, state.Z, x, Z, state.held[0])
+    state.x[:], state.Z[:] = x, Z
+
+
+@_inlined
 def _judge(state, y, valid):
-    """Keep the innovation and its variance; return whether the sample is to be used."""
+    """Keep the innovation and its variance; return y as it is to be used, or NaN if it is not."""
     m, last = len(state.xi), len(state.x) - 1
     spread = 0.0
     for i in range(m):
@@ -253,11 +262,15 @@ def _judge(state, y, valid):
     state.shown[0], state.shown[1] = state.x[last], np.nan
     state.shown[2] = variance if known else np.nan
     if not valid:
-        return False
-    state.shown[1] = y - state.x[last]
-    alone = state.level[1] == 0.0
-    state.level[1] = 1.0 if known and state.shown[1] ** 2 > ODD**2 * variance else 0.0
-    return not (state.level[1] > 0.0 and alone)
+        return np.nan
+    e = state.shown[1] = y - state.x[last]
+    limit, alone = ODD * np.sqrt(variance), state.level[1] == 0.0
+    state.level[1] = 1.0 if known and abs(e) > limit else 0.0
+    if state.level[1] == 0.0:
+        return y
+    if alone:
+        return np.nan
+    return state.x[last] + (limit if e > 0.0 else -limit)
 
 
 @_inlined
@@ -314,19 +327,21 @@ def _run(setting, state, stop):
         Σ φ (y − ŷ).
     """
     p, m = len(setting.lower), len(state.xi)
-    n, x, Z = m - p, state.x, state.Z
-    H, g = np.zeros((m, m)), np.zeros(m)
+    n, D, H, g = m - p, state.D, np.zeros((m, m)), np.zeros(m)
+    x, Z = np.zeros(n + 1), np.zeros((n + 1, m))
+    x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
     square, count = 0.0, 0
     for i in range(n):
         x[i] = state.xi[p + i]
-        for a in range(m):
-            Z[i, a] = 1.0 if a == p + i else 0.0
+        Z[i, p + i] = 1.0
     for k in range(stop):
-        _forward(state.D, x, Z, state.u[k], p)
+        _forward(D, x, Z, x_next, Z_next, state.u[k])
+        x, x_next = x_next, x
+        Z, Z_next = Z_next, Z
         if state.present[k]:
             residual = state.y[k] - x[n]
             if x[n] ** 2 > MOVING**2 * state.level[0]:
-                square += residual**2
+                square += residual**2 + (FINEST * x[n]) ** 2
                 count += 1
             for i in range(m):
                 g[i] += Z[n, i] * residual
@@ -335,16 +350,19 @@ def _run(setting, state, stop):
     enough = count >= KNOWN or (count > 0 and state.taken[0] < len(state.u))
     if enough and stop == state.taken[1] and not setting.known:
         state.level[0] = square / count
+    state.x[:], state.Z[:] = x, Z
     return H, g
 
 
 @_inlined
-def _forward(D, x, Z, u, p):  # noqa: PLR0917
+def _forward(D, x, Z, x_next, Z_next, u):  # noqa: PLR0917
     """Take state, output (n+1,) and their sensitivities by ξ (n+1, m) over one sample."""
-    n, m = len(x) - 1, Z.shape[1]
-    x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
+    p, n, m = len(D) - 1, len(x) - 1, Z.shape[1]
     x[n] = u
     for i in range(n + 1):
+        x_next[i] = 0.0
+        for a in range(m):
+            Z_next[i, a] = 0.0
         for j in range(n + 1):
             x_next[i] += D[0, i, j] * x[j]
             for a in range(p):
@@ -352,7 +370,6 @@ def _forward(D, x, Z, u, p):  # noqa: PLR0917
             if j < n:
                 for a in range(m):
                     Z_next[i, a] += D[0, i, j] * Z[j, a]
-    x[:], Z[:] = x_next, Z_next
 
 
 @_inlined

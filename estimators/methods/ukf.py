@@ -213,7 +213,8 @@ def correct(tuning, state, y, valid):
     m, p = tuning["m"], tuning["p"]
     points = 2 * m + 1
     spread = gather(tuning, state)
-    use = judge(tuning, state, y, valid, xi[m], spread)
+    y = judge(tuning, state, y, valid, xi[m], spread)
+    use = not np.isnan(y)
     A[points + p, 0] = np.sqrt(state["noise"])
     if not use:
         for j in range(points):

@@ -28,7 +28,8 @@ SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below
 # that is wrong, from which R is learnt more slowly
 SLOWER = 10.0  # times the memory
 ODD = 100.0  # standard deviations beyond which a sample that stands alone is not used: no noise
-# reaches that, and a fault that does lasts, and counts from its second sample on
+# reaches that. A fault that does lasts; from its second sample on it counts as one of that size
+FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
 MOVING = 0.1  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
 
 TUNING = [("known", float), ("memory", float)]
@@ -81,7 +82,7 @@ def noise_variance(noise: float | None) -> float:
 @jit
 def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     """
-    Keep the innovation and learn R from it; return whether the sample is to be used.
+    Keep the innovation and learn R from it; return y as it is to be used, or NaN if it is not.
 
     ``spread`` is hᵀPh. Nothing is used before something moves if R has to be learnt: then ξ is not
     yet seen either, and R starts from the first sample as e² + hᵀPh, all that is not known of y.
@@ -92,23 +93,27 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     state["innovation_variance"] = S if noise > 0.0 else np.nan
     if not valid:
         state["run"] = 0.0
-        return False
+        return np.nan
     e = y - prediction
     state["innovation"] = e
     if noise <= 0.0:
-        if prediction != 0.0:
-            begin(state, e**2 + spread)
-        return prediction != 0.0
-    alone = state["odd"] == 0.0
-    state["odd"] = 1.0 if e**2 > ODD**2 * S else 0.0
-    if state["odd"] > 0.0 and alone:
-        state["run"] = 0.0
-        return False
+        if prediction == 0.0:
+            return np.nan
+        begin(state, e**2 + spread)
+        return y
+    limit, alone = ODD * np.sqrt(S), state["odd"] == 0.0
+    state["odd"] = 1.0 if abs(e) > limit else 0.0
+    if state["odd"] > 0.0:
+        if alone:
+            state["run"] = 0.0
+            return np.nan
+        e = limit if e > 0.0 else -limit
     rough = roughness(state["past"], e)
     state["run"] += 1.0
     if tuning["known"] == 0.0 and prediction**2 > MOVING**2 * noise:
         learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
-    return True
+        state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
+    return prediction + e
 
 
 @jit
