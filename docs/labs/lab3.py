@@ -34,7 +34,7 @@ for forgetting in LAMBDAS:
     theory = np.sqrt(estimate_covariance(P, sigma**2)[2, 2])
     noise, lag = [], []
     for record in records:
-        rpem = Rpem(axis, P0=P, forgetting=forgetting)
+        rpem = Rpem(axis, P0=P, forgetting=forgetting, period=0.005)
         f_m = rpem.run(record.torque, record.speed)[:, 2]
         noise.append(np.mean((f_m[quiet] - nominal[2]) ** 2))
         lag.append(T * np.sum(np.abs(f_m[onset : onset + 1000] / nominal[2] - 1.5)) / 0.5)

@@ -37,7 +37,7 @@ def experiment(tau):
     predicted = tracking_error(P, Q, after)[:, 2, 2]
     runs = []
     for record in records:
-        rpem = Rpem(axis, P0=P, drift=Delta)
+        rpem = Rpem(axis, P0=P, drift=Delta, period=0.005)
         runs.append(rpem.run(record.torque, record.speed)[:, 2] / model.theta[2])
     mean = np.mean(runs, axis=0)
     noise = np.sqrt(np.mean((np.array(runs)[:, 1000:onset] - 1) ** 2))

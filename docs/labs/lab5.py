@@ -24,7 +24,11 @@ truth = axis.parametrize(names).theta * [1, 1, 1.5]
 def run(mu):
     """Return the largest eigenvalue of P (N,), and the estimates over truth (N, 3)."""
     rpem = Rpem(
-        axis, P0=known_P(names, forgetting=FORGETTING), forgetting=FORGETTING, regularization=mu
+        axis,
+        P0=known_P(names, forgetting=FORGETTING),
+        forgetting=FORGETTING,
+        regularization=mu,
+        period=0.005,
     )
     trace = rpem.trace(record.torque, record.speed)
     return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth

@@ -32,7 +32,7 @@ DRIFT, THRESHOLD, CLIP, DEAF = 1.5, 20.0, 9.0, 400
 
 def follow(record, *, reset):
     """Return the estimates (N, 3) and the alarms, at which P is multiplied by `reset`."""
-    rpem = Rpem(axis, P0=P0, forgetting=0.995)
+    rpem = Rpem(axis, P0=P0, forgetting=0.995, period=0.005)
     theta, alarms, total = np.empty((len(record.torque), 3)), [], 0.0
     for k, (u, y) in enumerate(zip(record.torque, record.speed, strict=True)):
         P = rpem.P

@@ -8,15 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, finite_vector, make_design
+from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.level import STATE as LEVEL_STATE
-from flexaxis.estimators.recursion.level import TUNING as LEVEL_TUNING
-from flexaxis.estimators.recursion.level import bound, judge, set_level
-from flexaxis.estimators.sampling.compiler import compile_loop, jit
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.recursion.level import bound, judge, level, show
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
+from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
 
 Array = NDArray[np.float64]
 
@@ -81,18 +79,19 @@ def joint_ekf(
         P0=P0,
         drift=drift,
         period=period,
+        noise=noise,
+        x0=x0,
         bounds=bounds,
         output=output,
     )
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, initial_state(design, x0, x0_covariance))
-    set_level(tuning, start, noise, period)
+    tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
     return CompiledFilter(
         ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
 
 
-def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
+def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["theta"][0, :p], state["P"][0, :p, :p]
 
 
@@ -104,6 +103,8 @@ def walking(
     P0: ArrayLike,
     drift: ArrayLike,
     period: float,
+    noise: float | None,
+    x0: ArrayLike | None,
     bounds: tuple[ArrayLike, ArrayLike] | None,
     output: str,
 ) -> Design:
@@ -114,29 +115,25 @@ def walking(
         theta0=theta0,
         P0=P0,
         period=period,
-        forgetting=None,
         drift=drift,
-        regularization=0.0,
+        noise=noise,
+        x0=x0,
         bounds=bounds,
         output=output,
     )
 
 
-def initial_state(
-    design: Design, x0: ArrayLike | None, covariance: ArrayLike | None
-) -> tuple[Array, Array]:
+def state_covariance(design: Design, value: ArrayLike | None) -> Array:
     """
-    Return x(0) (n,) and its covariance (n, n), checked; zero where nothing is given.
+    Return the covariance of x(0) (n, n) from that or its diagonal, checked; zero by default.
 
     States that are zero at the start of every sample need not be given; they come last.
     """
     n, given = design.model.n, design.model.n - len(design.model.reset)
-    x, P = np.zeros(n), np.zeros((n, n))
-    if x0 is not None:
-        x[:given] = finite_vector("x0", x0, given)
-    if covariance is not None:
-        P[:given, :given] = _semidefinite("x0_covariance", covariance, given)
-    return x, P
+    P = np.zeros((n, n))
+    if value is not None:
+        P[:given, :given] = _semidefinite("x0_covariance", value, given)
+    return P
 
 
 def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
@@ -161,34 +158,30 @@ def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
     return (matrix + matrix.T) / 2
 
 
-def ekf_records(
-    design: Design, pattern: Pattern, initial: tuple[Array, Array]
-) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return tuning and start of the filter, as records for the compiled loop."""
-    _, coefficients = split(design.model)
-    order, substeps = plan(design.model, design.lower, design.upper, design.period)
-    row, column, _ = np.array(pattern.entries).T
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
-
-    tuning = np.zeros(1, ekf_tuning_type(pattern))
-    tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
-    tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
-    tuning["order"], tuning["substeps"] = order, substeps
-    tuning["drift"], tuning["ceiling"] = design.drift, design.theta0**2
-    tuning["lower"], tuning["upper"] = design.lower, design.upper
-
-    p = len(design.theta0)
-    start = np.zeros(1, ekf_state_type(pattern))
-    start["theta"] = 1.0  # what pads θ must have an inverse
-    start["theta"][0, :p] = design.theta0
-    start["P"][0, :p, :p] = design.P0
-    blocks, (x, covariance), n = design.model.blocks(design.theta0), initial, pattern.n
-    start["M"][0, :, : 1 + p] = (blocks[:, row, column] * scale).T
-    start["P"][0, p:, p:] = covariance
+def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Record, Record]:
+    """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
+    p, n, m = len(design.theta0), pattern.n, pattern.p
+    tuning, start = on_lanes(design, pattern)
+    blocks, P = design.model.blocks(design.theta0), np.zeros((m, m))
+    P[:p, :p], P[p:, p:] = design.P0, covariance
     X = start["X"][0]
-    X[:n, 0], X[:n, 1 + p : 1 + p + n] = x, np.eye(n)
-    X[n, : 1 + p], X[n, 1 + p : 1 + p + n] = blocks[:, n, :n] @ x, blocks[0, n, :n]
-    return tuning, start
+    X[:n, 1 + p : 1 + m] = np.eye(n)
+    X[n, 1 : 1 + p], X[n, 1 + p : 1 + m] = blocks[1:, n, :n] @ design.x0, blocks[0, n, :n]
+    limits = record(
+        drift=design.drift,
+        ceiling=design.theta0**2,  # of the variance of θ
+        lower=design.lower,
+        upper=design.upper,
+    )
+    work = record(
+        P=P,  # of ξ = [θ; x]
+        GP=np.zeros((n, m)),
+        Ph=np.zeros(m),
+        gain=np.zeros(m),
+        spread=0.0,  # hᵀPh
+    )
+    known, level_start = level(design)
+    return joined(tuning, limits, known), joined(start, work, level_start)
 
 
 def with_state(pattern: Pattern) -> Pattern:
@@ -204,82 +197,27 @@ def with_state(pattern: Pattern) -> Pattern:
     )
 
 
-def ekf_tuning_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of what stays as it is while a filter runs."""
-    p = pattern.p - pattern.n
-    return np.dtype(
-        [
-            ("coefficients", float, (len(pattern.terms),)),
-            ("weights", float, (MAX_ORDER,)),  # 1/1!, 1/2!, …
-            ("order", int),
-            ("substeps", int),
-            ("drift", float, (p, p)),
-            ("ceiling", float, (p,)),  # of the variance of θ
-            ("lower", float, (p,)),
-            ("upper", float, (p,)),
-            *LEVEL_TUNING,
-        ],
-        align=True,
-    )
-
-
-def ekf_state_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of the state of a filter."""
-    m, n, lanes = pattern.p, pattern.n, pattern.lanes
-    return np.dtype(
-        [
-            ("theta", float, (m,)),
-            ("P", float, (m, m)),  # of ξ = [θ; x]
-            ("M", float, (len(pattern.entries), lanes)),
-            ("X", float, (n + 1, lanes)),  # x and y, and derivatives by ξ of the sample before
-            ("GP", float, (n, m)),
-            ("Ph", float, (m,)),
-            ("gain", float, (m,)),
-            ("spread", float),  # hᵀPh
-            *LEVEL_STATE,
-        ],
-        align=True,
-    )
-
-
 @lru_cache
 def ekf_loop(pattern: Pattern) -> Callable:
-    """
-    Return the compiled loop for models of this pattern.
-
-    Returns
-    -------
-    callable
-        ``run(tuning, state, u, y, valid, estimates)``, as that of
-        `flexaxis.estimators.recursion.kernel.rpem_loop`.
-    """
-    flat = pattern.flat()
-
-    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
-        tuning, state = tunings[0], states[0]
-        n, p = len(state["GP"]), estimates.shape[1]
-        for k in range(len(u)):
-            look(state)
-            used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
-            correct(tuning, state, used, state["noise"])
-            evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-            start_sample(state["X"], n, p)
-            advance(
-                flat,
-                state["M"],
-                state["X"],
-                u[k],
-                tuning["weights"],
-                tuning["order"],
-                tuning["substeps"],
-            )
-            for i in range(p):
-                estimates[k, i] = state["theta"][i]
-
-    return compile_loop(run, flat, ekf_tuning_type(pattern), ekf_state_type(pattern))
+    """Return the compiled loop for models of this pattern."""
+    return sample_loop(pattern, _take, "an extended Kalman filter")
 
 
-@jit
+@inlined
+def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
+    tuning, state = tunings[0], states[0]
+    look(state)
+    used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
+    correct(tuning, state, used, state["noise"])
+    start_sample(state["X"], len(state["GP"]), estimates.shape[1])
+    for i in range(estimates.shape[1]):
+        estimates[k, i] = state["theta"][i]
+    show(state, trace[k])
+    return False
+
+
+@inlined
 def start_sample(X, n, p):
     """Set the derivatives by ξ at the start of a sample: ∂x/∂θ = 0, ∂x/∂x = I."""
     for i in range(n):
@@ -287,7 +225,7 @@ def start_sample(X, n, p):
             X[i, j] = 1.0 if j == 1 + p + i else 0.0
 
 
-@jit
+@inlined
 def look(state):
     """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
     P, X, Ph = state["P"], state["X"], state["Ph"]
@@ -300,7 +238,7 @@ def look(state):
         state["spread"] += Ph[i] * X[-1, 1 + i]
 
 
-@jit
+@inlined
 def correct(tuning, state, y, noise):
     """
     Take P over the last sample, and ξ and P through the measurement unless that is NaN.
@@ -339,7 +277,7 @@ def correct(tuning, state, y, noise):
     project(theta, tuning["lower"], tuning["upper"])
 
 
-@jit
+@inlined
 def project(theta, lower, upper):
     """Put the first of θ back into the box."""
     for i in range(len(lower)):
@@ -349,7 +287,7 @@ def project(theta, lower, upper):
             theta[i] = upper[i]
 
 
-@jit
+@inlined
 def transport(P, GP, X, W, n, p):  # noqa: PLR0917
     """P ← F P Fᵀ + W with F = [I 0; G], given G P; one triangle, mirrored."""
     for i in range(n):

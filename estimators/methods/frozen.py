@@ -5,25 +5,35 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
+from flexaxis.estimators.methods.start import Nominal, model_of
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import OUTPUTS, finite_vector
-from flexaxis.estimators.signals import check_sample, check_signals
+from flexaxis.estimators.recursion.filter import RecursiveEstimator
+
+Array = NDArray[np.float64]
 
 
-class Frozen:
+class Frozen(RecursiveEstimator):
     """
-    θ̂ = θ(0) for ever.
+    θ̂ = θ(0) for ever. It expects nothing of y, so that it has no innovation.
 
     Parameters
     ----------
     model : Model
-    identify : sequence of str
-        Parameters by name, or their inverses.
+    identify : sequence of str, optional
+        Parameters by name, or their inverses; the model's own choice by default.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     output : {"speed", "increment"}
         What it pretends to read.
+
+    Attributes
+    ----------
+    covariance : (p, p) array
+        Zero: it claims to know.
 
     Raises
     ------
@@ -35,28 +45,50 @@ class Frozen:
         self,
         model: Model,
         *,
-        identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+        identify: Sequence[str] | None = None,
         theta0: ArrayLike | None = None,
         output: str = "speed",
     ) -> None:
         if output not in OUTPUTS:
             raise EstimatorError(f"unknown output {output!r}: {did_you_mean(output, OUTPUTS)}")
         parametrization = model.parametrize(identify)
-        self.names, self.output = parametrization.names, output
         start = parametrization.theta if theta0 is None else theta0
-        self.theta = finite_vector("theta0", start, len(self.names))
+        self._theta = finite_vector("theta0", start, len(parametrization.names))
+        super().__init__(parametrization.names, output, (self._theta, self._theta))
 
-    def reset(self) -> None:
+    @property
+    def theta(self) -> Array:  # noqa: D102
+        return self._theta.copy()
+
+    @property
+    def covariance(self) -> Array:  # noqa: D102
+        return np.zeros((len(self.names),) * 2)
+
+    def _start(self) -> None:
         """Return to the start, where it is already."""
 
-    def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Take one sample and return θ(0) (p,)."""
-        check_sample(u, y)
-        return self.theta.copy()
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        estimates[:] = self._theta
+        trace[:] = np.nan
 
-    def run(
-        self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
-    ) -> NDArray[np.float64]:
-        """Take N samples and return θ(0) in every row (N, p)."""
-        u, _, _ = check_signals(u, y, valid)
-        return np.tile(self.theta, (len(u), 1))
+
+def frozen(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+) -> Frozen:
+    """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
+    return Frozen(model_of(nominal), identify=identify, output=output)
+
+
+ENTRIES = (
+    Entry(
+        "frozen", "never moves: what doing nothing scores", frozen, look=("#7F7F7F", "o"), rank=99
+    ),
+)

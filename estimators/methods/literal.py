@@ -10,12 +10,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.filter import RecursiveEstimator
+from flexaxis.estimators.recursion.measurement import MEMORY
 from flexaxis.estimators.recursion.noise import NoiseVariance
 from flexaxis.estimators.recursion.trace import Trace, trace
 from flexaxis.estimators.sampling.extended import discretize, extended_system
-from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
 
@@ -30,9 +34,10 @@ def time_update(P: Array, forgetting: float, drift: Array) -> Array:
     return P / forgetting + drift
 
 
-def regularize(P: Array, regularization: float) -> Array:
-    """Return P(t+1|t) = P̄ (I + μ P̄)⁻¹, eq. (12)."""
-    return P @ np.linalg.inv(np.eye(len(P)) + regularization * P)
+def regularize(P: Array, regularization: ArrayLike) -> Array:
+    """Return P(t+1|t) = P̄ (I + μ P̄)⁻¹, eq. (12); μ may be one for each parameter."""
+    weights = np.broadcast_to(np.asarray(regularization, float), len(P))
+    return P @ np.linalg.inv(np.eye(len(P)) + weights[:, None] * P)
 
 
 def symmetrize(P: Array) -> Array:
@@ -40,26 +45,35 @@ def symmetrize(P: Array) -> Array:
     return (P + P.T) / 2
 
 
-class LiteralRpem:
+class LiteralRpem(RecursiveEstimator):
     """
     The recursive prediction-error method word for word; use `Rpem`, which is the same but fast.
 
-    Parameters, attributes and errors are those of `flexaxis.estimators.Rpem`.
+    In θ and not in θ/θ(0), and without anything that is not in the paper: no ceiling on P, no
+    clipping of residuals, so that it does not outlive a long standstill or an outlier.
+
+    Parameters, attributes and errors are those of `flexaxis.estimators.Rpem`, of which it lacks
+    ``state_correction``, ``robust`` and ``ceiling``. Its claimed covariance is R̂ P/2, that of slow
+    and steady adaptation.
     """
+
+    _shared = (*RecursiveEstimator._shared, "_design")
 
     def __init__(
         self,
         model: Model,
         *,
-        identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+        identify: Sequence[str] | None = None,
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
-        period: float = 0.005,
+        period: float,
+        noise: float | None = None,
         forgetting: float | None = None,
         drift: ArrayLike | None = None,
-        regularization: float = 0.0,
+        regularization: ArrayLike = 0.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
         output: str = "speed",
+        x0: ArrayLike | None = None,
     ) -> None:
         self._design = make_design(
             model,
@@ -67,53 +81,57 @@ class LiteralRpem:
             theta0=theta0,
             P0=P0,
             period=period,
+            noise=noise,
             forgetting=forgetting,
             drift=drift,
             regularization=regularization,
             bounds=bounds,
             output=output,
+            x0=x0,
+            relative=False,
         )
-        self.names, self.output = self._design.model.names, output
-        self.bounds = self._design.lower, self._design.upper
+        super().__init__(self._design.model.names, output, self._design.bounds)
         self.reset()
 
-    def reset(self) -> None:
-        """Return to the start."""
+    def _start(self) -> None:
         n, p = self._design.model.n, len(self.names)
-        self.theta = self._design.theta0.copy()
+        self._theta = self._design.theta0.copy()
         self.P = self._design.P0.copy()
         self.psi = np.zeros(p)
         self.epsilon = np.nan
-        self._noise = NoiseVariance()
+        self._noise = NoiseVariance(MEMORY / self._design.period, self._design.noise**2)
         self._X = np.zeros((p + 1, n))  # z_1 … z_p and x, a row each
-        self._system = extended_system(self._design.model, self.theta)
+        self._X[-1] = self._design.x0
+        self._system = extended_system(self._design.model, self._theta)
 
     @property
-    def covariance(self) -> Array:
-        """Claimed covariance of θ̂, R̂ P/2, (p, p)."""
+    def theta(self) -> Array:  # noqa: D102
+        return self._theta.copy()
+
+    @property
+    def covariance(self) -> Array:  # noqa: D102
         return self._noise.value * self.P / 2
 
-    def step(self, u: float, y: float | None) -> Array:
-        """Take u[k], y[k] (None in a gap) and return θ[k] (p,)."""
-        check_sample(u, y)
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        for k in range(len(u)):
+            trace[k] = self._sample(u[k], y[k] if valid[k] else None)
+            estimates[k] = self._theta
+
+    def _sample(self, u: float, y: float | None) -> tuple[float, float, float]:
+        """Take u[k], y[k]; return ŷ, the innovation, and its claimed variance."""
         predicted = self._predict()
         self.epsilon = np.nan if y is None else y - predicted  # (6)
+        claimed = self._noise.value * (1 + self.psi @ self.P @ self.psi / 2)
         if y is not None:
             self._measure()
         d = self._design
-        self.theta = np.clip(self.theta, d.lower, d.upper)
+        self._theta = np.clip(self._theta, d.lower, d.upper)
         self.P = symmetrize(time_update(self.P, d.forgetting, d.drift))
         self.P = symmetrize(regularize(self.P, d.regularization))
         self._propagate(u)
-        return self.theta.copy()
-
-    def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
-        """Take N samples from the current state on and return θ (N, p)."""
-        u, y, present = check_signals(u, y, valid)
-        estimates = np.empty((len(u), len(self.names)))
-        for k in range(len(u)):
-            estimates[k] = self.step(u[k], y[k] if present[k] else None)
-        return estimates
+        return predicted, self.epsilon, np.nan if y is None else claimed
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P."""
@@ -127,13 +145,60 @@ class LiteralRpem:
     def _measure(self) -> None:
         self._noise.add(float(self.epsilon**2 / (1 + self.psi @ self.P @ self.psi)))
         self.P = symmetrize(measurement_update(self.P, self.psi))
-        self.theta = self.theta + self.P @ self.psi * self.epsilon  # (5)
+        self._theta = self._theta + self.P @ self.psi * self.epsilon  # (5)
 
     def _propagate(self, u: float) -> None:
-        self._system = extended_system(self._design.model, self.theta)
+        self._system = extended_system(self._design.model, self._theta)
         transition, gain = discretize(*self._system[:2], self._design.period)
         self._X[:, list(self._design.model.reset)] = 0.0
         self._X = (transition @ self._X.ravel() + gain[:, 0] * u).reshape(self._X.shape)
 
 
 literal_rpem = LiteralRpem
+
+
+def literal_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    regularization: float = 0.0,
+) -> LiteralRpem:
+    """
+    Make the paper's method with a forgetting factor, word for word.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    regularization : float
+        μ of eq. (11).
+    """
+    model, weight = model_of(nominal), factor("literal-rpem", forgetting, period)
+    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    return LiteralRpem(
+        model,
+        identify=identify,
+        P0=P,
+        period=period,
+        forgetting=weight,
+        regularization=regularization,
+        output=output,
+    )
+
+
+ENTRIES = (
+    Entry(
+        "literal-rpem",
+        "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
+        literal_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#0072B2", "x"),
+        rank=6,
+    ),
+)

@@ -5,13 +5,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.signals import check_sample, check_signals
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.rpem import Rpem, rpem_forgetting
+from flexaxis.estimators.methods.start import Nominal, factor
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.design import above_zero
+from flexaxis.estimators.recursion.filter import RecursiveEstimator
 
 Array = NDArray[np.float64]
 
+SPREAD = 0.5  # of a change of which nothing is known, relative to θ: from half to one and a half
 
-class OracleReset:
+
+class OracleReset(RecursiveEstimator):
     """
     State-corrected RPEM that begins anew at the true times of change.
 
@@ -25,27 +31,20 @@ class OracleReset:
         Samples of the changes.
     spread : float
         Standard deviation of a change, relative to θ.
-    noise : float
-        Standard deviation of the output [rad/s].
 
     Attributes
     ----------
-    names, output, bounds, theta, covariance
+    names, output, bounds, theta, covariance, …
         Those of the filter.
     """
 
-    def __init__(
-        self, rpem: Rpem, *, onsets: Sequence[int], spread: float = 0.5, noise: float = 0.1
-    ) -> None:
-        self._rpem, self._onsets = rpem, sorted(onsets)
-        self._spread, self._noise = spread, noise
-        self.names, self.output, self.bounds = rpem.names, rpem.output, rpem.bounds
-        self._count = 0
+    _shared = (*RecursiveEstimator._shared, "_onsets")
 
-    def reset(self) -> None:
-        """Return to the start."""
-        self._rpem.reset()
-        self._count = 0
+    def __init__(self, rpem: Rpem, *, onsets: Sequence[int], spread: float = SPREAD) -> None:
+        above_zero("spread", spread, "a standard deviation relative to θ")
+        super().__init__(rpem.names, rpem.output, rpem.bounds)
+        self._rpem, self._onsets, self._spread = rpem.copy(), sorted(onsets), spread
+        self.reset()
 
     @property
     def theta(self) -> Array:  # noqa: D102
@@ -55,30 +54,75 @@ class OracleReset:
     def covariance(self) -> Array:  # noqa: D102
         return self._rpem.covariance
 
-    def step(self, u: float, y: float | None) -> Array:
-        """Take u[k] and y[k] (None in a gap) and return θ[k] (p,)."""
-        check_sample(u, y)
-        return self.run([u], [0.0 if y is None else y], [y is not None])[0]
+    def _start(self) -> None:
+        self._rpem.reset()
+        self._count = 0
 
-    def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
-        """
-        Take N samples, from the current state on, and return θ (N, p).
-
-        Parameters
-        ----------
-        u, y : (N,) array_like
-        valid : (N,) array_like of bool, optional
-            False where y is missing.
-        """
-        u, y, present = check_signals(u, y, valid)
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
         first = self._count
         inside = [onset - first for onset in self._onsets if first <= onset < first + len(u)]
-        estimates = []
         for start, stop in zip([0, *inside], [*inside, len(u)], strict=True):
             if start in inside:
                 # y[onset] is still that of the old parameters; what is held from here on is not
-                self._rpem.restart((self._spread * self._rpem.theta / self._noise) ** 2)
+                self._rpem.restart(
+                    (self._spread * self._rpem.theta) ** 2 / self._rpem.noise_variance
+                )
             part = slice(start, stop)
-            estimates.append(self._rpem.run(u[part], y[part], present[part]))
+            self._rpem._take(u[part], y[part], valid[part], estimates[part], trace[part])
         self._count += len(u)
-        return np.concatenate(estimates)
+
+
+def oracle_reset(
+    nominal: Nominal,
+    period: float,
+    *,
+    onsets: Sequence[int] = (),
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    spread: float = SPREAD,
+    noise: float | None = None,
+) -> OracleReset:
+    """
+    Make the control that is told the samples at which a true parameter changes, and the noise.
+
+    Parameters
+    ----------
+    onsets : sequence of int
+        Samples of the changes.
+    forgetting : float, optional
+        λ of a sample.
+    spread : float
+        Standard deviation of a change, relative to θ.
+    noise : float, optional
+        Standard deviation of y, in its unit.
+    """
+    rpem = rpem_forgetting(
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=factor("oracle-reset", forgetting, period),
+        noise=noise,
+        state_correction=True,
+    )
+    return OracleReset(rpem, onsets=onsets, spread=spread)
+
+
+ENTRIES = (
+    Entry(
+        "oracle-reset",
+        "a control that is told when a fault happens, and begins anew there",
+        oracle_reset,
+        knob="forgetting",
+        default=0.995,
+        look=("#999933", "d"),
+        rank=98,
+    ),
+)

@@ -1,26 +1,31 @@
 """How the registered rivals of the paper's method are made, as `methods.recipes`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.recipes import DEFAULT_IDENTIFY, forgetting_P, model_of
+from flexaxis.estimators.methods.start import Nominal, forgetting_P, initial_P, model_of
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.tuned import tuned
 
 if TYPE_CHECKING:
     from flexaxis.estimators.recursion.filter import CompiledFilter
+    from flexaxis.estimators.relocate.filter import Relocate
 
 
 def joint(
-    nominal: Mapping[str, float] | Model,
+    nominal: Nominal,
     period: float,
     *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    identify: Sequence[str] = PAPER,
     output: str = "speed",
-    walk: float = 0.002,
+    walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
     unscented: bool = False,
@@ -41,6 +46,7 @@ def joint(
     from flexaxis.estimators.methods.ukf import joint_ukf
 
     model = model_of(nominal)
+    walk = tuned("ukf" if unscented else "ekf", otherwise=0.002) if walk is None else walk
     P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
     return (joint_ukf if unscented else joint_ekf)(
         model, identify=identify, P0=P0, drift=drift, noise=noise, period=period, output=output
@@ -48,12 +54,12 @@ def joint(
 
 
 def imm(
-    nominal: Mapping[str, float] | Model,
+    nominal: Nominal,
     period: float,
     *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    identify: Sequence[str] = PAPER,
     output: str = "speed",
-    walk: float = 0.002,
+    walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
     jump: float = 0.1581,
@@ -75,6 +81,7 @@ def imm(
     from flexaxis.estimators.methods.imm import joint_imm
 
     model = model_of(nominal)
+    walk = tuned("imm", otherwise=0.0015) if walk is None else walk
     P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
     return joint_imm(
         model,
@@ -100,49 +107,16 @@ def _walk(
     return (spread * theta) ** 2, period * (walk * theta) ** 2
 
 
-def forgetful(
-    nominal: Mapping[str, float] | Model,
-    period: float,
-    *,
-    rule: str,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
-    output: str = "speed",
-    P0: ArrayLike | None = None,
-    torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
-    reset: float = 0.1,
-    level: float = 10.0,
-) -> "CompiledFilter":
-    """Make a method with another rule of forgetting; "vector" forgets f_m at half the rate."""
-    from flexaxis.estimators.methods.forgetful import forgetful_rpem
-
-    model = model_of(nominal)
-    slow = [1 - (1 - forgetting) * (0.5 if name == "f_m" else 1.0) for name in identify]
-    return forgetful_rpem(
-        model,
-        rule=rule,
-        identify=identify,
-        P0=forgetting_P(
-            P0, torque, model, identify, period=period, forgetting=forgetting, output=output
-        ),
-        period=period,
-        forgetting=forgetting,
-        rates=slow if rule == "vector" else None,
-        reset=reset,
-        level=level if rule == "cusum" else None,
-        output=output,
-    )
-
-
 def horizon(
-    nominal: Mapping[str, float] | Model,
+    nominal: Nominal,
     period: float,
     *,
-    identify: Sequence[str] = DEFAULT_IDENTIFY,
+    identify: Sequence[str] = PAPER,
     output: str = "speed",
     P0: ArrayLike | None = None,
     torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
+    forgetting: float | None = None,
+    noise: float | None = None,
     window: float = 1.0,
     every: float = 0.05,
 ) -> "CompiledFilter":
@@ -153,13 +127,16 @@ def horizon(
     ----------
     forgetting : float
         λ, of what lies before the window.
+    noise : float, optional
+        Standard deviation of the output, in its unit, for the claim; else that of the residual.
     window, every : float
         Length of a window, and from one to the next, of which it is a multiple [s].
     """
     from flexaxis.estimators.methods.moving_horizon import moving_horizon
 
+    forgetting = tuned("moving-horizon", otherwise=0.994) if forgetting is None else forgetting
     model = model_of(nominal)
-    samples = max(1, round(every / period)) if np.isfinite(every) else 0
+    samples = max(1, round(every / period)) if np.isfinite(every) else 1
     return moving_horizon(
         model,
         identify=identify,
@@ -170,6 +147,7 @@ def horizon(
         forgetting=forgetting,
         window=samples * _multiple(window, every),
         every=samples,
+        noise=noise,
         output=output,
     )
 
@@ -183,3 +161,97 @@ def _multiple(window: float, every: float) -> int:
             "seconds, such as 1.0 and 0.05"
         )
     return round(ratio)
+
+
+def relocate(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float = 0.995,
+    alarm: float = 10.0,
+    gain: float = 14.0,
+) -> "Relocate":
+    """
+    Make the filter that detects, rewinds and refits; every parameter but r is a suspect.
+
+    Parameters
+    ----------
+    alarm, gain : float
+        Evidence at which the residual is looked into, and that a change needs [nats].
+    """
+    from flexaxis.estimators.offline import priors
+    from flexaxis.estimators.relocate.filter import Relocate
+
+    model = model_of(nominal)
+    recipe = partial(
+        priors.nominal_P,
+        model,
+        identify=identify,
+        period=period,
+        forgetting=forgetting,
+        output=output,
+    )
+    return Relocate(
+        model,
+        identify=identify,
+        suspects=[name for name in model.parameters if name != "r"],
+        P0=initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
+        period=period,
+        forgetting=forgetting,
+        alarm=alarm,
+        gain=gain,
+        output=output,
+    )
+
+
+ENTRIES = (
+    Entry(
+        "ekf",
+        "joint extended Kalman filter for state and parameters",
+        joint,
+        "walk",
+        0.002,
+        ("#009E73", "o"),
+        7,
+    ),
+    Entry(
+        "ukf",
+        "joint unscented Kalman filter for state and parameters, in square-root form",
+        partial(joint, unscented=True),
+        "walk",
+        0.002,
+        ("#117733", "s"),
+        8,
+    ),
+    Entry(
+        "imm",
+        "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
+        imm,
+        "walk",
+        0.0015,
+        ("#66AA55", "D"),
+        9,
+    ),
+    Entry(
+        "moving-horizon",
+        "nonlinear least squares over a moving window, with an arrival cost",
+        horizon,
+        "forgetting",
+        0.994,
+        ("#332288", "P"),
+        10,
+    ),
+    Entry(
+        "relocate",
+        "detects a jump, rewinds to it and refits whichever physical parameter explains it",
+        relocate,
+        "forgetting",
+        0.995,
+        ("#882255", "*"),
+        30,
+    ),
+)

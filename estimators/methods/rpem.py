@@ -1,24 +1,49 @@
 """The paper's recursive prediction-error method, compiled."""
 
 from collections.abc import Sequence
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.methods.start import (
+    ROBUST,
+    Nominal,
+    factor,
+    forgetting_P,
+    initial_P,
+    model_of,
+)
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, covariance_matrix, make_design
-from flexaxis.estimators.recursion.kernel import rpem_loop, state_type, tuning_type
-from flexaxis.estimators.recursion.noise import MEMORY
+from flexaxis.estimators.recursion.design import (
+    above_zero,
+    at_least_zero,
+    covariance_matrix,
+    make_design,
+)
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.measurement import (
+    CEILING,
+    correct_state,
+    measure,
+    measured,
+    predict,
+    publish,
+    read_claim,
+)
+from flexaxis.estimators.recursion.records import joined, on_lanes
 from flexaxis.estimators.recursion.trace import Trace, trace
+from flexaxis.estimators.sampling.compiler import Compiled, inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
-from flexaxis.estimators.signals import check_sample, check_signals
 
 Array = NDArray[np.float64]
 
 
-class Rpem:
+class Rpem(CompiledFilter):
     """
     Recursive prediction-error method with forgetting or covariance modification.
 
@@ -29,26 +54,32 @@ class Rpem:
     ----------
     model : Model
         Linear grey-box model, such as ``three_mass(nominal)``.
-    identify : sequence of str
-        Parameters to estimate, or their inverses; all others stay at the model's nominal values.
+    identify : sequence of str, optional
+        Parameters to estimate, or their inverses; the model's own choice by default. All others
+        stay at the model's nominal values.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
         P(0), for a noise variance of one; see `flexaxis.estimators.offline.priors.nominal_P`.
     period : float
         Sampling period T [s].
+    noise : float, optional
+        Standard deviation of y, in its unit; estimated from the residual by default.
     forgetting : float, optional
-        Forgetting factor λ in (0, 1], eq. (9); 0.995 where neither it nor ``drift`` is given.
+        Forgetting factor λ in (0, 1], eq. (9), for a sample; where neither it nor ``drift`` is
+        given, that of a time constant of 1 s, 1 − T/(1 s).
     drift : (p,) or (p, p) array_like, optional
         Δ, the covariance that P gains in every sample, eq. (10).
-    regularization : float
-        μ ≥ 0, eq. (12); keeps P ≤ (1−λ)/μ with forgetting.
+    regularization : float or (p,) array_like
+        μ ≥ 0, eq. (12), or one for each parameter; keeps P ≤ (1−λ)/μ with forgetting.
     bounds : (lower, upper), optional
         Box on which θ is projected after every update, P left alone; 0.1 to 10 times θ(0) by
         default.
     output : {"speed", "increment"}
         What y is: the motor speed at t_k, or the increment (φ[k]−φ[k−1])/T of the motor angle.
-
+    x0 : (n,) array_like, optional
+        State at the first sample; at rest, zero, by default. The method has no covariance of the
+        state: what is wrong in x(0) decays with the memory of the axis.
     state_correction : bool
         Whether the state follows every change of θ, x ← x + z Δθ with z = ∂x/∂θ, so that it is
         what the new θ would have made of the past. Not in the paper, whose state keeps what the
@@ -58,6 +89,10 @@ class Rpem:
         an outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
         estimation of a location parameter*, Ann. Math. Stat. 35, 1964). The first 50 samples are
         not judged, as the running noise variance is not known yet; 0 for never.
+    ceiling : float
+        Largest variance R̂ P_ii of a parameter relative to θ(0)², one by default: no more is ever
+        forgotten than that. Until R̂ is known P_ii ≤ 10⁴ P(0)_ii. It changes nothing, to the last
+        bit, until it acts, as in a long standstill; infinite for the paper's method as it is.
 
     Attributes
     ----------
@@ -70,11 +105,14 @@ class Rpem:
     P : (p, p) array
         P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
     covariance : (p, p) array
-        Claimed covariance of the estimate, R̂ P/2. The half is that of slow adaptation, where P
-        holds one more factor than the variance of the estimate; R̂ is a running mean of
-        ε²/(1+ψᵀPψ) with a memory of 400 samples, and one before the first measurement.
+        Claimed covariance R̂ Σ of the estimate of a constant θ, with
+        Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, K = P(t|t) ψ, from Σ = P where P is set; P/2 in slow,
+        steady adaptation. R̂ is ``noise``² or a running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s,
+        and one before the first measurement. It learns only while the axis is excited.
     epsilon : float
         Residual y − ŷ; NaN in a gap.
+    prediction, innovation, innovation_variance, innovations
+        As of every `flexaxis.estimators.recursion.filter.RecursiveEstimator`.
 
     Raises
     ------
@@ -84,70 +122,70 @@ class Rpem:
     Notes
     -----
     θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1]. The
-    axis is at rest before the first sample: x = 0, and so are the sensitivities.
+    sensitivities are zero before the first sample. Inside, all is in θ/θ(0), so that the units and
+    signs of the parameters do not matter.
     """
 
     def __init__(
         self,
         model: Model,
         *,
-        identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+        identify: Sequence[str] | None = None,
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
-        period: float = 0.005,
+        period: float,
+        noise: float | None = None,
         forgetting: float | None = None,
         drift: ArrayLike | None = None,
-        regularization: float = 0.0,
+        regularization: ArrayLike = 0.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
         output: str = "speed",
+        x0: ArrayLike | None = None,
         state_correction: bool = False,
         robust: float = 0.0,
+        ceiling: float = CEILING,
     ) -> None:
-        self._design = make_design(
+        design = make_design(
             model,
             identify=identify,
             theta0=theta0,
             P0=P0,
             period=period,
+            noise=noise,
             forgetting=forgetting,
             drift=drift,
             regularization=regularization,
             bounds=bounds,
             output=output,
+            x0=x0,
         )
-        self.names, self.output = self._design.model.names, output
-        self.bounds = self._design.lower, self._design.upper
-        pattern, coefficients = split(self._design.model)
-        self._tuning, self._start = filter_records(self._design, pattern, coefficients)
-        self._tuning["correct"] = float(state_correction)
-        if not (np.isfinite(robust) and robust >= 0):
-            raise EstimatorError(f"robust is {robust}; give standard deviations, such as 3, or 0")
-        self._tuning["clip"] = float(robust)
-        self._loop = rpem_loop(pattern)
-        self._sample = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(self.names)))
-        self.reset()
-
-    def reset(self) -> None:
-        """Return to the start."""
-        self._state = self._start.copy()
-
-    @property
-    def theta(self) -> Array:  # noqa: D102
-        return self._state["theta"][0].copy()
+        at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
+        if not ceiling > 0:
+            raise EstimatorError(
+                f"ceiling is {ceiling}; give a variance relative to θ(0)², above 0"
+            )
+        pattern, _ = split(design.model)
+        parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling)
+        tuning, start = map(joined, on_lanes(design, pattern), parts)
+        super().__init__(rpem_loop(pattern), tuning, start, design, read_claim)
 
     @property
     def P(self) -> Array:  # noqa: D102
-        return self._state["P"][0].copy()
+        return self.state["P"][0] * np.outer(self._design.scale, self._design.scale)
 
     @P.setter
     def P(self, value: ArrayLike) -> None:
-        self._state["P"][0] = covariance_matrix("P", value, len(self.names))
+        squares = np.outer(self._design.scale, self._design.scale)
+        given = covariance_matrix("P", value, len(self.names)) / squares
+        self.state["P"][0] = self.state["claim"][0] = given
 
     def restart(self, P: ArrayLike) -> None:
         """
-        Begin anew after a change that is known to have happened at the last sample.
+        Begin anew after a change that is known to happen at the next sample.
 
-        The state stays, but its sensitivities become zero: it does not depend on the new θ yet.
+        For a change at k₀, the first sample with the new parameters, call it after sample k₀ − 1:
+        y[k₀] was still made by the old ones, and the torque held from t_k₀ on acts on the new. The
+        state stays, but its sensitivities become zero: it does not depend on the new θ yet.
 
         Parameters
         ----------
@@ -155,89 +193,210 @@ class Rpem:
             What is known of the new θ, for a noise variance of one.
         """
         self.P = P
-        self._state["X"][0, :, 1:] = 0.0
+        self.state["X"][0, :, 1:] = 0.0
+
+    @property
+    def noise_variance(self) -> float:
+        """R̂, the variance of the output noise: as given, or as estimated so far."""
+        return float(self.state["noise"][0])
 
     @property
     def psi(self) -> Array:  # noqa: D102
-        return self._state["psi"][0].copy()
+        return self.state["psi"][0] / self._design.scale
 
     @property
     def epsilon(self) -> float:  # noqa: D102
-        return float(self._state["epsilon"][0])
-
-    @property
-    def covariance(self) -> Array:  # noqa: D102
-        return self._state["noise"][0] * self._state["P"][0] / 2
-
-    def step(self, u: float, y: float | None) -> Array:
-        """
-        Take one sample.
-
-        Parameters
-        ----------
-        u : float
-            Torque held from t_k on.
-        y : float or None
-            Output measured at t_k; None in a gap, where P follows its time update only.
-
-        Returns
-        -------
-        (p,) array
-            θ[k].
-        """
-        check_sample(u, y)
-        sample = self._sample
-        sample[0][0], sample[2][0] = u, y is not None
-        if y is not None:
-            sample[1][0] = y
-        self._loop(self._tuning, self._state, *sample)
-        return sample[3][0].copy()
-
-    def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
-        """
-        Take N samples, from the current state on.
-
-        Parameters
-        ----------
-        u, y : (N,) array_like
-        valid : (N,) array_like of bool, optional
-            False where y is missing.
-
-        Returns
-        -------
-        (N, p) array
-            θ[0], θ[1], …
-        """
-        u, y, present = check_signals(u, y, valid)
-        estimates = np.empty((len(u), len(self.names)))
-        self._loop(self._tuning, self._state, u, y, present, estimates)
-        return estimates
+        return float(self.state["epsilon"][0])
 
     def trace(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Trace:
         """Do as ``run`` and keep residual, gradient and P of every sample."""
         return trace(self, u, y, valid)
 
 
-def filter_records(
-    design: Design, pattern: Pattern, coefficients: Array
-) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return tuning and start of a filter, as records for the compiled loop."""
-    order, substeps = plan(design.model, design.lower, design.upper, design.period)
-    row, column, _ = np.array(pattern.entries).T
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run
+@lru_cache
+def rpem_loop(pattern: Pattern) -> Compiled:
+    """Return the compiled loop of the method for models of this pattern."""
+    return sample_loop(pattern, adapt, "prediction error")
 
-    tuning = np.zeros(1, tuning_type(pattern))
-    tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
-    tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
-    tuning["order"], tuning["substeps"] = order, substeps
-    tuning["forgetting"], tuning["drift"] = design.forgetting, design.drift
-    tuning["regularization"] = design.regularization
-    tuning["lower"], tuning["upper"] = design.lower, design.upper
-    tuning["memory"] = MEMORY
 
-    state = np.zeros(1, state_type(pattern))
-    state["theta"], state["P"] = design.theta0, design.P0
-    blocks = design.model.blocks(design.theta0)
-    state["M"][0, :, : len(blocks)] = (blocks[:, row, column] * scale).T
-    state["epsilon"], state["noise"] = np.nan, 1.0
-    return tuning, state
+@inlined
+def adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
+    tuning, state = tunings[0], states[0]
+    measure(tuning, state, y[k], valid[k])
+    if tuning["correct"] > 0.0:
+        correct_state(state)
+    predict(tuning, state)
+    publish(state, k, estimates, trace)
+    return False
+
+
+def rpem_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    regularization: float = 0.0,
+    state_correction: bool = False,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """
+    Make the method with forgetting factor λ, eq. (13).
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    regularization : float
+        m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
+    state_correction, noise, robust
+        As for `Rpem`.
+    """
+    model, weight = model_of(nominal), factor("rpem-forgetting", forgetting, period)
+    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    return Rpem(
+        model,
+        identify=identify,
+        P0=P,
+        period=period,
+        forgetting=weight,
+        regularization=share * (1 - weight) / diagonal,
+        output=output,
+        noise=noise,
+        state_correction=state_correction,
+        robust=robust,
+    )
+
+
+def rpem_corrected(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """Make `rpem_forgetting` with state correction, which has the same options."""
+    return rpem_forgetting(
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=factor("rpem-corrected", forgetting, period),
+        state_correction=True,
+        noise=noise,
+        robust=robust,
+    )
+
+
+def rpem_drift(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    scale: float = 1.0,
+    regularization: float = 0.0,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """
+    Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32).
+
+    Parameters
+    ----------
+    scale : float
+        Factor on Δ.
+    regularization : float
+        m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
+    noise, robust
+        As for `Rpem`.
+    """
+    from flexaxis.estimators.offline import priors
+
+    model = model_of(nominal)
+    above_zero("scale", scale, "the factor on Δ")
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
+    recipe = partial(
+        priors.nominal_P, model, identify=identify, period=period, drift=drift, output=output
+    )
+    P = initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=None, scale=scale))
+    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    return Rpem(
+        model,
+        identify=identify,
+        P0=P,
+        period=period,
+        drift=drift,
+        regularization=share * drift / diagonal**2,
+        output=output,
+        noise=noise,
+        robust=robust,
+    )
+
+
+REGULARIZATION = 0.01  # P below 100 P(0), or 10: no deviation beyond ten times that of the start
+
+ENTRIES = (
+    Entry(
+        "rpem-forgetting",
+        "the paper's method with a forgetting factor, eq. (13)",
+        rpem_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#0072B2", "o"),
+        rank=1,
+    ),
+    Entry(
+        "rpem-drift",
+        "the paper's method with covariance modification, eq. (14), (32)",
+        rpem_drift,
+        knob="scale",
+        default=1.0,
+        look=("#D55E00", "o"),
+        rank=2,
+    ),
+    Entry(
+        "rpem-forgetting-mu",
+        "rpem-forgetting, regularised against standstill, eq. (12)",
+        partial(rpem_forgetting, regularization=REGULARIZATION),
+        knob="forgetting",
+        default=0.995,
+        look=("#56B4E9", "s"),
+        rank=3,
+    ),
+    Entry(
+        "rpem-drift-mu",
+        "rpem-drift, regularised against standstill, eq. (12)",
+        partial(rpem_drift, regularization=REGULARIZATION),
+        knob="scale",
+        default=1.0,
+        look=("#E69F00", "s"),
+        rank=4,
+    ),
+    Entry(
+        "rpem-corrected",
+        "rpem-forgetting whose state follows every change of its parameters",
+        rpem_corrected,
+        knob="forgetting",
+        default=0.995,
+        look=("#88CCEE", "D"),
+        rank=5,
+    ),
+)

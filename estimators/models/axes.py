@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 
 from flexaxis.estimators.models.model import Model
 
+PAPER = ("k_T", "1/J_a", "f_m")  # what the paper identifies
+
 
 def one_mass(nominal: Mapping[str, float]) -> Model:
     """
@@ -56,6 +58,7 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
         B=("0", "0", "k_T/J_m", "0", "0"),
         C=("0", "0", "1", "0", "0"),
         nominal=dict(nominal),
+        identify=PAPER,
     )
 
 

@@ -37,6 +37,8 @@ class Model:
         Nominal value of every physical parameter [SI].
     reset : sequence of str
         States that are set to zero, with their sensitivities, at the start of every sample.
+    identify : sequence of str
+        What is identified where nothing else is said.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class Model:
     C: Sequence[str]
     nominal: Mapping[str, float]
     reset: Sequence[str] = ()
+    identify: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         n = len(self.states)
@@ -95,14 +98,15 @@ class Model:
                 for monomial in multiply_out(entry):
                     yield i, j, monomial
 
-    def parametrize(self, identify: Sequence[str]) -> "Parametrization":
+    def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """
         Choose the parameters to identify; all others become numbers.
 
         Parameters
         ----------
-        identify : sequence of str
-            Physical parameters by name, ``"J_a"``, or their inverses, ``"1/J_a"``.
+        identify : sequence of str, optional
+            Physical parameters by name, ``"J_a"``, or their inverses, ``"1/J_a"``; the model's own
+            choice by default.
 
         Returns
         -------
@@ -114,6 +118,7 @@ class Model:
         EstimatorError
             If a name is unknown, is given twice, or nothing is given.
         """
+        identify = self.identify if identify is None else identify
         physical = [name.removeprefix("1/") for name in identify]
         for name, given in zip(physical, identify, strict=True):
             if name not in self.parameters:
@@ -179,6 +184,19 @@ class Parametrization:
     coefficient: Array
     exponent: NDArray[np.int64]
     reset: tuple[int, ...]
+
+    def relative(self, scale: ArrayLike) -> "Parametrization":
+        """
+        Return the same model as a function of θ/scale, in which units and signs of θ vanish.
+
+        Parameters
+        ----------
+        scale : (p,) array_like
+            One value of each parameter, of which none is zero.
+        """
+        scale = np.asarray(scale, float)
+        factor = np.prod(scale ** self.exponent.astype(float), axis=1)
+        return replace(self, theta=self.theta / scale, coefficient=self.coefficient * factor)
 
     def blocks(self, theta: ArrayLike) -> Array:
         """

@@ -1,10 +1,10 @@
 """The output-error predictor and its gradient at fixed parameters, for a whole record at once."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ def predict(
     return outputs[:, -1], outputs[:, :-1]
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _respond(transition, gain, output, u):
     X = np.zeros(len(transition))
     outputs = np.empty((len(u), len(output)))

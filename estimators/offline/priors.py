@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model, Parametrization
 from flexaxis.estimators.recursion.design import make_design
-from flexaxis.estimators.recursion.kernel import subtract
+from flexaxis.estimators.recursion.measurement import subtract
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import discretize, extended_system
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def nominal_P(
     period: float = 0.005,
     forgetting: float | None = None,
     drift: ArrayLike | None = None,
-    regularization: float = 0.0,
+    regularization: ArrayLike = 0.0,
     output: str = "speed",
 ) -> Array:
     """
@@ -86,7 +86,7 @@ def nominal_P(
         model,
         identify=identify,
         theta0=None,
-        P0=(parametrization := model.parametrize(identify)).theta ** 2 / 100,
+        P0=model.parametrize(identify).theta ** 2 / 100,
         period=period,
         forgetting=forgetting,
         drift=drift,
@@ -94,12 +94,14 @@ def nominal_P(
         bounds=None,
         output=output,
     )
-    asked = design.model, parametrization.theta, np.asarray(u, float), period
-    psi = _remembered(_Asked(pickle.dumps(asked), asked))
-    if not len(psi):
+    if not len(np.asarray(u)):
         raise EstimatorError("u is empty; give the torque of some tens of seconds")
+    # in relative parameters, as the design is
+    asked = design.model, design.theta0, np.asarray(u, float), design.period
+    psi = _remembered(_Asked(pickle.dumps(asked), asked))
     P = np.array(design.P0)
-    return _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
+    mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
+    return mean * design.scale**2
 
 
 @dataclass(frozen=True)
@@ -116,7 +118,7 @@ def _remembered(asked: _Asked) -> Array:
     return gradient(*asked.arguments)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _mean_diagonal(psi, P, forgetting, drift, regularization):
     """Update P along ψ (N, p), eq. (7), (9), (10), (12); return its mean diagonal, second half."""
     N, p = psi.shape
@@ -135,7 +137,8 @@ def _mean_diagonal(psi, P, forgetting, drift, regularization):
         for axis in range(p):  # (12) measures every parameter once, with weight μ
             for i in range(p):
                 gain[i] = P[i, axis]
-            subtract(P, gain, regularization / (1.0 + regularization * P[axis, axis]))
+            weight = regularization[axis]
+            subtract(P, gain, weight / (1.0 + weight * P[axis, axis]))
         for i in range(p if k >= N // 2 else 0):
             total[i] += P[i, i]
     return total / (N - N // 2)

@@ -1,4 +1,4 @@
-"""The options of a recursive prediction-error method, checked once and with defaults filled in."""
+"""The options of a recursive estimator, checked once and with defaults filled in."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,64 +12,89 @@ from flexaxis.estimators.models.model import Model, Parametrization, increment
 Array = NDArray[np.float64]
 
 OUTPUTS = ("speed", "increment")
-DEFAULT_FORGETTING = 0.995
+TIME_CONSTANT = 1.0  # s, of forgetting where nothing is said; λ = 0.995 at 5 ms, as in the paper
 DEFAULT_BOX = (0.1, 10.0)  # times θ(0)
 
 
 @dataclass(frozen=True)
 class Design:
     """
-    What a filter is to do; made by `make_design`.
+    What a filter is to do, in relative parameters η = θ/θ(0); made by `make_design`.
+
+    In η a filter starts at one, whatever the units and signs of θ are.
 
     Attributes
     ----------
     model : Parametrization
-        The model as a function of θ, its output as chosen.
+        The model as a function of η, its output as chosen.
+    scale : (p,) array
+        θ(0), by which η is multiplied to give θ; ones for a design in θ itself.
     output : str
         ``"speed"`` or ``"increment"``.
     period : float
         Sampling period [s].
     theta0 : (p,) array
-        θ(0).
+        η(0).
     P0 : (p, p) array
-        P(0), for a noise variance of one.
+        P(0) of η, for a noise variance of one.
     forgetting : float
         λ of eq. (9); one where P is modified by Δ.
     drift : (p, p) array
-        Δ of eq. (10); zero where P is forgotten.
-    regularization : float
-        μ of eq. (11), (12).
+        Δ of eq. (10), for η; zero where P is forgotten.
+    regularization : (p,) array
+        Diagonal of μ I of eq. (11), (12), for η.
     lower, upper : (p,) arrays
-        The box on which θ is projected.
+        The box on which η is projected.
+    noise : float
+        Standard deviation of y, in its unit; 0 where it has to be estimated.
+    x0 : (n,) array
+        State before the first sample.
     """
 
     model: Parametrization
+    scale: Array
     output: str
     period: float
     theta0: Array
     P0: Array
     forgetting: float
     drift: Array
-    regularization: float
+    regularization: Array
     lower: Array
     upper: Array
+    noise: float
+    x0: Array
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The box of θ."""
+        sides = self.lower * self.scale, self.upper * self.scale
+        return np.minimum(*sides), np.maximum(*sides)
 
 
 def make_design(
     model: Model,
     *,
-    identify: Sequence[str],
+    identify: Sequence[str] | None,
     theta0: ArrayLike | None,
     P0: ArrayLike,
     period: float,
-    forgetting: float | None,
-    drift: ArrayLike | None,
-    regularization: float,
-    bounds: tuple[ArrayLike, ArrayLike] | None,
-    output: str,
+    forgetting: float | None = None,
+    drift: ArrayLike | None = None,
+    regularization: ArrayLike = 0.0,
+    bounds: tuple[ArrayLike, ArrayLike] | None = None,
+    output: str = "speed",
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    relative: bool = True,
 ) -> Design:
     """
     Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
+
+    Parameters
+    ----------
+    relative : bool
+        Whether the design is in θ/θ(0); else in θ, as the paper has it.
 
     Raises
     ------
@@ -78,39 +103,85 @@ def make_design(
     """
     if output not in OUTPUTS:
         raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
-    if not (np.isfinite(period) and period > 0):
-        raise EstimatorError(f"period is {period}; give the sampling period in seconds, above 0")
+    above_zero("period", period, "the sampling period in seconds")
     chosen = increment(model, period) if output == "increment" else model
     parametrization = chosen.parametrize(identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds)
-    weight, modification = _time_update(forgetting, drift, p)
-    if not (np.isfinite(regularization) and regularization >= 0):
-        raise EstimatorError(f"regularization is {regularization}; μ must be finite and ≥ 0")
+    weight, modification = _time_update(forgetting, drift, period, p)
+    scale = start if relative else np.ones(p)
+    sides = lower / scale, upper / scale
+    squares = np.outer(scale, scale)
     return Design(
-        model=parametrization,
+        model=parametrization.relative(scale),
+        scale=scale,
         output=output,
         period=float(period),
-        theta0=start,
-        P0=covariance_matrix("P0", P0, p),
+        theta0=start / scale,
+        P0=covariance_matrix("P0", P0, p) / squares,
         forgetting=weight,
-        drift=modification,
-        regularization=float(regularization),
-        lower=lower,
-        upper=upper,
+        drift=modification / squares,
+        regularization=_weights(regularization, p) * scale**2,
+        lower=np.minimum(*sides),
+        upper=np.maximum(*sides),
+        noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
+        x0=_state("x0", x0, parametrization),
     )
 
 
-def _time_update(forgetting: float | None, drift: ArrayLike | None, p: int) -> tuple[float, Array]:
+def above_zero(name: str, value: object, what: str) -> float:
+    """Return a finite number above zero; ``what`` says what it is, and its unit."""
+    if _is_number(value) and np.isfinite(value) and value > 0:  # type: ignore[call-overload, operator]
+        return float(value)  # type: ignore[arg-type]
+    raise EstimatorError(f"{name} is {value!r}; give {what}, finite and above 0")
+
+
+def at_least_zero(name: str, value: object, what: str) -> float:
+    """Return a finite number that is not negative; ``what`` says what it is, and its unit."""
+    if _is_number(value) and np.isfinite(value) and value >= 0:  # type: ignore[call-overload, operator]
+        return float(value)  # type: ignore[arg-type]
+    raise EstimatorError(f"{name} is {value!r}; give {what}, finite and not negative")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool)
+
+
+def forgetting_factor(forgetting: object, period: float) -> float:
+    """Return λ in (0, 1]; where none is given, that of a time constant of `TIME_CONSTANT`."""
+    if forgetting is None:
+        return max(1 - period / TIME_CONSTANT, 0.5)
+    if _is_number(forgetting) and 0 < forgetting <= 1:  # type: ignore[operator]
+        return float(forgetting)  # type: ignore[arg-type]
+    raise EstimatorError(f"forgetting is {forgetting!r}; λ must lie in (0, 1]")
+
+
+def _time_update(
+    forgetting: float | None, drift: ArrayLike | None, period: float, p: int
+) -> tuple[float, Array]:
     if forgetting is not None and drift is not None:
         raise EstimatorError("forgetting and drift are both given; choose (9) or (10), not both")
     if drift is not None:
         return 1.0, covariance_matrix("drift", drift, p)
-    weight = DEFAULT_FORGETTING if forgetting is None else forgetting
-    if not 0 < weight <= 1:
-        raise EstimatorError(f"forgetting is {weight}; λ must lie in (0, 1]")
-    return float(weight), np.zeros((p, p))
+    return forgetting_factor(forgetting, period), np.zeros((p, p))
+
+
+def _weights(regularization: ArrayLike, p: int) -> Array:
+    weights = np.array(regularization, float)
+    if weights.shape not in {(), (p,)} or not np.all(np.isfinite(weights) & (weights >= 0)):
+        raise EstimatorError(f"regularization is {regularization!r}; μ must be finite and ≥ 0")
+    return np.broadcast_to(weights, (p,)).copy()
+
+
+def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
+    state = np.zeros(model.n) if value is None else np.array(value, float)
+    if len(model.reset) and state.shape == (model.n - len(model.reset),):
+        # states that are zero when a sample begins come last, and need not be given
+        state = np.concatenate([state, np.zeros(len(model.reset))])
+    if state.shape != (model.n,) or not np.all(np.isfinite(state)):
+        raise EstimatorError(f"{name} is {value!r}; give {model.n} finite values, one a state")
+    return state
 
 
 def finite_vector(name: str, value: ArrayLike, p: int) -> Array:

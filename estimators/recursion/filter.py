@@ -1,8 +1,9 @@
-"""A compiled loop with its records, as an estimator."""
+"""What every recursive estimator does with samples: step, run, reset, copy, and what it shows."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from copy import deepcopy
-from typing import Any
+from copy import copy, deepcopy
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,63 +14,94 @@ from flexaxis.estimators.signals import check_sample, check_signals
 Array = NDArray[np.float64]
 
 
-class CompiledFilter:
+class RecursiveEstimator(ABC):
     """
-    What `flexaxis.estimators.methods.ukf.joint_ukf` and others make.
+    The one shape of the estimators; each says in `_take` what it does with checked samples.
 
     Parameters
-    ----------
-    loop : callable
-        ``loop(tuning, state, u, y, valid, estimates)`` takes N samples, from ``state`` and back
-        into it, and writes θ to ``estimates`` (N, p).
-    tuning, start
-        Its first two arguments, as they are before the first sample.
-    design : Design
-        Names, output and box.
-    read : callable
-        ``read(state)`` gives the estimate (p,) and the covariance (p, p) that it claims.
-
-    Attributes
     ----------
     names : tuple of str
         The identified parameters.
     output : {"speed", "increment"}
         What y is.
-    bounds : (lower, upper)
-        The box in use.
+    bounds : (lower, upper), each (p,)
+        The box of the estimate.
+
+    Attributes
+    ----------
+    names, output, bounds
+        As given.
     theta : (p,) array
         The estimate.
     covariance : (p, p) array
         Its claimed covariance.
-    state
-        What the loop left, in the form of the module that made the filter.
+    prediction : float
+        ŷ[k], what the last output was expected to be from all before it.
+    innovation : float
+        y[k] − ŷ[k]; NaN in a gap, and before the first sample.
+    innovation_variance : float
+        What the estimator claims as the variance of it; NaN where it claims none.
+    innovations : (N, 2) array
+        Both, of each sample of the last ``step`` or ``run``.
+
+    Notes
+    -----
+    θ[k] uses y[0..k] and u[0..k−1]; u[k] is held on [t_k, t_{k+1}) and first acts on y[k+1].
     """
 
-    def __init__(
-        self,
-        loop: Callable[..., None],
-        tuning: Any,
-        start: Any,
-        design: Design,
-        read: Callable[[Any], tuple[Array, Array]],
+    def __init__(self, names: tuple[str, ...], output: str, bounds: tuple[Array, Array]) -> None:
+        self.names, self.output, self.bounds = names, output, bounds
+        self._one = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(names)))
+        self._trace = np.full((1, 3), np.nan)
+
+    @property
+    @abstractmethod
+    def theta(self) -> Array: ...  # noqa: D102
+
+    @property
+    @abstractmethod
+    def covariance(self) -> Array: ...  # noqa: D102
+
+    @abstractmethod
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        self.names, self.output = design.model.names, design.output
-        self.bounds = design.lower, design.upper
-        self._loop, self._tuning, self._start, self._read = loop, tuning, start, read
-        self._sample = np.empty(1), np.empty(1), np.empty(1, bool), np.empty((1, len(self.names)))
-        self.reset()
+        """Take samples; write θ (N, p), and ŷ, innovation and its variance (N, 3)."""
+
+    @abstractmethod
+    def _start(self) -> None:
+        """Return to the state before the first sample."""
+
+    @property
+    def prediction(self) -> float:  # noqa: D102
+        return float(self._trace[-1, 0])
+
+    @property
+    def innovation(self) -> float:  # noqa: D102
+        return float(self._trace[-1, 1])
+
+    @property
+    def innovation_variance(self) -> float:  # noqa: D102
+        return float(self._trace[-1, 2])
+
+    @property
+    def innovations(self) -> Array:  # noqa: D102
+        return self._trace[:, 1:].copy()
 
     def reset(self) -> None:
         """Return to the start."""
-        self.state = deepcopy(self._start)
+        self._trace = np.full((1, 3), np.nan)
+        self._start()
 
-    @property
-    def theta(self) -> Array:  # noqa: D102
-        return self._read(self.state)[0].copy()
+    def copy(self) -> Self:
+        """Return an estimator in the same state, which goes on by itself."""
+        other = copy(self)
+        for name, value in vars(self).items():
+            if name not in self._shared:
+                setattr(other, name, deepcopy(value))
+        return other
 
-    @property
-    def covariance(self) -> Array:  # noqa: D102
-        return self._read(self.state)[1].copy()
+    _shared: tuple[str, ...] = ("names", "output", "bounds")  # what no sample changes
 
     def step(self, u: float, y: float | None) -> Array:
         """
@@ -83,10 +115,12 @@ class CompiledFilter:
             Output measured at t_k; None in a gap.
         """
         check_sample(u, y)
-        sample = self._sample
-        sample[0][0], sample[1][0], sample[2][0] = u, 0.0 if y is None else y, y is not None
-        self._loop(self._tuning, self.state, *sample)
-        return sample[3][0].copy()
+        one = self._one
+        one[0][0], one[1][0], one[2][0] = u, 0.0 if y is None else y, y is not None
+        if len(self._trace) != 1:
+            self._trace = np.empty((1, 3))
+        self._take(*one, self._trace)
+        return one[3][0].copy()
 
     def run(self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None) -> Array:
         """
@@ -100,5 +134,73 @@ class CompiledFilter:
         """
         u, y, present = check_signals(u, y, valid)
         estimates = np.empty((len(u), len(self.names)))
-        self._loop(self._tuning, self.state, u, y, present, estimates)
+        trace = np.empty((len(u), 3))
+        self._take(u, y, present, estimates, trace)
+        if len(u):
+            self._trace = trace
         return estimates
+
+
+class CompiledFilter(RecursiveEstimator):
+    """
+    A compiled loop with its records, as an estimator.
+
+    Parameters
+    ----------
+    loop : callable
+        ``loop(tuning, state, u, y, valid, estimates, trace)`` takes samples, from ``state`` and
+        back into it, and writes η (N, p), and ŷ, innovation and its variance (N, 3).
+    tuning, start
+        Its first two arguments, as they are before the first sample.
+    design : Design
+        Names, output, scale and box.
+    read : callable
+        ``read(state)`` gives η (p,) and the covariance (p, p) that is claimed of it.
+
+    Attributes
+    ----------
+    state
+        What the loop left, in the form of the module that made the filter.
+    """
+
+    _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_tuning", "_begin", "_read")
+
+    def __init__(
+        self,
+        loop: Callable[..., Any],
+        tuning: Any,
+        start: Any,
+        design: Design,
+        read: Callable[[Any], tuple[Array, Array]],
+    ) -> None:
+        super().__init__(design.model.names, design.output, design.bounds)
+        self._design, self._loop, self._tuning = design, loop, tuning
+        self._begin, self._read = start, read
+        self.reset()
+        nothing = np.empty(0)  # what has to be compiled is compiled now, and not in the first step
+        loop(
+            tuning,
+            self.state,
+            nothing,
+            nothing,
+            np.empty(0, bool),
+            np.empty((0, len(self.names))),
+            np.empty((0, 3)),
+        )
+
+    def _start(self) -> None:
+        self.state = deepcopy(self._begin)
+
+    @property
+    def theta(self) -> Array:  # noqa: D102
+        return self._read(self.state)[0] * self._design.scale
+
+    @property
+    def covariance(self) -> Array:  # noqa: D102
+        return self._read(self.state)[1] * np.outer(self._design.scale, self._design.scale)
+
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        self._loop(self._tuning, self.state, u, y, valid, estimates, trace)
+        estimates *= self._design.scale

@@ -4,11 +4,16 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.sampling.compiler import compile_loop, jit
 from flexaxis.estimators.sampling.lanes import advance, evaluate
 from flexaxis.estimators.sampling.pattern import Pattern
-from flexaxis.estimators.sampling.plan import MAX_ORDER
+from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
+
+Array = NDArray[np.float64]
+
 
 KNOWN = 50.0  # samples from which on the noise variance can judge a residual
 
@@ -173,3 +178,28 @@ def subtract(P, v, w):
         for j in range(i + 1):
             P[i, j] -= w * v[i] * v[j]
             P[j, i] = P[i, j]
+
+
+def filter_records(
+    design: Design, pattern: Pattern, coefficients: Array
+) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """Return tuning and start of a filter, as records for the compiled loop."""
+    order, substeps = plan(design.model, design.lower, design.upper, design.period)
+    row, column, _ = np.array(pattern.entries).T
+    scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run
+
+    tuning = np.zeros(1, tuning_type(pattern))
+    tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
+    tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
+    tuning["order"], tuning["substeps"] = order, substeps
+    tuning["forgetting"], tuning["drift"] = design.forgetting, design.drift
+    tuning["regularization"] = 0.0
+    tuning["lower"], tuning["upper"] = design.lower, design.upper
+    tuning["memory"] = 400.0
+
+    state = np.zeros(1, state_type(pattern))
+    state["theta"], state["P"] = design.theta0, design.P0
+    blocks = design.model.blocks(design.theta0)
+    state["M"][0, :, : len(blocks)] = (blocks[:, row, column] * scale).T
+    state["epsilon"], state["noise"] = np.nan, 1.0
+    return tuning, state

@@ -14,8 +14,9 @@ from math import erf, exp, pi, sqrt
 
 import numpy as np
 
-from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.sampling.compiler import inlined
 
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
 KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
@@ -32,54 +33,27 @@ ODD = 100.0  # standard deviations beyond which a sample that stands alone is no
 FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
 MOVING = 0.1  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
 
-TUNING = [("known", float), ("memory", float)]
-STATE = [
-    ("prediction", float),
-    ("innovation", float),
-    ("innovation_variance", float),
-    ("noise", float),  # R
-    ("levels", float, (4,)),  # means of squares and of squared differences, and over the last KNOWN
-    ("samples", float),  # that they are the means of
-    ("past", float, (3,)),  # innovations before, the last one first
-    ("run", float),  # of samples in a row that were used
-    ("odd", float),  # 1 where the last sample was beyond ODD
-]
+
+def level(design: Design) -> tuple[Record, Record]:
+    """Return what `judge` needs of tuning and state; σ is learnt where the design has none."""
+    tuning = record(
+        known=float(design.noise > 0), memory=max(MEMORY / design.period, KNOWN)
+    )
+    state = record(
+        prediction=np.nan,
+        innovation=np.nan,
+        innovation_variance=np.nan,
+        noise=design.noise**2,  # R, 0 while nothing is known of it
+        levels=np.zeros(4),  # means of squares and of squared differences, and over the last KNOWN
+        samples=0.0,  # that they are the means of
+        past=np.zeros(3),  # innovations before, the last one first
+        run=0.0,  # samples in a row that were used
+        odd=0.0,  # 1 where the last sample was beyond ODD
+    )
+    return tuning, state
 
 
-def set_level(tuning, start, noise: float | None, period: float) -> None:
-    """
-    Set what `judge` needs in records that have the fields `TUNING` and `STATE`.
-
-    Parameters
-    ----------
-    tuning, start : records
-    noise : float or None
-        σ of y, in its unit; None where it is to be learnt.
-    period : float
-        Sampling period [s].
-
-    Raises
-    ------
-    EstimatorError
-        If that is no standard deviation.
-    """
-    start["noise"] = noise_variance(noise)
-    tuning["known"], tuning["memory"] = noise is not None, max(MEMORY / period, KNOWN)
-    start["prediction"] = start["innovation"] = start["innovation_variance"] = np.nan
-
-
-def noise_variance(noise: float | None) -> float:
-    """Return σ², or 0 where it is to be learnt; an `EstimatorError` if σ is none."""
-    if noise is None:
-        return 0.0
-    if not (np.isfinite(noise) and noise > 0):
-        raise EstimatorError(
-            f"noise is {noise}; give the standard deviation of y, above 0, or None to estimate it"
-        )
-    return float(noise) ** 2
-
-
-@jit
+@inlined
 def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     """
     Keep the innovation and learn R from it; return y as it is to be used, or NaN if it is not.
@@ -116,7 +90,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     return prediction + e
 
 
-@jit
+@inlined
 def begin(state, square):
     """Start R from a first sample."""
     state["noise"], state["samples"] = square, 1.0
@@ -124,7 +98,7 @@ def begin(state, square):
         state["levels"][i] = square
 
 
-@jit
+@inlined
 def roughness(past, e):
     """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three innovations before, and keep the last ones."""
     rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
@@ -132,7 +106,7 @@ def roughness(past, e):
     return rough
 
 
-@jit
+@inlined
 def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
     """Take squares of the innovation and of its difference into R."""
     R, levels = state["noise"], state["levels"]
@@ -158,7 +132,7 @@ def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
     state["noise"] = min(levels[0], levels[1])
 
 
-@jit
+@inlined
 def bound(P, ceiling):
     """Scale the rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
     for i in range(len(ceiling)):
@@ -167,3 +141,10 @@ def bound(P, ceiling):
             for j in range(len(P)):
                 P[i, j] *= factor
                 P[j, i] *= factor
+
+
+@inlined
+def show(state, row):
+    """Write ŷ, innovation and its variance (3,), as `recursion.loop` wants them of a sample."""
+    row[0], row[1] = state["prediction"], state["innovation"]
+    row[2] = state["innovation_variance"]

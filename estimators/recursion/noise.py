@@ -2,17 +2,30 @@
 
 from dataclasses import dataclass
 
-MEMORY = 400  # samples; the relative standard deviation of R̂ is √(2/(2·400)) = 5 %
-
 
 @dataclass
 class NoiseVariance:
-    """Mean of ε²/(1+ψᵀPψ), exponential with a memory of `MEMORY` samples, exact before that."""
+    """
+    Mean of ε²/(1+ψᵀPψ), exponential with a memory, exact before that.
 
+    Attributes
+    ----------
+    memory : float
+        In samples.
+    given : float
+        The variance, if it is known; else 0.
+    """
+
+    memory: float
+    given: float = 0.0
     value: float = 1.0  # the paper's unit, until something is measured
     count: float = 0.0
 
+    def __post_init__(self) -> None:
+        self.value = self.given or self.value
+
     def add(self, sample: float) -> None:
         """Take one squared residual, divided by what the uncertainty of θ̂ adds to it."""
-        self.count = min(self.count + 1, MEMORY)
-        self.value += (sample - self.value) / self.count
+        self.count = min(self.count + 1, self.memory)
+        if not self.given:
+            self.value += (sample - self.value) / self.count

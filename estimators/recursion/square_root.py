@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.sampling.compiler import inlined
 
 
-@jit
+@inlined
 def triangularize(A, rows, columns):
     """
     Make A (rows, columns), rows ≥ columns, upper triangular without a change of AᵀA (Householder).
@@ -38,7 +38,7 @@ def triangularize(A, rows, columns):
                 A[j, m] = -A[j, m]
 
 
-@jit
+@inlined
 def cholesky(A):
     """Put L with L Lᵀ = A into the lower triangle of A (m, m); NaN where A is not positive."""
     for i in range(len(A)):
@@ -49,7 +49,7 @@ def cholesky(A):
             A[i, j] = np.sqrt(total) if i == j else total / A[j, j]
 
 
-@jit
+@inlined
 def forward(L, B):
     """B ← L⁻¹ B for B (m, c) and the lower triangle of L (m, m)."""
     for c in range(B.shape[1]):
@@ -59,7 +59,7 @@ def forward(L, B):
             B[i, c] /= L[i, i]
 
 
-@jit
+@inlined
 def bound_root(S, ceiling):
     """Scale the columns of S for which a variance of SᵀS is above its ceiling (p,) down to it."""
     for i in range(len(ceiling)):

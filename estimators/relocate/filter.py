@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.methods.rpem import filter_records
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.kernel import filter_records
 from flexaxis.estimators.relocate.case import RECENT, Case, Finding, open_case
 from flexaxis.estimators.relocate.hypotheses import Hypotheses
 from flexaxis.estimators.relocate.memory import (
@@ -118,7 +118,8 @@ class Relocate:
             output=output,
         )
         self.names, self.output = narrow.model.names, output
-        self.bounds = narrow.lower, narrow.upper
+        self.bounds = narrow.bounds
+        self._scale = narrow.scale
         self._p, self._gain = len(self.names), gain
         design = with_suspects(narrow, model, suspects)
         pattern, coefficients = split(design.model)
@@ -150,11 +151,12 @@ class Relocate:
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._state["theta"][0, : self._p].copy()
+        return self._state["theta"][0, : self._p] * self._scale
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._state["noise"][0] * self._state["P"][0, : self._p, : self._p] / 2
+        claim = self._state["noise"][0] * self._state["P"][0, : self._p, : self._p] / 2
+        return claim * np.outer(self._scale, self._scale)
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -197,7 +199,7 @@ class Relocate:
             done += int(state["count"]) - before
             self._attend()
             estimates[done - 1] = state["theta"][: self._p]
-        return estimates
+        return estimates * self._scale
 
     def _attend(self) -> None:
         """Do what is due after a sample: open a case, look into it, or close it."""

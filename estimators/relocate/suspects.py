@@ -29,11 +29,17 @@ def with_suspects(narrow: Design, model: Model, suspects: Sequence[str]) -> Desi
     chosen = increment(model, narrow.period) if narrow.output == "increment" else model
     wide = chosen.parametrize([*names, *others])
     rest = wide.theta[p:]
+    others_scale = np.r_[narrow.scale, rest]
+    wide = wide.relative(others_scale)
+    rest = np.ones(len(rest))
     P = np.zeros((len(wide.theta),) * 2)
     P[:p, :p] = narrow.P0
     return replace(
         narrow,
         model=wide,
+        scale=others_scale,
+        x0=narrow.x0,
+        regularization=np.zeros(len(P)),
         theta0=np.r_[narrow.theta0, rest],
         P0=P,
         drift=np.zeros_like(P),

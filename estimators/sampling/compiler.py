@@ -1,83 +1,215 @@
-"""Compile a loop for the pattern of a model, and keep the result in the user's cache folder."""
+"""
+The one decorator for all that numba compiles: on first use, kept for good, and never stale.
+
+`compiled` and `inlined` mark functions. Nothing is imported or compiled before one of them is
+called. What has been compiled is kept in the user's cache folder under a digest of everything that
+it is made from, so that an edit of any function that is reached, or of a constant in it, compiles
+anew, and nothing else does.
+"""
 
 import hashlib
 import os
+import pickle
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from functools import cached_property, lru_cache, update_wrapper
+from importlib import import_module
+from inspect import getclosurevars, getsourcefile
 from pathlib import Path
-from threading import Lock
+from types import CodeType, FunctionType
 from typing import Any
 
-import numba
-import numpy as np
-from llvmlite.binding import get_host_cpu_features, get_host_cpu_name
-from numba import boolean, float64, from_dtype, njit, void
-
-jit = njit(nogil=True, error_model="numpy", forceinline=True)
-"""Decorator of what compiled loops call."""
-
-_settings: Any = numba.config  # a module that makes its attributes when it is imported
-_lock = Lock()
+PACKAGE = __name__.partition(".")[0]
+OVERLOADS = "flexaxis.estimators.sampling.overloads"  # of the functions in `lanes`
 
 
-def compile_loop(
-    loop: Callable, flat: tuple[int, ...], tuning: np.dtype, state: np.dtype
-) -> Callable:
+class Compiled:
     """
-    Compile ``loop(tuning, state, u, y, valid, estimates)``, or load it from the cache.
-
-    Says so on stderr if it has to compile. Several processes may compile the same loop at the
-    same time; a folder that cannot be written means compiling in every process.
+    A function that numba compiles when it is first called.
 
     Parameters
     ----------
-    loop : callable
-        A closure over ``flat``.
-    flat : tuple of int
-        The pattern of the model; makes the loop another one for the cache.
-    tuning, state : dtype
-        Record types of the first two arguments.
-
-    Returns
-    -------
-    callable
+    function : callable
+        What is compiled. What it calls is compiled with it, if it is decorated as well.
+    inline : bool
+        Whether it becomes a part of each of its callers, and is not kept by itself.
+    label : str, optional
+        What the user is told is being compiled.
     """
-    signal = float64[::1]
-    signature = void(
-        from_dtype(tuning)[::1],
-        from_dtype(state)[::1],
-        signal,
-        signal,
-        boolean[::1],
-        float64[:, ::1],
-    )
-    # a name of its own gives every pattern files of its own, so that processes which compile
-    # different ones at the same time cannot take each other's
-    loop.__qualname__ = f"{loop.__name__}_{_digest(loop, flat)}"
-    folder = cache_folder()
-    known = folder is not None and any(folder.rglob(f"*.{loop.__qualname__}-*.nbc"))
-    if not known:
-        where = f"once, into {folder}" if folder else "as no cache folder can be written"
-        what = f"a filter for {flat[0]} states and {flat[1]} parameters"
-        print(f"flexaxis: compiling {what} {where} …", file=sys.stderr, flush=True)
-    if folder is not None:
-        # a broken or full cache must stop nobody; an error of the loop comes again below
-        with suppress(Exception), _numba_cache(folder):
-            return njit(signature, cache=True, nogil=True, error_model="numpy")(loop)
-    return njit(signature, nogil=True, error_model="numpy")(loop)
+
+    def __init__(self, function: Callable, *, inline: bool = False, label: str = "") -> None:
+        self.function, self.inline = function, inline
+        self.label = label or f"{function.__module__}.{function.__name__}"
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.dispatcher(*arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba calls a compiled function."""
+        import numba
+
+        _introduce()
+        made: Any = numba.njit(nogil=True, error_model="numpy", forceinline=self.inline)(
+            self.function
+        )
+        folder = cache_folder()
+        if not self.inline:
+            made._cache = _Store(self, folder) if folder else _Nowhere(self.label)
+        return made
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells this function, and all that it reaches, from any other."""
+        parts = hashlib.sha256()
+        for part in _content(self, set()):
+            parts.update(part)
+        return parts.hexdigest()
 
 
+def compiled(function: Callable) -> Compiled:
+    """Compile a function on its first call, and keep the result."""
+    return Compiled(function)
+
+
+def inlined(function: Callable) -> Compiled:
+    """Compile a function as a part of those that call it."""
+    return Compiled(function, inline=True)
+
+
+@lru_cache
+def _introduce() -> None:
+    """Tell numba what a `Compiled` is that it meets in another function, and of `lanes`."""
+    from numba import types
+    from numba.extending import typeof_impl
+
+    from flexaxis.estimators.sampling import overloads  # noqa: F401
+
+    @typeof_impl.register(Compiled)
+    def _typeof(value: Compiled, context: object) -> object:
+        return types.Dispatcher(value.dispatcher)
+
+
+def _content(value: object, seen: set[int]) -> Iterator[bytes]:
+    """Yield all that the code compiled for a value is made from, each function once."""
+    if isinstance(value, Compiled):
+        value = value.function
+    elif isinstance(value, type | FunctionType):  # runs in the compiler, so that its file matters
+        yield from _files(value.__module__, seen)
+        yield from _files(OVERLOADS, seen)
+        return
+    if isinstance(value, FunctionType):
+        if id(value) in seen:
+            return
+        seen.add(id(value))
+        yield from _code(value.__code__)
+        names = getclosurevars(value)
+        for name, used in sorted((dict(names.globals) | dict(names.nonlocals)).items()):
+            yield name.encode()
+            yield from _content(used, seen)
+    elif isinstance(value, int | float | complex | str | bytes | tuple | frozenset | None):
+        yield repr(value).encode()
+    elif hasattr(value, "tobytes"):  # an array is a constant too
+        yield value.tobytes()
+
+
+def _code(code: CodeType) -> Iterator[bytes]:
+    yield code.co_code + repr((code.co_names, code.co_varnames)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code(constant)
+        else:
+            yield repr(constant).encode()
+
+
+def _files(module: str, seen: set[int]) -> Iterator[bytes]:
+    """Yield the source of a module of ours, and of those from which it takes anything."""
+    if not module.startswith(f"{PACKAGE}."):
+        return
+    found = import_module(module)
+    if id(found) in seen:
+        return
+    seen.add(id(found))
+    source = getsourcefile(found)
+    yield Path(source).read_bytes() if source else b""
+    origins = {getattr(value, "__module__", None) for value in vars(found).values()}
+    for used in sorted(name for name in origins if isinstance(name, str)):
+        yield from _files(used, seen)
+
+
+class _Nowhere:
+    """A cache for where nothing can be written: says what is being compiled, keeps nothing."""
+
+    cache_path = None
+    _busy = 0  # compilations that wait for those of what they call
+
+    def __init__(self, label: str, where: str = "as no cache folder can be written") -> None:
+        self.label, self.where = label, where
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        if not _Nowhere._busy:
+            print(f"flexaxis: compiling {self.label} {self.where} …", file=sys.stderr, flush=True)
+        _Nowhere._busy += 1
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        _Nowhere._busy -= 1
+
+    def enable(self) -> None: ...
+
+    def disable(self) -> None: ...
+
+
+class _Store(_Nowhere):
+    """Compiled code in files named after all that it is made from; in place of numba's cache."""
+
+    def __init__(self, function: Compiled, folder: Path) -> None:
+        super().__init__(function.label, f"once, into {folder}")
+        self.function, self.folder = function, folder
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        from numba.core.compiler import CompileResult
+
+        context.refresh()
+        # a file that is missing, torn or of another kind must stop nobody
+        with suppress(Exception):
+            content = self._path(signature, context.codegen()).read_bytes()
+            return CompileResult._rebuild(context, *pickle.loads(content))
+        return super().load_overload(signature, context)
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        from numba.core.serialize import dumps
+
+        super().save_overload(signature, result)
+        path = self._path(signature, result.codegen)
+        aside = path.with_suffix(f".{os.getpid()}")
+        try:
+            aside.write_bytes(dumps(result._reduce()))
+            os.replace(aside, path)
+        except OSError:  # a full disk: it will have to be compiled again
+            with suppress(OSError):
+                aside.unlink(missing_ok=True)
+
+    def _path(self, signature: Any, codegen: Any) -> Path:
+        import numba
+
+        versions = numba.__version__, sys.version_info[:3]  # and the machine, in the magic
+        kind = repr((self.function.digest, str(signature), codegen.magic_tuple(), versions))
+        digest = hashlib.sha256(kind.encode()).hexdigest()[:24]
+        return self.folder / f"{self.function.__name__}-{digest}.nbc"
+
+
+@lru_cache
 def cache_folder() -> Path | None:
     """
-    Return the folder for compiled loops, made if need be; None if nothing can be written there.
+    Return the folder for compiled code, made if need be; None if nothing can be written there.
 
     ``NUMBA_CACHE_DIR`` if that is set, else ``flexaxis`` in the user's cache folder.
     """
-    folder = (
-        Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else user_cache() / "flexaxis" / "compiled"
-    )
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(given) if given else user_cache() / "flexaxis" / "compiled"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
@@ -93,25 +225,16 @@ def user_cache() -> Path:
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()
 
 
-@contextmanager
-def _numba_cache(folder: Path) -> Iterator[None]:
-    """Let numba cache into the folder; it reads this setting when a function is declared."""
-    with _lock:
-        before, _settings.CACHE_DIR = _settings.CACHE_DIR, str(folder)
-        try:
-            yield
-        finally:
-            _settings.CACHE_DIR = before
+jit = inlined
 
 
-def _digest(loop: Callable, flat: tuple[int, ...]) -> str:
-    # all that the compiled code depends on; a home folder may serve many kinds of machine
-    here = Path(__file__).parents[1]
-    names = "sampling/lanes", "sampling/emit", "sampling/pattern", "recursion/kernel"
-    sources = [here / f"{name}.py" for name in names]
-    sources.append(Path(loop.__code__.co_filename))
-    called = (value for value in loop.__globals__.values() if hasattr(value, "py_func"))
-    sources += sorted({Path(value.py_func.__code__.co_filename) for value in called})
-    machine = get_host_cpu_name(), get_host_cpu_features().flatten(), numba.__version__
-    content = b"".join(source.read_bytes() for source in sources)
-    return hashlib.sha256(content + repr((machine, flat)).encode()).hexdigest()[:12]
+def compile_loop(loop, flat, tuning, state):  # legacy
+    """Legacy."""
+    inner = Compiled(loop, label=f"a filter for {flat[0]} states and {flat[1]} parameters")
+
+    def run(tuning, state, u, y, valid, estimates, trace=None):  # noqa: PLR0917
+        if trace is not None:
+            trace.fill(float("nan"))
+        inner(tuning, state, u, y, valid, estimates)
+
+    return run

@@ -4,20 +4,14 @@ Values and their derivatives side by side in the lanes of a vector register.
 A row of lanes [a, ∂a/∂θ_1, …, ∂a/∂θ_p] follows the product rule,
 ``a·v = [a a … a]·v + [0 ∂a]·[v v … v]``, two vector instructions for the product and all of its
 derivatives. `evaluate` and `advance` do the whole of eq. (17)–(23) in such rows. Each is a few
-lines of NumPy, which say what it does and run where nothing is compiled, and a twin for numba that
-emits straight-line code for the places where the matrices are not zero.
+lines of NumPy, which say what it does and run where nothing is compiled; its twin for numba, in
+`flexaxis.estimators.sampling.overloads`, emits straight-line code for the places where the matrices
+are not zero.
 """
 
-from collections import defaultdict
-from functools import reduce
-
 import numpy as np
-from numba import types
-from numba.core.cgutils import alloca_once, alloca_once_value, for_range, for_range_slice
-from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, Lanes
 from flexaxis.estimators.sampling.pattern import Pattern, unflatten
 
 Array = NDArray[np.float64]
@@ -90,101 +84,3 @@ def advance(  # noqa: PLR0917
     V = X.copy()
     V[-1] = 0.0
     X[-1] = product(pattern, M, V)[-1]
-
-
-@intrinsic(prefer_literal=True)
-def _evaluate(typing_context, flat, coefficients, theta, M):
-    pattern = unflatten(tuple(number.literal_value for number in flat))
-
-    def emit(context, builder, signature, arguments):
-        lanes = Lanes(context, builder, pattern.lanes)
-        coefficients, theta, M = map(lanes.data, signature.args[1:], arguments[1:])
-        values = [lanes.scalar(theta, INDEX(i)) for i in range(pattern.p)]
-        inverses = [builder.fdiv(DOUBLE(1.0), value) for value in values]
-
-        def monomial(c, exponents):
-            for value, inverse, e in zip(values, inverses, exponents, strict=True):
-                for _ in range(abs(e)):
-                    c = builder.fmul(c, value if e > 0 else inverse)
-            return c
-
-        summands = defaultdict(list)
-        for k, (entry, *exponents) in enumerate(pattern.terms):
-            c = lanes.scalar(coefficients, INDEX(k))
-            summands[entry, 0].append(monomial(c, exponents))
-            for i, e in enumerate(exponents):
-                if e:
-                    lowered = [f - (i == j) for j, f in enumerate(exponents)]
-                    slope = monomial(builder.fmul(c, DOUBLE(e)), lowered)
-                    summands[entry, 1 + i].append(slope)
-        rows = {entry: lanes.zero for entry, *_ in pattern.terms}
-        for (entry, lane), parts in summands.items():
-            rows[entry] = lanes.insert(rows[entry], reduce(builder.fadd, parts), lane)
-        for entry, row in rows.items():
-            lanes.store(row, M, entry)
-        return context.get_dummy_value()
-
-    return types.void(flat, coefficients, theta, M), emit
-
-
-@intrinsic(prefer_literal=True)
-def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
-    pattern = unflatten(tuple(number.literal_value for number in flat))
-    n = pattern.n
-
-    def emit(context, builder, signature, arguments):
-        lanes = Lanes(context, builder, pattern.lanes)
-        M, X, weights = (lanes.data(signature.args[i], arguments[i]) for i in (1, 2, 4))
-        u, order, substeps = (arguments[i] for i in (3, 5, 6))
-        held = lanes.insert(lanes.zero, u, 0)
-        factors = [lanes.load(M, e) for e in range(len(pattern.entries))]
-        x = [alloca_once_value(builder, lanes.load(X, i)) for i in range(n)]
-        v = [alloca_once(builder, lanes.row) for _ in range(n)]
-
-        def product(row, V):
-            pairs = []
-            for (i, column, varies), a in zip(pattern.entries, factors, strict=True):
-                if i == row and V[column] is not None:
-                    pairs.append((lanes.value(a), V[column]))
-                    if varies:
-                        pairs.append((lanes.slope(a), lanes.value(V[column])))
-            return lanes.sum_of_products(pairs)
-
-        def add_term(k, held):
-            V = [builder.load(address) for address in v] + [held]
-            weight = lanes.value(lanes.insert(lanes.zero, lanes.scalar(weights, k), 0))
-            for i in range(n):
-                power = product(i, V)
-                builder.store(power, v[i])
-                builder.store(lanes.fused(weight, power, builder.load(x[i])), x[i])
-
-        for i in pattern.reset:
-            builder.store(lanes.zero, x[i])
-        with for_range(builder, substeps):
-            for i in range(n):
-                builder.store(builder.load(x[i]), v[i])
-            add_term(INDEX(0), held)
-            with for_range_slice(builder, INDEX(1), order, INDEX(1)) as (k, _):
-                add_term(k, None)
-        state = [builder.load(address) for address in x]
-        for i, vector in enumerate([*state, product(n, [*state, None])]):
-            lanes.store(vector, X, i)
-        return context.get_dummy_value()
-
-    return types.void(flat, M, X, u, weights, order, substeps), emit
-
-
-@overload(evaluate, prefer_literal=True)
-def _compiled_evaluate(flat, coefficients, theta, M):
-    def compiled(flat, coefficients, theta, M):
-        _evaluate(flat, coefficients, theta, M)  # type: ignore[call-arg]
-
-    return compiled
-
-
-@overload(advance, prefer_literal=True)
-def _compiled_advance(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
-    def compiled(flat, M, X, u, weights, order, substeps):  # noqa: PLR0917
-        _advance(flat, M, X, u, weights, order, substeps)  # type: ignore[call-arg]
-
-    return compiled

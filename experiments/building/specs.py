@@ -25,7 +25,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY, oracle_reset
+from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.nominal import nominal_torque
@@ -114,7 +114,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         If its constructor raises anything.
     """
     offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
-    if spec.make is oracle_reset:  # the control alone is told when
+    if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
     if wanted and not _has_stored_prior(scenario):

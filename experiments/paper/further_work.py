@@ -14,7 +14,6 @@ from flexaxis.estimators.offline.adaptation import (
     steady_P,
     tracking_error,
 )
-from flexaxis.estimators.registry import REGULARIZATION
 from flexaxis.experiments.paper.convergence import FORGETTING, drift, pooled_std
 from flexaxis.experiments.paper.data import PAUSE, Data
 from flexaxis.experiments.paper.filters import COARSE, Adaptation, FilterRuns, filtered
@@ -31,7 +30,10 @@ APART = (2.4, 1.2, 0.6)
 """Time constants asked of k_T, 1/J_a and f_m one by one [s]."""
 
 MU = (0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0, 1000.0)
-"""Values of μ, and the standard one of the registry among them."""
+"""Values of μ of eq. (11)."""
+
+STANDARD = 0.3
+"""The one recommended for the nominal axis in stop-and-go operation."""
 
 RESETS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Prior standard deviation after a change, as a fraction of each parameter."""
@@ -127,7 +129,7 @@ def further_work(data: Data, Q: Array) -> FurtherWork:
     Q : ndarray (p, p)
         E ψψᵀ at nominal parameters.
     """
-    mus = sorted({*MU, REGULARIZATION})
+    mus = sorted({*MU, STANDARD})
     return FurtherWork(
         diagonal=[choose_drift(data, Q, np.full(3, tau)) for tau in WANTED],
         coupled=[choose_drift(data, Q, np.full(3, tau), coupled=True) for tau in WANTED],

@@ -17,34 +17,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
-# Colours distinct also for the colour-blind (after Okabe and Ito, and after Tol), one hue a
-# family; estimators that are alike differ in marker, too. Any other gets a pair by its name.
-_LOOKS = {
-    "rpem-forgetting": ("#0072B2", "o"),
-    "rpem-forgetting-mu": ("#56B4E9", "s"),
-    "rpem-corrected": ("#88CCEE", "D"),
-    "literal-rpem": ("#0072B2", "x"),
-    "rpem-drift": ("#D55E00", "o"),
-    "rpem-drift-mu": ("#E69F00", "s"),
-    "vector-forgetting": ("#DDCC77", "^"),
-    "directional-forgetting": ("#AA4499", "v"),
-    "efra": ("#B8860B", "<"),
-    "variable-forgetting": ("#661100", ">"),
-    "ekf": ("#009E73", "o"),
-    "ukf": ("#117733", "s"),
-    "imm": ("#66AA55", "D"),
-    "moving-horizon": ("#332288", "P"),
-    "cusum-reset": ("#44AA99", "X"),
-    "relocate": ("#882255", "*"),
-    "oracle-reset": ("#999933", "d"),
-    "frozen": ("#7F7F7F", "o"),
-    "base": ("#0072B2", "o"),
-    "candidate": ("#D55E00", "o"),
-}
+# The registry has the look of each estimator: colours distinct also for the colour-blind (after
+# Okabe and Ito, and after Tol), one hue a family, and a marker. Others get a pair by their name.
+_ROLES = {"base": ("#0072B2", "o"), "candidate": ("#D55E00", "o")}
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 
 
@@ -59,8 +39,9 @@ def marker(estimator: str) -> str:
 
 
 def _look(estimator: str) -> tuple[str, str]:
-    if estimator in _LOOKS:
-        return _LOOKS[estimator]
+    known = REGISTRY[estimator].look if estimator in REGISTRY else _ROLES.get(estimator)
+    if known is not None:
+        return known
     digest = hashlib.sha256(estimator.encode()).digest()
     return _PALETTE[digest[0] % len(_PALETTE)], "osD^v<>PX"[digest[1] % 9]
 

@@ -108,9 +108,11 @@ def _estimators() -> list[Contender]:
     parametrization = model.parametrize(IDENTIFY)
     theta = parametrization.theta
     bounds = BOX[0] * theta, BOX[1] * theta
-    rpem = Rpem(model, identify=IDENTIFY, P0=P0, bounds=bounds)
-    literal = LiteralRpem(model, identify=IDENTIFY, P0=P0, bounds=bounds)
-    ekf = joint_ekf(model, identify=IDENTIFY, P0=(0.1 * theta) ** 2, drift=(1e-4 * theta) ** 2)
+    rpem = Rpem(model, identify=IDENTIFY, P0=P0, bounds=bounds, period=0.005)
+    literal = LiteralRpem(model, identify=IDENTIFY, P0=P0, bounds=bounds, period=0.005)
+    ekf = joint_ekf(
+        model, identify=IDENTIFY, P0=(0.1 * theta) ** 2, drift=(1e-4 * theta) ** 2, period=0.005
+    )
     F, G, _ = extended_system(parametrization, theta)
     block = np.zeros((21, 21))
     block[:20, :20], block[:20, 20:] = F * scenario.period, G * scenario.period
@@ -161,7 +163,7 @@ def _numpy_action(block: Array, order: int, count: int) -> Callable[[], object]:
 
 
 def _threads(model: Any, bounds: Any, u: Array, y: Array) -> Callable[[], object]:
-    runs = [Rpem(model, identify=IDENTIFY, P0=P0, bounds=bounds) for _ in range(2)]
+    runs = [Rpem(model, identify=IDENTIFY, P0=P0, bounds=bounds, period=0.005) for _ in range(2)]
 
     def work() -> None:
         with ThreadPoolExecutor(2) as pool:

@@ -111,7 +111,9 @@ def test_P_can_be_reset(nominal, simulated):
     """A filter that is told of a change follows faster, and from the P it was given."""
     changed = dict(nominal, f_m=0.075)
     loop = simulated(12.0, faults={6.0: changed})
-    told, untold = (Rpem(three_mass(nominal), P0=[2.97e-4, 5.19e-5, 4.69e-6]) for _ in range(2))
+    told, untold = (
+        Rpem(three_mass(nominal), P0=[2.97e-4, 5.19e-5, 4.69e-6], period=0.005) for _ in range(2)
+    )
     for estimator in (told, untold):
         estimator.run(loop.u[:1200], loop.y[:1200])
     told.P = (0.03 * np.array([1, 1.25, 0.05])) ** 2 / 0.01

@@ -1,48 +1,52 @@
-"""Compiled code is kept in the user's cache folder, and nothing goes wrong where it cannot be."""
+"""Compiled code is kept in the user's cache folder, is never stale, and goes wrong nowhere."""
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.recursion.kernel import rpem_loop
+from flexaxis.estimators.methods.rpem import rpem_loop
 from flexaxis.estimators.sampling import compiler
+from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
 
 PROGRAM = """
-import json, sys, time
+import json, sys
 import numpy as np
 from flexaxis.estimators import Rpem, three_mass
 nominal = json.loads(sys.argv[1])
-filter_ = Rpem(three_mass(nominal), identify=("f_m",), P0=[1e-5])
+filter_ = Rpem(three_mass(nominal), identify=("f_m",), P0=[1e-5], period=0.005)
 print(filter_.run(np.ones(50), np.ones(50))[-1].tolist())
 """
 
 
-def start(nominal, cache):
+def start(nominal, cache, code=PROGRAM, **more):
     environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     environment |= {"XDG_CACHE_HOME": str(cache), "LOCALAPPDATA": str(cache)}
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, json.dumps(dict(nominal))],
+        [sys.executable, "-c", code, json.dumps(dict(nominal))],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        **more,
     )
 
 
 def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
     cache, nowhere = tmp_path / "cache", tmp_path / "file"
     nowhere.touch()
-    package = Path(compiler.__file__).parent
+    package = Path(compiler.__file__).parents[1]
     before = set(package.rglob("*.nb?"))
     first = [start(nominal, folder) for folder in (cache, cache, nowhere)]
     outputs = [process.communicate(timeout=120) for process in first]
     assert [process.returncode for process in first] == [0, 0, 0], outputs
-    assert all("compiling a filter for 5 states and 1 param" in stderr for _, stderr in outputs)
+    assert all("for 5 states and 1 param" in stderr for _, stderr in outputs)
     assert "no cache folder can be written" in outputs[2][1]
     later = start(nominal, cache)
     stdout, stderr = later.communicate(timeout=120)
@@ -55,18 +59,125 @@ def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
 def test_a_broken_cache_stops_nobody(nominal, tmp_path, monkeypatch, capsys):
     def first_call() -> list[float]:
         rpem_loop.cache_clear()
-        made = Rpem(three_mass(nominal), identify=("f_g",), P0=[1.0])
+        made = Rpem(three_mass(nominal), identify=("f_g",), P0=[1.0], period=0.005)
         return made.run([1.0, 0.0], [1.0, 2.0])[-1].tolist()
 
-    monkeypatch.setattr(compiler._settings, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
     expected = first_call()
     assert "compiling" in capsys.readouterr().err
-    files = list(tmp_path.rglob("*.nb?"))
-    assert len(files) == 2  # index and code
-    for file in files:
-        file.write_bytes(b"torn")
+    (file,) = tmp_path.iterdir()
+    file.write_bytes(b"torn")
     assert first_call() == expected
+    assert "compiling" in capsys.readouterr().err
+    assert first_call() == expected
+    assert capsys.readouterr().err == ""
     rpem_loop.cache_clear()
+
+
+def test_a_full_disk_stops_nobody_and_leaves_nothing(nominal, tmp_path, monkeypatch):
+    def full(self, content):
+        self.open("wb").close()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(Path, "write_bytes", full)
+    rpem_loop.cache_clear()
+    Rpem(three_mass(nominal), identify=("d_a",), P0=[1.0], period=0.005).run([1.0], [1.0])
+    assert not list(tmp_path.iterdir())
+    rpem_loop.cache_clear()
+
+
+FACTOR = 2.0
+TABLE = np.array([1.0, 2.0])
+
+
+@inlined
+def inner(x):
+    return FACTOR * x
+
+
+@compiled
+def outer(x):
+    return inner(x) + TABLE[0]
+
+
+def source(code, *, name="f", **globals_):
+    scope = {"inner": inner, "FACTOR": FACTOR, "TABLE": TABLE} | globals_
+    exec(code, scope)
+    return Compiled(scope[name])
+
+
+def test_the_digest_sees_everything_that_is_reached():
+    same = "def f(x):\n    return inner(x) + FACTOR"
+    plain = source(same).digest
+    assert source(same).digest == plain
+    other = Compiled(source("def g(x):\n    return 3.0 * x", name="g").function, inline=True)
+    assert source("def f(x):\n    return inner(x) - FACTOR").digest != plain  # the code
+    assert source(same, FACTOR=3.0).digest != plain  # a constant
+    assert source(same, inner=other).digest != plain  # what it calls
+    table = "def f(x):\n    return TABLE[0]"
+    assert source(table).digest != source(table, TABLE=np.array([1.0, 3.0])).digest
+
+
+def test_two_plugs_are_two_functions():
+    def loop(plug):
+        @compiled
+        def run(x):
+            return plug(x)
+
+        return run
+
+    one, other = loop(inner), loop(Compiled(lambda x: x, inline=True))
+    assert (one(3.0), other(3.0), outer(1.0)) == (6.0, 3.0, 3.0)
+    assert one.digest != other.digest
+
+
+EDITED = """
+import sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import flexaxis.estimators as e
+nominal = __import__("json").loads(sys.argv[2])
+from flexaxis.estimators import Rpem, three_mass
+assert e.__file__.startswith(sys.argv[1]), e.__file__
+made = Rpem(three_mass(nominal), identify=("f_m",), P0=[1e-5], period=0.005)
+print(made.run(np.ones(50), np.ones(50))[-1, 0])
+"""
+
+
+def test_an_edit_of_what_a_loop_calls_is_not_hidden(nominal, tmp_path):
+    """Also where the file of the loop itself stays as it is, to the second and the byte."""
+    home = tmp_path / "flexaxis"
+    shutil.copytree(
+        Path(compiler.__file__).parents[1],
+        home / "estimators",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+
+    def run():
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"
+        arguments = [sys.executable, "-S", "-c", EDITED, str(tmp_path), json.dumps(dict(nominal))]
+        found = [p for p in sys.path if p.endswith("site-packages")]
+        environment["PYTHONPATH"] = os.pathsep.join(found)
+        done = subprocess.run(
+            arguments, env=environment, capture_output=True, text=True, check=False, timeout=120
+        )
+        assert done.returncode == 0, done.stderr
+        return float(done.stdout), done.stderr
+
+    first, words = run()
+    assert "compiling" in words
+    assert run() == (first, "")
+    file = home / "estimators" / "recursion" / "measurement.py"
+    text = file.read_text(encoding="utf-8")
+    before = file.stat()
+    edited = text.replace("theta[i] += gain[i] * (surprise", "theta[i] -= gain[i] * (surprise")
+    assert edited != text
+    file.write_text(edited, encoding="utf-8")
+    os.utime(file, ns=(before.st_atime_ns, before.st_mtime_ns))
+    second, words = run()
+    assert second != first and "compiling" in words
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])

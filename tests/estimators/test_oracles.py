@@ -8,10 +8,10 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.forgetful import forgetful_rpem
 from flexaxis.estimators.methods.oracle_reset import OracleReset
-from flexaxis.estimators.methods.recipes import rpem_forgetting
 from flexaxis.estimators.methods.rivals import imm, joint
+from flexaxis.estimators.methods.rpem import rpem_forgetting
+from flexaxis.estimators.methods.rules.variable import variable_forgetting
 from flexaxis.estimators.relocate.refit import Past, explain
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms
@@ -76,7 +76,12 @@ def test_a_corrected_state_is_that_of_the_present_parameters(nominal, linear):
     y = 1.3 * speed + 0.1 * np.random.default_rng(5).standard_normal(len(u))
     factor, P0 = 0.99, 0.2
     ours = Rpem(
-        three_mass(nominal), identify=["k_T"], P0=[P0], forgetting=factor, state_correction=True
+        three_mass(nominal),
+        identify=["k_T"],
+        P0=[P0],
+        forgetting=factor,
+        state_correction=True,
+        period=0.005,
     )
     theta = ours.run(u, y)[:, 0]
     for k in (1, 10, 100, 299):
@@ -149,7 +154,7 @@ def measured_factors(filter_, run):
         filter_.step(u, y)
         updated = P - np.outer(P @ psi, psi @ P) / (1 + size)
         factor = np.trace(updated) / np.trace(filter_.state["P"][0])
-        found.append((factor, filter_.state["epsilon"][0], size))
+        found.append((factor, filter_.innovation, size))
     return np.array(found).T
 
 
@@ -157,16 +162,18 @@ def test_the_variable_factor_is_that_of_the_paper(nominal, simulated):
     """λ = σ_q σ_v/|σ_e − σ_v| of standard deviations, where the residual exceeds the noise."""
     run = simulated(4.0, seed=2, faults={2.0: dict(nominal) | {"k_T": 0.6}})
     P0 = three_mass(nominal).parametrize(NAMES).theta ** 2
-    ours = forgetful_rpem(three_mass(nominal), rule="variable", P0=P0, level=1.5)
+    ours = variable_forgetting(
+        three_mass(nominal), 0.005, P0=P0, level=1.1, forgetting=0.995, robust=0.0
+    )
     factor, epsilon, size = measured_factors(ours, run)
     e = q = v = 0.0
     expected = []
-    for residual, spread in zip(epsilon, size, strict=True):
-        e += (residual**2 - e) / 60
-        q += (spread**2 - q) / 60
-        v += (residual**2 - v) / 400
+    for k, (residual, spread) in enumerate(zip(epsilon, size, strict=True), start=1):
+        e += (residual**2 - e) / min(k, 60)
+        q += (spread**2 - q) / min(k, 60)
+        v += (residual**2 - v) / min(k, 400)
         sigma_e, sigma_q, sigma_v = np.sqrt([e, q, v])
-        large = sigma_e > 1.5 * sigma_v
+        large = sigma_e > 1.1 * sigma_v
         wanted = sigma_q * sigma_v / abs(sigma_e - sigma_v) if large else 0.995
         expected.append(np.clip(wanted, 0.9, 0.995))
     inside = (np.array(expected) > 0.9) & (np.array(expected) < 0.995)
@@ -176,12 +183,12 @@ def test_the_variable_factor_is_that_of_the_paper(nominal, simulated):
 
 def test_the_oracle_begins_anew_with_the_first_sample_of_a_fault(nominal, loop):
     def corrected():
-        return Rpem(three_mass(nominal), P0=[0.01, 0.01, 0.01], state_correction=True)
+        return Rpem(three_mass(nominal), P0=[0.01, 0.01, 0.01], state_correction=True, period=0.005)
 
     told, by_hand = OracleReset(corrected(), onsets=[700]), corrected()
     theta = told.run(loop.u[:900], loop.y[:900])
     before = by_hand.run(loop.u[:700], loop.y[:700])
-    by_hand.restart((0.5 * by_hand.theta / 0.1) ** 2)
+    by_hand.restart((0.5 * by_hand.theta) ** 2 / by_hand.noise_variance)
     after = by_hand.run(loop.u[700:900], loop.y[700:900])
     np.testing.assert_array_equal(theta, np.concatenate([before, after]))
 
@@ -190,11 +197,13 @@ def test_the_oracle_begins_anew_with_the_first_sample_of_a_fault(nominal, loop):
 def test_an_outlier_is_clipped_at_deviations_of_the_prediction(nominal, loop, sign):
     """While P is large the prediction is uncertain, and a large residual is no outlier."""
     N, clip = 400, 3.0
-    ours = Rpem(three_mass(nominal), P0=[1e-3, 1e-3, 1e-3], forgetting=0.995, robust=clip)
+    ours = Rpem(
+        three_mass(nominal), P0=[1e-3, 1e-3, 1e-3], forgetting=0.995, robust=clip, period=0.005
+    )
     ours.run(loop.u[:N], loop.y[:N])
-    psi = ours._state["X"][0, -1, 1:4].copy()
+    psi = ours.state["X"][0, -1, 1:4] / ours._design.scale
     ours.P = [1.0, 1.0, 1e-3]
-    noise = 2 * ours.covariance[0, 0] / ours.P[0, 0]
+    noise = ours.noise_variance
     s = 1 + psi @ ours.P @ psi
     assert s > 3  # the spread of the prediction counts
     expected = ours.P @ psi / s * sign * clip * np.sqrt(noise * s)

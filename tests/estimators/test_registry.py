@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, registry
+from flexaxis.estimators.methods.rpem import REGULARIZATION
 from flexaxis.estimators.offline.priors import default_drift, gradient, known_P, nominal_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 
@@ -48,7 +49,7 @@ def test_options_reach_the_filter(nominal, loop):
     ]
     ends = [tuple(estimates[-1]) for estimates in different]
     assert len(set(ends)) == len(ends)
-    mu = registry.REGULARIZATION
+    mu = REGULARIZATION
     np.testing.assert_array_equal(
         run("rpem-forgetting-mu"), run("rpem-forgetting", regularization=mu)
     )
@@ -89,12 +90,12 @@ def test_recipe_gives_the_published_data(nominal, loop):
     from flexaxis.estimators import three_mass
 
     model = three_mass(nominal)
-    given = nominal_P(model, loop.u[:8000])
+    given = nominal_P(model, loop.u[:8000], period=0.005)
     np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995), rtol=0.03)
-    given = nominal_P(model, loop.u[:8000], drift=[5e-8, 50e-8, 500e-8])
+    given = nominal_P(model, loop.u[:8000], drift=[5e-8, 50e-8, 500e-8], period=0.005)
     np.testing.assert_allclose(given, known_P(("k_T", "1/J_a", "f_m"), forgetting=None), rtol=0.03)
     with pytest.raises(EstimatorError, match="u is empty"):
-        nominal_P(model, [])
+        nominal_P(model, [], period=0.005)
 
 
 @pytest.mark.parametrize(
@@ -113,7 +114,7 @@ def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
         P = reference.time_update(P, forgetting, drift)
         P = reference.regularize(P, options.get("regularization", 0.0))
         kept.append(np.diag(P))
-    given = nominal_P(three_mass(nominal), loop.u[:401], **options)
+    given = nominal_P(three_mass(nominal), loop.u[:401], period=0.005, **options)
     np.testing.assert_allclose(given, np.mean(kept[200:], axis=0), rtol=1e-9)
 
 
@@ -122,7 +123,7 @@ def test_gradient_is_that_of_the_filter(nominal, loop, output):
     from flexaxis.estimators import Rpem, increment, three_mass
 
     model = three_mass(nominal)
-    still = Rpem(model, P0=np.full(3, 1e-300), output=output)
+    still = Rpem(model, P0=np.full(3, 1e-300), output=output, period=0.005)
     expected = still.trace(loop.u[:500], loop.y[:500]).psi
     chosen = (increment(model, 0.005) if output == "increment" else model).parametrize(still.names)
     psi = gradient(chosen, chosen.theta, loop.u[:500], 0.005)

@@ -29,7 +29,7 @@ def table(nominal, names=NAMES):
 
 @pytest.fixture
 def relocate(nominal):
-    return Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0)
+    return Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=0.005)
 
 
 def test_the_sampled_system_is_the_matrix_exponential(nominal, by_hand):
@@ -107,7 +107,7 @@ def test_names_the_parameter_and_its_size(nominal, simulated, relocate, name, fa
 
 
 def test_without_a_change_it_is_the_corrected_rpem(nominal, loop, relocate):
-    plain = Rpem(three_mass(nominal), P0=P0, state_correction=True)
+    plain = Rpem(three_mass(nominal), P0=P0, state_correction=True, period=0.005)
     np.testing.assert_allclose(relocate.run(loop.u, loop.y), plain.run(loop.u, loop.y), rtol=1e-9)
     assert relocate.findings == ()
 
@@ -146,7 +146,9 @@ def test_no_model_of_the_change_is_said_and_said_once(nominal, simulated, reloca
 
 def test_a_gap_and_an_increment_model(nominal, simulated):
     run = simulated(10.0, seed=5, faults={6.0: nominal | {"f_m": 0.1}})
-    filter_ = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, output="increment")
+    filter_ = Relocate(
+        three_mass(nominal), suspects=SUSPECTS, P0=P0, output="increment", period=0.005
+    )
     y = run.increment + 0.1 * np.random.default_rng(1).standard_normal(len(run.u))
     valid = np.ones(len(y), bool)
     valid[1100:1120] = False

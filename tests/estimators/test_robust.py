@@ -18,17 +18,17 @@ def test_outliers_do_not_throw_a_robust_filter(nominal, loop):
     y[hit] += 3.0
     spread = {}
     for robust in (0.0, 3.0):
-        theta = Rpem(three_mass(nominal), P0=P0, robust=robust).run(loop.u, y)
+        theta = Rpem(three_mass(nominal), P0=P0, robust=robust, period=0.005).run(loop.u, y)
         spread[robust] = np.sqrt(np.mean((theta[4000:] / THETA - 1) ** 2, axis=0))
-    clean = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.y)
+    clean = Rpem(three_mass(nominal), P0=P0, period=0.005).run(loop.u, loop.y)
     quiet = np.sqrt(np.mean((clean[4000:] / THETA - 1) ** 2, axis=0))
     assert np.all(spread[0.0] > 1.7 * quiet)  # outliers add 30²/200 = 4.5 times the variance
     assert np.all(spread[3.0] < 1.35 * quiet)  # three σ at one sample in 200 add 5 %
 
 
 def test_without_outliers_robust_costs_next_to_nothing(nominal, loop):
-    plain = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.y)
-    robust = Rpem(three_mass(nominal), P0=P0, robust=3.0).run(loop.u, loop.y)
+    plain = Rpem(three_mass(nominal), P0=P0, period=0.005).run(loop.u, loop.y)
+    robust = Rpem(three_mass(nominal), P0=P0, robust=3.0, period=0.005).run(loop.u, loop.y)
     # 0.3 % of normal residuals are clipped; compare with the standard deviations .12 … .3 %
     assert np.abs(robust / plain - 1)[4000:].max() < 0.004
     assert not np.array_equal(robust, plain)
@@ -36,18 +36,18 @@ def test_without_outliers_robust_costs_next_to_nothing(nominal, loop):
 
 def test_a_jump_is_still_followed(nominal, simulated):
     jump = simulated(30.0, faults={15.0: {**nominal, "f_m": 0.1}})
-    theta = Rpem(three_mass(nominal), P0=P0, robust=3.0).run(jump.u, jump.y)
+    theta = Rpem(three_mass(nominal), P0=P0, robust=3.0, period=0.005).run(jump.u, jump.y)
     assert abs(theta[-1, 2] / 0.1 - 1) < 0.05
 
 
 @pytest.mark.parametrize("robust", [-1.0, np.nan])
 def test_robust_is_checked(nominal, robust):
     with pytest.raises(EstimatorError, match="robust"):
-        Rpem(three_mass(nominal), P0=P0, robust=robust)
+        Rpem(three_mass(nominal), P0=P0, robust=robust, period=0.005)
 
 
 def test_in_a_gap_theta_stays_and_P_grows_by_the_model(nominal, loop):
-    filter_ = Rpem(three_mass(nominal), P0=P0, drift=np.diag([5e-8, 50e-8, 500e-8]))
+    filter_ = Rpem(three_mass(nominal), P0=P0, drift=np.diag([5e-8, 50e-8, 500e-8]), period=0.005)
     filter_.run(loop.u[:4000], loop.y[:4000])
     theta, P = filter_.theta, filter_.P
     missing = np.zeros(200, bool)
@@ -61,7 +61,7 @@ def test_in_a_gap_theta_stays_and_P_grows_by_the_model(nominal, loop):
 def test_standstill_does_not_wind_up(nominal, simulated):
     """A pause of 20 s: P ≤ (1−λ)/μ, eq. (12), and no burst when the motion comes back."""
     rest = simulated(50.0, pause=(10.0, 30.0))
-    filter_ = Rpem(three_mass(nominal), P0=P0, regularization=0.3)
+    filter_ = Rpem(three_mass(nominal), P0=P0, regularization=0.3, period=0.005)
     trace = filter_.trace(rest.u, rest.y)
     assert np.linalg.eigvalsh(trace.P).max() <= 0.005 / 0.3 * (1 + 1e-9)
     assert np.abs(trace.theta[6000:] / THETA - 1).max() < 0.1

@@ -27,7 +27,7 @@ def test_psi_is_the_slope_of_the_output(nominal, loop):
     model = three_mass(nominal)
     chosen = model.parametrize(identify)
     u = loop.u[:1000]
-    still = Rpem(model, identify=identify, P0=np.full(5, 1e-300))
+    still = Rpem(model, identify=identify, P0=np.full(5, 1e-300), period=0.005)
     psi = still.trace(u, np.zeros(1000)).psi
     for i, value in enumerate(chosen.theta):
         step = np.zeros(5)
@@ -42,14 +42,14 @@ def test_psi_is_the_slope_of_the_output(nominal, loop):
 
 
 def test_residual_is_white_noise_at_the_truth(nominal, loop):
-    trace = Rpem(three_mass(nominal), P0=P0, forgetting=1.0).trace(loop.u, loop.y)
+    trace = Rpem(three_mass(nominal), P0=P0, forgetting=1.0, period=0.005).trace(loop.u, loop.y)
     assert abs(trace.epsilon.std() / 0.1 - 1) < 0.03  # 12000 samples: 0.6 % standard deviation
     lag_one = np.mean(trace.epsilon[1:] * trace.epsilon[:-1]) / np.var(trace.epsilon)
     assert abs(lag_one) < 0.04
 
 
 def test_forgetting_converges_and_has_the_theoretical_P(nominal, loop):
-    filter_ = Rpem(three_mass(nominal), theta0=1.2 * THETA, P0=P0, forgetting=0.995)
+    filter_ = Rpem(three_mass(nominal), theta0=1.2 * THETA, P0=P0, forgetting=0.995, period=0.005)
     trace = filter_.trace(loop.u, loop.y)
     late = trace.theta[-4000:]
     np.testing.assert_allclose(late.mean(axis=0), THETA, rtol=0.005)
@@ -62,7 +62,11 @@ def test_forgetting_converges_and_has_the_theoretical_P(nominal, loop):
 
 def test_drift_converges_and_has_the_theoretical_P(nominal, loop):
     filter_ = Rpem(
-        three_mass(nominal), theta0=1.2 * THETA, P0=[5.6e-5, 7.7e-5, 7.1e-5], drift=DRIFT
+        three_mass(nominal),
+        theta0=1.2 * THETA,
+        P0=[5.6e-5, 7.7e-5, 7.1e-5],
+        drift=DRIFT,
+        period=0.005,
     )
     trace = filter_.trace(loop.u, loop.y)
     np.testing.assert_allclose(trace.theta[-4000:].mean(axis=0), THETA, rtol=0.01)
@@ -79,7 +83,7 @@ def test_covariance_claims_what_is_seen(nominal, simulated):
     seen, claimed = [], []
     for seed in range(6):
         run = simulated(25.0, seed=seed)
-        trace = Rpem(three_mass(nominal), P0=P0).trace(run.u, run.y)
+        trace = Rpem(three_mass(nominal), P0=P0, period=0.005).trace(run.u, run.y)
         seen.append(np.mean((trace.theta[1000:] - THETA) ** 2, axis=0))
         claimed.append(np.mean(trace.covariance[1000:], axis=0))
     # 6 runs of 20 s with a memory of 1 s: about 120 independent values, 13 % sd of a variance,
@@ -87,16 +91,20 @@ def test_covariance_claims_what_is_seen(nominal, simulated):
     np.testing.assert_allclose(np.mean(claimed, axis=0), np.mean(seen, axis=0), rtol=0.4)
 
 
-def test_noise_variance_is_a_mean_over_400_samples(nominal, loop):
-    trace = Rpem(three_mass(nominal), P0=P0).trace(loop.u[:3000], loop.y[:3000])
-    before = np.concatenate([[np.diag(P0)], trace.P[:-1]])
-    spread = 1 + np.einsum("ki,kij,kj->k", trace.psi, before, trace.psi)
-    mean, means = 0.0, []
-    for k, value in enumerate(trace.epsilon**2 / spread):
-        mean += (value - mean) / min(k + 1, 400)
-        means.append(mean)
-    diagonal = np.diagonal(trace.P, axis1=1, axis2=2)
-    expected = np.array(means)[:, None] * diagonal / 2
+def test_the_claim_is_the_covariance_of_the_recursion(nominal, loop):
+    """Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ from P(0), and R̂ the mean of 2 s of ε²/(1 + ψᵀΣψ)."""
+    trace = Rpem(three_mass(nominal), P0=P0, period=0.005).trace(loop.u[:3000], loop.y[:3000])
+    P = np.concatenate([[np.diag(P0)], trace.P[:-1]])
+    claim, mean, count, expected = np.diag(P0), 1.0, 0, []
+    for psi, epsilon, before in zip(trace.psi, trace.epsilon, P, strict=True):
+        K = before @ psi / (1 + psi @ before @ psi)
+        square = epsilon**2 / (1 + psi @ claim @ psi)
+        rest = np.eye(3) - np.outer(K, psi)
+        claim = rest @ claim @ rest.T + np.outer(K, K)
+        if np.any(psi):  # nothing is excited by the first sample, at rest
+            count += 1
+            mean += (square - mean) / min(count, 400)
+        expected.append(mean * np.diag(claim))
     np.testing.assert_allclose(trace.covariance, expected, rtol=1e-9)
 
 
@@ -114,7 +122,12 @@ def test_other_subsets_converge(nominal, loop, identify):
     model = three_mass(nominal)
     theta = model.parametrize(identify).theta
     filter_ = Rpem(
-        model, identify=identify, theta0=1.1 * theta, P0=theta**2 / 100, forgetting=0.999
+        model,
+        identify=identify,
+        theta0=1.1 * theta,
+        P0=theta**2 / 100,
+        forgetting=0.999,
+        period=0.005,
     )
     late = filter_.run(loop.u, loop.y)[-2000:]
     # each ends nearer than a tenth of where it began
@@ -122,13 +135,13 @@ def test_other_subsets_converge(nominal, loop, identify):
 
 
 def test_increments_are_modelled_exactly(nominal, loop):
-    filter_ = Rpem(three_mass(nominal), P0=P0, theta0=1.2 * THETA, output="increment")
+    filter_ = Rpem(three_mass(nominal), P0=P0, theta0=1.2 * THETA, output="increment", period=0.005)
     estimates = filter_.run(loop.u, loop.increment)
     np.testing.assert_allclose(estimates[-1], THETA, rtol=1e-6)
 
 
 def test_differences_read_as_speed_are_biased(nominal, loop):
-    estimates = Rpem(three_mass(nominal), P0=P0).run(loop.u, loop.increment)
+    estimates = Rpem(three_mass(nominal), P0=P0, period=0.005).run(loop.u, loop.increment)
     k_T, _, f_m = estimates[-4000:].mean(axis=0) / THETA - 1
     assert -0.26 < k_T < -0.16
     assert -0.75 < f_m < -0.5
@@ -136,35 +149,38 @@ def test_differences_read_as_speed_are_biased(nominal, loop):
 
 def test_one_sample_of_delay_ruins_the_estimates(nominal, loop):
     late = np.concatenate([[0.0], loop.u[:-1]])
-    k_T, _, f_m = Rpem(three_mass(nominal), P0=P0).run(late, loop.y)[-4000:].mean(axis=0) / THETA
+    k_T, _, f_m = (
+        Rpem(three_mass(nominal), P0=P0, period=0.005).run(late, loop.y)[-4000:].mean(axis=0)
+        / THETA
+    )
     assert k_T > 1.5
     assert f_m > 3
 
 
 def test_regularization_bounds_P_in_a_pause(nominal, simulated):
     run = simulated(30.0, pause=(10.0, 30.0))
-    plain = Rpem(three_mass(nominal), P0=P0).trace(run.u, run.y).P
-    assert plain.max() > 1e3  # winds up
+    plain = Rpem(three_mass(nominal), P0=P0, period=0.005).trace(run.u, run.y).P
+    assert plain[:, 0, 0].max() > 50  # winds up, to its ceiling: a deviation of 100 %
     for mu in (0.01, 0.3):
-        P = Rpem(three_mass(nominal), P0=P0, regularization=mu).trace(run.u, run.y).P
+        P = Rpem(three_mass(nominal), P0=P0, regularization=mu, period=0.005).trace(run.u, run.y).P
         assert np.linalg.eigvalsh(P).max() <= 0.005 / mu * (1 + 1e-9)
-    drifting = Rpem(three_mass(nominal), P0=P0, drift=DRIFT, regularization=1.0)
+    drifting = Rpem(three_mass(nominal), P0=P0, drift=DRIFT, regularization=1.0, period=0.005)
     P = drifting.trace(run.u, run.y).P
     assert np.linalg.eigvalsh(P).max() <= np.sqrt(5e-6) + 5e-6
 
 
 def test_gap_updates_time_only(nominal, loop):
-    filter_ = Rpem(three_mass(nominal), P0=P0, drift=DRIFT)
+    filter_ = Rpem(three_mass(nominal), P0=P0, drift=DRIFT, period=0.005)
     filter_.run(loop.u[:100], loop.y[:100])
     theta, P, claimed = filter_.theta, filter_.P, filter_.covariance
     np.testing.assert_array_equal(filter_.step(0.5, None), theta)
     np.testing.assert_allclose(filter_.P, P + DRIFT, rtol=1e-14)
     assert np.isnan(filter_.epsilon)
-    np.testing.assert_allclose(filter_.covariance / claimed, filter_.P / P, rtol=1e-12)
+    np.testing.assert_array_equal(filter_.covariance, claimed)  # as θ̂ is
 
 
 def test_input_acts_on_the_next_sample(nominal):
-    quiet, driven = (Rpem(three_mass(nominal), P0=P0) for _ in range(2))
+    quiet, driven = (Rpem(three_mass(nominal), P0=P0, period=0.005) for _ in range(2))
     quiet.step(0.0, 0.0)
     driven.step(1.0, 0.0)
     assert driven.epsilon == quiet.epsilon == 0.0
@@ -173,23 +189,25 @@ def test_input_acts_on_the_next_sample(nominal):
 
 
 def test_divergence_is_a_result(nominal, loop):
-    filter_ = Rpem(three_mass(nominal), P0=P0, bounds=(0.9 * THETA, 1.1 * THETA))
+    filter_ = Rpem(three_mass(nominal), P0=P0, bounds=(0.9 * THETA, 1.1 * THETA), period=0.005)
     estimates = filter_.run(loop.u, -10 * loop.y)
     assert np.all(np.isfinite(estimates))
     assert np.all(estimates >= 0.9 * THETA)
     assert np.all(estimates <= 1.1 * THETA)
-    huge = Rpem(three_mass(nominal), P0=P0).run(loop.u[:50] * 1e200, loop.y[:50] * 1e200)
+    huge = Rpem(three_mass(nominal), P0=P0, period=0.005).run(
+        loop.u[:50] * 1e200, loop.y[:50] * 1e200
+    )
     assert huge.shape == (50, 3)  # not a number, but no exception
 
 
 def test_nan_is_not_hidden_by_the_box(nominal):
-    filter_ = Rpem(three_mass(nominal), P0=P0)
+    filter_ = Rpem(three_mass(nominal), P0=P0, period=0.005)
     filter_.run([1.7e308, -1.7e308], [0.0, 0.0])  # the state overflows
     assert np.isnan(filter_.run([0.0, 0.0], [0.0, 0.0])[-1]).all()
 
 
 def test_what_is_returned_is_a_copy(nominal):
-    filter_ = Rpem(three_mass(nominal), P0=P0)
+    filter_ = Rpem(three_mass(nominal), P0=P0, period=0.005)
     for value in (filter_.step(0.0, 0.0), filter_.theta, filter_.P, filter_.bounds[0]):
         value[:] = 7.0
     assert filter_.theta[0] == 1.0
@@ -200,10 +218,14 @@ def test_what_is_returned_is_a_copy(nominal):
 
 def test_read_only_signals_are_taken(nominal, loop):
     u, y = loop.u[:10].copy(), loop.y[:10].copy()
-    expected = Rpem(three_mass(nominal), P0=P0).run(u, y)
+    expected = Rpem(three_mass(nominal), P0=P0, period=0.005).run(u, y)
     u.flags.writeable = y.flags.writeable = False
-    np.testing.assert_array_equal(Rpem(three_mass(nominal), P0=P0).run(u, y), expected)
-    np.testing.assert_array_equal(Rpem(three_mass(nominal), P0=P0).run(list(u), y), expected)
+    np.testing.assert_array_equal(
+        Rpem(three_mass(nominal), P0=P0, period=0.005).run(u, y), expected
+    )
+    np.testing.assert_array_equal(
+        Rpem(three_mass(nominal), P0=P0, period=0.005).run(list(u), y), expected
+    )
 
 
 REFUSALS = [
@@ -235,7 +257,7 @@ REFUSALS = [
 @pytest.mark.parametrize("kind", [Rpem, LiteralRpem])
 def test_options_that_are_refused(nominal, kind, options, message):
     with pytest.raises(EstimatorError, match=message):
-        kind(three_mass(nominal), **({"P0": P0} | options))
+        kind(three_mass(nominal), **({"P0": P0, "period": 0.005} | options))
 
 
 SIGNALS = [
@@ -250,7 +272,11 @@ SIGNALS = [
 @pytest.mark.parametrize(("signals", "message"), SIGNALS)
 def test_signals_that_are_refused(nominal, signals, message):
     model = three_mass(nominal)
-    for filter_ in (Rpem(model, P0=P0), LiteralRpem(model, P0=P0), Frozen(model)):
+    for filter_ in (
+        Rpem(model, P0=P0, period=0.005),
+        LiteralRpem(model, P0=P0, period=0.005),
+        Frozen(model),
+    ):
         with pytest.raises(EstimatorError, match=message):
             filter_.run(*signals)
         with pytest.raises(EstimatorError, match="y is nan"):
@@ -270,6 +296,6 @@ def test_frozen_refuses_what_the_others_refuse(nominal):
 
 
 def test_negative_parameters_have_a_box(nominal):
-    filter_ = Rpem(three_mass({**nominal, "k_T": -1.0}), P0=P0)
+    filter_ = Rpem(three_mass({**nominal, "k_T": -1.0}), P0=P0, period=0.005)
     np.testing.assert_allclose(filter_.bounds[0], [-10.0, 0.125, 0.005])
     np.testing.assert_allclose(filter_.bounds[1], [-0.1, 12.5, 0.5])

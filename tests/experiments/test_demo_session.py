@@ -85,7 +85,10 @@ def test_the_race_is_what_the_estimator_does_alone():
         session.advance(piece)
     samples = axis.advance(400)
     alone = Rpem(
-        three_mass(axis.nominal.as_dict()), P0=known_P(NAMES, forgetting=0.995), forgetting=0.995
+        three_mass(axis.nominal.as_dict()),
+        P0=known_P(NAMES, forgetting=0.995),
+        forgetting=0.995,
+        period=0.005,
     )
     expected = alone.run(samples.torque, samples.speed)
     np.testing.assert_array_equal(session.racers[0].theta, expected[-1])

@@ -35,6 +35,7 @@ def test_the_template_is_the_shipped_method(mine, short):
             P0=[[5e-6]],
             forgetting=0.995,
             output=output,
+            period=0.005,
         )
         np.testing.assert_allclose(found, rpem.run(record.torque, y), rtol=1e-8)
 

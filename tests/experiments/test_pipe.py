@@ -42,7 +42,11 @@ def shipped(short, record):
     from flexaxis.estimators import Rpem, three_mass
 
     rpem = Rpem(
-        three_mass(short.nominal.as_dict()), identify=("f_m",), P0=[[5e-6]], forgetting=0.995
+        three_mass(short.nominal.as_dict()),
+        identify=("f_m",),
+        P0=[[5e-6]],
+        forgetting=0.995,
+        period=0.005,
     )
     return rpem.run(record.torque, record.speed)
 

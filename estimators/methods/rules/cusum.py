@@ -1,25 +1,113 @@
 """
 Reset P when the residual has grown, by a CUSUM.
 
-g ← max(0, g + 3/8 s − ln 2), s = ε²/(σ²(1+ψᵀPψ)), at most 16: the logarithm of the likelihood ratio
-of a variance four times what it was (E. S. Page, *Continuous inspection schemes*, Biometrika 41,
-1954). At g above the level P becomes what an unknown change may be, and g zero: F. Gustafsson,
-*Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
+g ← max(0, g + 3/8 s − ln 2), s = ε²/(R̂(1+ψᵀPψ)), at most 16, with R̂ from before: the logarithm of
+the likelihood ratio of a variance four times what it was (E. S. Page, *Continuous inspection
+schemes*, Biometrika 41, 1954). At g above the level P becomes what an unknown change may be, and g
+zero: F. Gustafsson, *Adaptive Filtering and Change Detection*, Wiley 2000, ch. 3.
 """
 
-from flexaxis.estimators.sampling.compiler import jit
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.design import above_zero
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import KNOWN
+from flexaxis.estimators.sampling.compiler import inlined
+
+FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
 
 
-@jit
-def reset_on_alarm(tuning, state, scale, quiet):
-    """Put P to a large value where the sum exceeds the level."""
-    square = min(state["epsilon"] ** 2 / (quiet * (1.0 + scale)), 16.0)
+@inlined
+def reset_on_alarm(tuning, state, valid):
+    """P ← P/λ, eq. (9); where the sum exceeds the level, P becomes large."""
     sums, P = state["sums"], state["P"]
-    sums[3] += 1.0
-    sums[0] = max(0.0, sums[0] + 0.375 * square - 0.693)
-    if sums[0] > tuning["level"] and sums[3] > 200.0:
+    for i in range(len(P)):
+        for j in range(len(P)):
+            P[i, j] /= tuning["forgetting"]
+    if not valid or not state["variance"] > 0.0:
+        return
+    square = min(state["epsilon"] ** 2 / (state["quiet"] * state["scale"]), 16.0)
+    sums[1] += 1.0
+    sums[0] = max(0.0, sums[0] + 0.375 * square - np.log(2.0))
+    if sums[0] > tuning["level"] and sums[1] > tuning["first"]:
         sums[0] = 0.0
-        sums[3] = 100.0  # half a second before the next
+        sums[1] = tuning["first"] - tuning["next"]
         for i in range(len(P)):
             for j in range(len(P)):
-                P[i, j] = tuning["reset_P"][i, j]
+                P[i, j] = tuning["variance"] / state["noise"] if i == j else 0.0
+                state["claim"][i, j] = P[i, j]
+
+
+def cusum_reset(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    reset: float = 0.1,
+    level: float = 10.0,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> CompiledFilter:
+    """
+    Make the method with this rule.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample, between alarms.
+    reset : float
+        What P is reset to, as a standard deviation relative to θ(0).
+    level : float
+        Alarm threshold [nats].
+    noise, robust
+        As for `flexaxis.estimators.Rpem`.
+    """
+    design = forgetting_design(
+        "cusum-reset",
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=forgetting,
+        noise=noise,
+    )
+    above_zero("level", level, "an alarm threshold in nats")
+    return forgetful_filter(
+        design,
+        reset_on_alarm,
+        robust=robust,
+        correct=True,  # P is large after an alarm: the state has to follow
+        tuning={
+            "variance": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,
+            "level": level,
+            "first": max(FIRST / period, KNOWN),
+            "next": NEXT / period,
+        },
+        state={"sums": np.zeros(2)},
+    )
+
+
+ENTRIES = (
+    Entry(
+        "cusum-reset",
+        "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
+        cusum_reset,
+        knob="forgetting",
+        default=0.995,
+        look=("#44AA99", "X"),
+        rank=24,
+    ),
+)

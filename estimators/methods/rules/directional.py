@@ -3,19 +3,34 @@ Forget along the gradient only: P ← P + (1/λ − 1) ψψᵀ/(ψᵀP⁻¹ψ), 
 
 L. Cao and H. M. Schwartz, *A directional forgetting algorithm based on the decomposition of the
 information matrix*, Automatica 36 (2000) 1725–1731; for one output SIFt-RLS of B. Lai and D. S.
-Bernstein (2024) is the same, with a gradient too small to count left out.
+Bernstein (2024) is the same, with a gradient too small to count left out. A direction among
+parameters of different units has a meaning only for relative parameters, as all are here.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import ASLEEP
+from flexaxis.estimators.sampling.compiler import inlined
 
 
-@jit
-def forget_excited(tuning, state):
-    """Do the time update."""
+@inlined
+def forget_excited(tuning, state, valid):
+    """Do the time update; a gap renews nothing, and so forgets nothing."""
     P, psi, v, L = state["P"], state["psi"], state["gain"], state["work"]
     p = len(P)
+    excitation = 0.0
+    for i in range(p):
+        excitation += psi[i] ** 2
+    if not valid or excitation <= ASLEEP * state["noise"]:
+        return
     size = 0.0
     for i in range(p):  # Cholesky and forward substitution: ψᵀP⁻¹ψ = |L⁻¹ψ|²
         total = psi[i]
@@ -30,7 +45,57 @@ def forget_excited(tuning, state):
                 total -= L[i, j] * v[j]
         v[i] = total / L[i, i]
         size += v[i] ** 2
-    if size > 1e-9:
-        for i in range(p):
-            for j in range(p):
-                P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * psi[i] * psi[j] / size
+    for i in range(p):
+        for j in range(p):
+            P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * psi[i] * psi[j] / size
+
+
+def directional_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> CompiledFilter:
+    """
+    Make the method with this rule.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    noise, robust
+        As for `flexaxis.estimators.Rpem`.
+    """
+    design = forgetting_design(
+        "directional-forgetting",
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=forgetting,
+        noise=noise,
+    )
+    return forgetful_filter(
+        design, forget_excited, robust=robust, tuning={}, state={"work": np.zeros_like(design.P0)}
+    )
+
+
+ENTRIES = (
+    Entry(
+        "directional-forgetting",
+        "forgets along the gradient only (SIFt)",
+        directional_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#AA4499", "v"),
+        rank=21,
+    ),
+)

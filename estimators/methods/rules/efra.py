@@ -2,15 +2,25 @@
 Exponential forgetting and resetting: P ← P/λ + β S − γ P S⁻¹ P, with a floor and a ceiling on P.
 
 M. E. Salgado, G. C. Goodwin and R. H. Middleton, *Modified least squares algorithm incorporating
-exponential resetting and forgetting*, Int. J. Control 47 (1988) 477–491, with S = 10 P(0) in the
-place of I, which has no units. β = ν/10, γ = ν/10, with ν = 1/λ − 1.
+exponential resetting and forgetting*, Int. J. Control 47 (1988) 477–491, with S = 10 diag P(0) in
+the place of I, which has no units. β = ν/10, γ = ν/10, with ν = 1/λ − 1.
 """
 
-from flexaxis.estimators.sampling.compiler import jit
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.sampling.compiler import inlined
 
 
-@jit
-def forget_and_reset(tuning, state):
+@inlined
+def forget_and_reset(tuning, state, valid):
     """Do the time update."""
     P, work, S = state["P"], state["work"], tuning["reset_P"]
     nu = 1.0 / tuning["forgetting"] - 1.0
@@ -19,9 +29,65 @@ def forget_and_reset(tuning, state):
         for j in range(p):
             total = 0.0
             for m in range(p):
-                total += P[i, m] * P[m, j] / S[m, m]
+                total += P[i, m] * P[m, j] / S[m]
             work[i, j] = total
     for i in range(p):
         for j in range(i + 1):
-            P[i, j] += nu * P[i, j] + 0.1 * nu * (S[i, j] - work[i, j])
+            fresh = S[i] if i == j else 0.0
+            P[i, j] += nu * P[i, j] + 0.1 * nu * (fresh - work[i, j])
             P[j, i] = P[i, j]
+
+
+def efra(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> CompiledFilter:
+    """
+    Make the method with this rule.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    noise, robust
+        As for `flexaxis.estimators.Rpem`.
+    """
+    design = forgetting_design(
+        "efra",
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=forgetting,
+        noise=noise,
+    )
+    return forgetful_filter(
+        design,
+        forget_and_reset,
+        robust=robust,
+        tuning={"reset_P": 10 * np.diag(design.P0)},
+        state={"work": np.zeros_like(design.P0)},
+    )
+
+
+ENTRIES = (
+    Entry(
+        "efra",
+        "exponential forgetting and resetting, P bounded on both sides",
+        efra,
+        knob="forgetting",
+        default=0.995,
+        look=("#B8860B", "<"),
+        rank=22,
+    ),
+)

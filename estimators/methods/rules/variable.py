@@ -3,24 +3,113 @@ A factor that follows the residual: λ = σ_q σ_v/|σ_e − σ_v|, at most that
 
 It forgets only while the residual is large. C. Paleologu, J. Benesty and S. Ciochină, *A robust
 variable forgetting factor recursive least-squares algorithm for system identification*, IEEE
-Signal Processing Letters 15 (2008) 597–600. σ_e and σ_q, of residual and ψᵀPψ, have a memory of 60
-samples; σ_v, of the noise, one of 400.
+Signal Processing Letters 15 (2008) 597–600. σ_e² and σ_q², means of ε² and (ψᵀPψ)², have a memory
+of 0.3 s; σ_v², of the noise, one of 2 s; exact means before they have seen as much.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.design import above_zero
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.sampling.compiler import inlined
+
+SHORT, LONG = 0.3, 2.0  # s, memories of the residual and of the noise: 60 and 400 samples at 5 ms
+FASTEST = 0.05  # s, least time constant of forgetting; λ = 0.9 at 5 ms
 
 
-@jit
-def variable_factor(tuning, state, scale):
+@inlined
+def forget_by_residual(tuning, state, valid):
+    """Do the time update; a gap has no residual, and forgets nothing."""
+    if valid:
+        factor = variable_factor(tuning, state)
+        P = state["P"]
+        for i in range(len(P)):
+            for j in range(len(P)):
+                P[i, j] /= factor
+
+
+@inlined
+def variable_factor(tuning, state):
     """Return λ."""
-    sums, epsilon = state["sums"], state["epsilon"]
-    sums[0] += (epsilon**2 - sums[0]) / 60.0
-    sums[1] += (scale**2 - sums[1]) / 60.0
-    sums[2] += (epsilon**2 - sums[2]) / 400.0
+    sums, square = state["sums"], state["surprise"] ** 2
+    sums[3] += 1.0
+    short, long = min(sums[3], tuning["short"]), min(sums[3], tuning["long"])
+    sums[0] += (square - sums[0]) / short
+    sums[1] += ((state["scale"] - 1.0) ** 2 - sums[1]) / short
+    sums[2] += (square - sums[2]) / long
     e, q, v = np.sqrt(sums[0]), np.sqrt(sums[1]), np.sqrt(sums[2])
     highest = tuning["forgetting"]
-    if e <= tuning["level"] * v or e - v < 1e-12:
+    if e <= tuning["level"] * v:
         return highest
-    return max(min(q * v / (1e-12 + e - v), highest), 0.9)
+    return max(min(q * v / (e - v), highest), tuning["least"])
+
+
+def variable_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    level: float = 2.0,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> CompiledFilter:
+    """
+    Make the method with this rule.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        Largest λ of a sample.
+    level : float
+        How far the residual must exceed the noise, in standard deviations, to forget more.
+    noise, robust
+        As for `flexaxis.estimators.Rpem`.
+    """
+    design = forgetting_design(
+        "variable-forgetting",
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=forgetting,
+        noise=noise,
+    )
+    above_zero("level", level, "a ratio of standard deviations")
+    return forgetful_filter(
+        design,
+        forget_by_residual,
+        robust=robust,
+        tuning={
+            "level": level,
+            "short": max(SHORT / period, 2.0),
+            "long": max(LONG / period, 2.0),
+            "least": max(1 - period / FASTEST, 0.5),
+        },
+        state={"sums": np.zeros(4)},
+    )
+
+
+ENTRIES = (
+    Entry(
+        "variable-forgetting",
+        "forgets while the residual is large",
+        variable_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#661100", ">"),
+        rank=23,
+    ),
+)

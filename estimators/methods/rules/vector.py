@@ -5,15 +5,84 @@ S. Sælid and B. Foss, *Adaptive controllers with a vector variable forgetting f
 Conference on Decision and Control (1983) 1488–1494.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import ArrayLike
 
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.sampling.compiler import inlined
 
 
-@jit
-def forget_each(tuning, state):
+@inlined
+def forget_each(tuning, state, valid):
     """Do the time update."""
     P, rates = state["P"], tuning["rates"]
     for i in range(len(P)):
         for j in range(len(P)):
             P[i, j] /= np.sqrt(rates[i] * rates[j])
+
+
+def vector_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    rates: ArrayLike | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> CompiledFilter:
+    """
+    Make the method with a factor for each parameter.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    rates : (p,) array_like, optional
+        1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of which P(0) knows least.
+    noise, robust
+        As for `flexaxis.estimators.Rpem`.
+    """
+    design = forgetting_design(
+        "vector-forgetting",
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=forgetting,
+        noise=noise,
+    )
+    if rates is None:  # in relative parameters, so that units do not choose
+        known_least = np.argmax(np.diag(design.P0))
+        rates = np.where(np.arange(len(identify)) == known_least, 0.5, 1.0)
+    factors = 1 - (1 - design.forgetting) * np.asarray(rates, float)
+    if factors.shape != (len(identify),) or not np.all((factors > 0) & (factors <= 1)):
+        raise EstimatorError(
+            f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
+        )
+    return forgetful_filter(design, forget_each, robust=robust, tuning={"rates": factors})
+
+
+ENTRIES = (
+    Entry(
+        "vector-forgetting",
+        "a forgetting factor for each parameter",
+        vector_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#DDCC77", "^"),
+        rank=20,
+    ),
+)

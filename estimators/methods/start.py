@@ -1,0 +1,106 @@
+"""What the registered estimators start from: a model, λ, and P(0) by the paper's recipe."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.recursion.design import (
+    TIME_CONSTANT,
+    Design,
+    forgetting_factor,
+    make_design,
+)
+from flexaxis.estimators.tuned import tuned
+
+Array = NDArray[np.float64]
+Nominal = Mapping[str, float] | Model
+
+ROBUST = 30.0  # standard deviations from which on a residual can only be an outlier: a fault that
+# the suite knows makes ten at most, and one outlier at this limit moves no parameter by 2 %
+
+
+def model_of(nominal: Nominal) -> Model:
+    """Return the model to use: that of the paper's axis, unless another one is given."""
+    return nominal if isinstance(nominal, Model) else three_mass(nominal)
+
+
+def factor(name: str, forgetting: float | None, period: float) -> float:
+    """Return λ: as given, as tuned, or that of a time constant of 1 s."""
+    if forgetting is None:
+        forgetting = tuned(name, otherwise=1 - 0.005 / TIME_CONSTANT)
+    return forgetting_factor(forgetting, period)
+
+
+def forgetting_P(
+    given: ArrayLike | None,
+    torque: ArrayLike | None,
+    model: Model,
+    identify: Sequence[str] = PAPER,
+    *,
+    period: float,
+    forgetting: float,
+    output: str,
+) -> ArrayLike:
+    """Return P(0) for a forgetting factor: as given, or by the recipe, or as is known."""
+    from flexaxis.estimators.offline import priors
+
+    recipe = partial(
+        priors.nominal_P,
+        model,
+        identify=identify,
+        period=period,
+        forgetting=forgetting,
+        output=output,
+    )
+    return initial_P(given, torque, recipe, priors.known_P(identify, forgetting=forgetting))
+
+
+def forgetting_design(
+    name: str,
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str],
+    output: str,
+    P0: ArrayLike | None,
+    torque: ArrayLike | None,
+    forgetting: float | None,
+    noise: float | None,
+) -> Design:
+    """Return what a registered method with a forgetting factor starts from, options checked."""
+    model, weight = model_of(nominal), factor(name, forgetting, period)
+    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    return make_design(
+        model,
+        identify=identify,
+        theta0=None,
+        P0=P,
+        period=period,
+        forgetting=weight,
+        output=output,
+        noise=noise,
+    )
+
+
+def initial_P(
+    given: ArrayLike | None,
+    torque: ArrayLike | None,
+    recipe: Callable[[ArrayLike], Array],
+    known: Array | None,
+) -> ArrayLike:
+    """Return P(0): as given, or by a recipe on a torque, or as is known."""
+    if given is not None:
+        return given
+    if torque is not None:
+        return recipe(torque)
+    if known is not None:
+        return known
+    raise EstimatorError(
+        f"P(0) is known only for {', '.join(PAPER)}; for other parameters give P0, "
+        "or the torque of a nominal run for the recipe"
+    )

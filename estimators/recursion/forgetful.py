@@ -1,0 +1,71 @@
+"""Prediction-error methods that differ from the paper's in the time update of P only."""
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+
+from numpy.typing import ArrayLike
+
+from flexaxis.estimators.recursion.design import Design, at_least_zero
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.measurement import (
+    bound,
+    correct_state,
+    measure,
+    measured,
+    publish,
+    read_claim,
+)
+from flexaxis.estimators.recursion.records import joined, on_lanes, record
+from flexaxis.estimators.sampling.compiler import Compiled, inlined
+from flexaxis.estimators.sampling.pattern import Pattern, split
+
+
+def forgetful_filter(
+    design: Design,
+    rule: Callable,
+    *,
+    robust: float,
+    correct: bool = False,
+    tuning: Mapping[str, ArrayLike],
+    state: Mapping[str, ArrayLike] | None = None,
+) -> CompiledFilter:
+    """
+    Make a prediction-error method with a rule of its own in the place of eq. (9) or (10).
+
+    Parameters
+    ----------
+    design : Design
+    rule : callable
+        ``rule(tuning, state, valid)``, marked as `inlined`: moves ``state["P"]`` on after a
+        measurement, or in a gap. `flexaxis.estimators.recursion.measurement` says what state and
+        tuning hold.
+    robust : float
+        Standard deviations from which on a residual counts as one of that size; 0 for never.
+    correct : bool
+        Whether the state moves with θ.
+    tuning, state : mapping of str to array_like
+        What the rule needs besides, and remembers, as it is at the start.
+    """
+    at_least_zero("robust", robust, "standard deviations, such as 30, or 0 for never")
+    pattern, _ = split(design.model)
+    lanes, parts = on_lanes(design, pattern), measured(design, clip=robust, correct=correct)
+    tunings = joined(lanes[0], parts[0], record(**tuning))
+    states = joined(lanes[1], parts[1], record(**(state or {})))
+    return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim)
+
+
+@lru_cache
+def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
+    @inlined
+    def forget(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+        tuning, state = tunings[0], states[0]
+        measure(tuning, state, y[k], valid[k])
+        if tuning["correct"] > 0.0:
+            correct_state(state)
+        rule(tuning, state, valid[k])
+        bound(tuning, state)
+        publish(state, k, estimates, trace)
+        return False
+
+    return sample_loop(pattern, forget, rule.__name__)

@@ -1,0 +1,226 @@
+"""
+One measurement of a prediction-error method, in compiled code: eq. (5)–(7), (9), (10), (12).
+
+All in relative parameters η = θ/θ(0). Beside P, which sets the gain, goes the covariance Σ that the
+estimate really has for a unit noise variance, Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ with K = P(t|t) ψ:
+in slow, steady adaptation it is P/2; after a reset of P it is not.
+"""
+
+from math import erf, exp, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.sampling.compiler import inlined
+
+Array = NDArray[np.float64]
+
+KNOWN = 50.0  # samples from which on R̂ judges a residual; its relative deviation is √(2/50) = 20 %
+MEMORY = 2.0  # s, of R̂; 400 samples at 5 ms give a relative standard deviation of 5 %
+ASLEEP = 1e-2  # Σψ²/R̂, ψ by relative parameters, below which a sample tells nothing: doubling a
+# parameter would move y by less than a tenth of its noise
+CEILING = 1.0  # (θ/θ(0))²: no parameter is more uncertain than by its own size
+EARLY = 1e4  # times P(0), the ceiling while R̂ is not known: 100 times the deviation of the start
+
+
+def measured(
+    design: Design, *, clip: float = 0.0, correct: bool = False, ceiling: float = CEILING
+) -> tuple[Record, Record]:
+    """
+    Return tuning and state for `measure`, `correct_state`, `predict` and `bound`.
+
+    Parameters
+    ----------
+    design : Design
+    clip : float
+        Standard deviations beyond which a residual counts as one of that size; 0 for never.
+    correct : bool
+        Whether the state moves with θ.
+    ceiling : float
+        Largest variance of an estimate relative to θ(0)²; infinite for none.
+    """
+    p = len(design.theta0)
+    tuning = record(
+        forgetting=design.forgetting,
+        drift=design.drift,
+        regularization=design.regularization,
+        lower=design.lower,
+        upper=design.upper,
+        memory=max(MEMORY / design.period, KNOWN),
+        known=float(design.noise > 0),
+        correct=float(correct),
+        clip=float(clip),
+        consistency=_consistency(clip),
+        ceiling=float(ceiling),
+        early=np.full(p, np.inf) if np.isinf(ceiling) else EARLY * np.diag(design.P0),
+    )
+    state = record(
+        P=design.P0,
+        claim=design.P0,  # Σ
+        psi=np.zeros(p),
+        gain=np.zeros(p),
+        moved=np.zeros(p),
+        spread=np.zeros(p),  # Σψ
+        expected=0.0,  # ŷ of the last sample
+        epsilon=np.nan,
+        surprise=0.0,  # the residual, clipped
+        scale=1.0,  # 1 + ψᵀPψ of the last measurement
+        variance=np.nan,  # of the innovation
+        noise=design.noise**2 if design.noise else 1.0,  # R̂
+        quiet=1.0,  # R̂ before the last measurement
+        samples=0.0,  # that R̂ is the mean of
+    )
+    return tuning, state
+
+
+def _consistency(clip: float) -> float:
+    """Return E min(z², c²) of a standard normal z: what clipping leaves of the variance."""
+    if not clip:
+        return 1.0
+    inside = erf(clip / sqrt(2))
+    return inside - clip * sqrt(2 / pi) * exp(-(clip**2) / 2) + clip**2 * (1 - inside)
+
+
+@inlined
+def measure(tuning, state, y, valid):
+    """Measurement update of η, P and Σ, eq. (5)–(7), and projection of η on the box."""
+    theta, psi, gain, moved = state["theta"], state["psi"], state["gain"], state["moved"]
+    p = len(theta)
+    for i in range(p):
+        psi[i] = state["X"][-1, 1 + i]
+        moved[i] = theta[i]
+    state["expected"] = state["X"][-1, 0]
+    state["epsilon"] = state["variance"] = np.nan
+    if valid:
+        state["epsilon"] = y - state["expected"]
+        state["scale"] = 1.0 + form(state["P"], psi, gain)
+        weight = 1.0 / state["scale"]
+        spread = 1.0 + form(state["claim"], psi, state["spread"])
+        state["quiet"] = state["noise"]
+        judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
+        if judged or state["samples"] > 0.0:
+            state["variance"] = state["noise"] * spread
+        surprise = state["epsilon"]
+        if judged and tuning["clip"] > 0.0:
+            limit = tuning["clip"] * np.sqrt(state["noise"] * state["scale"])
+            if surprise > limit:
+                surprise = limit
+            elif surprise < -limit:
+                surprise = -limit
+        state["surprise"] = surprise
+        for i in range(p):
+            theta[i] += gain[i] * (surprise * weight)
+        subtract(state["P"], gain, weight)
+        carry(state["claim"], gain, weight, state["spread"], spread)
+        learn(tuning, state, surprise**2 / spread)
+    for i in range(p):
+        if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
+            theta[i] = tuning["lower"][i]
+        elif theta[i] > tuning["upper"][i]:
+            theta[i] = tuning["upper"][i]
+        moved[i] = theta[i] - moved[i]
+
+
+@inlined
+def form(P, psi, gain):
+    """Write P ψ, and return ψᵀ P ψ."""
+    total = 0.0
+    for i in range(len(psi)):
+        gain[i] = 0.0
+        for j in range(len(psi)):
+            gain[i] += P[i, j] * psi[j]
+        total += psi[i] * gain[i]
+    return total
+
+
+@inlined
+def learn(tuning, state, square):
+    """Take a squared residual into R̂, exact over the first samples, then with a memory."""
+    excitation = 0.0
+    for i in range(len(state["psi"])):
+        excitation += state["psi"][i] ** 2
+    if tuning["known"] > 0.0:
+        return
+    if excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0):
+        state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
+        square /= tuning["consistency"]
+        state["noise"] += (square - state["noise"]) / state["samples"]
+
+
+@inlined
+def carry(claim, gain, weight, spread, scale):
+    """Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, with K = Pψ/(1+ψᵀPψ), Σψ and 1 + ψᵀΣψ given."""
+    for i in range(len(gain)):
+        a = gain[i] * weight
+        for j in range(i + 1):
+            b = gain[j] * weight
+            claim[i, j] += scale * a * b - a * spread[j] - spread[i] * b
+            claim[j, i] = claim[i, j]
+
+
+@inlined
+def correct_state(state):
+    """Move state and output to where the new θ would have taken them, x ← x + z Δθ."""
+    X, moved = state["X"], state["moved"]
+    for i in range(len(X)):
+        for j in range(len(moved)):
+            X[i, 0] += X[i, 1 + j] * moved[j]
+
+
+@inlined
+def predict(tuning, state):
+    """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
+    P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
+    p = len(P)
+    growth = 1.0 / tuning["forgetting"]
+    for i in range(p):
+        for j in range(p):
+            P[i, j] = growth * P[i, j] + tuning["drift"][i, j]
+    for axis in range(p):  # (12) measures every parameter once, with weight μ
+        mu = tuning["regularization"][axis]
+        if mu > 0.0:
+            for i in range(p):
+                column[i] = P[i, axis]
+            subtract(P, column, mu / (1.0 + mu * P[axis, axis]))
+    bound(tuning, state)
+
+
+@inlined
+def bound(tuning, state):
+    """Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down."""
+    P = state["P"]
+    for i in range(len(P)):
+        most = tuning["ceiling"] / state["noise"]
+        if state["samples"] < KNOWN and tuning["known"] <= 0.0:
+            most = tuning["early"][i]
+        if P[i, i] > most:
+            factor = np.sqrt(most / P[i, i])
+            for j in range(len(P)):
+                P[i, j] *= factor
+                P[j, i] *= factor
+
+
+@inlined
+def publish(state, k, estimates, trace):
+    """Write what `recursion.loop` wants of a sample."""
+    for i in range(estimates.shape[1]):
+        estimates[k, i] = state["theta"][i]
+    trace[k, 0] = state["expected"]
+    trace[k, 1] = state["epsilon"]
+    trace[k, 2] = state["variance"]
+
+
+@inlined
+def subtract(P, v, w):
+    """P ← P − w v vᵀ on one triangle, mirrored, so that P stays symmetric for ever."""
+    for i in range(len(P)):
+        for j in range(i + 1):
+            P[i, j] -= w * v[i] * v[j]
+            P[j, i] = P[i, j]
+
+
+def read_claim(state: Record) -> tuple[Array, Array]:
+    """Return η (p,) and its claimed covariance R̂ Σ (p, p)."""
+    return state["theta"][0], state["noise"][0] * state["claim"][0]

@@ -1,0 +1,80 @@
+"""What a compiled filter keeps: records of numbers that stay (tuning) and that change (state)."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
+
+Record = NDArray[np.void]
+Fields = Sequence[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]]
+
+
+def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
+    """
+    Return tuning and state of a filter of one model: what `recursion.loop` needs, and no more.
+
+    Parameters
+    ----------
+    design : Design
+    pattern : Pattern
+        That of the model, or one with more lanes, such as `methods.ekf.with_state` gives.
+
+    Returns
+    -------
+    tuning, state : (1,) records
+        ``coefficients, weights, order, substeps``; ``theta`` (p,), ``M`` (entries, lanes), the
+        entries of [A B; C 0] with derivatives, those of A and B times T/s, and ``X`` (n+1, lanes),
+        x and output with derivatives.
+    """
+    own, coefficients = split(design.model)
+    order, substeps = plan(design.model, design.lower, design.upper, design.period)
+    row, column, _ = np.array(pattern.entries).T
+    scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run
+    tuning = record(
+        coefficients=coefficients * scale[[entry for entry, *_ in pattern.terms]],
+        weights=1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),  # 1/1!, 1/2!, …
+        order=order,
+        substeps=substeps,
+    )
+    blocks = design.model.blocks(design.theta0)
+    M = np.zeros((len(pattern.entries), pattern.lanes))
+    M[:, : len(blocks)] = (blocks[:, row, column] * scale).T
+    X = np.zeros((pattern.n + 1, pattern.lanes))
+    X[:-1, 0] = design.x0
+    X[-1, 0] = blocks[0, -1, :-1] @ design.x0
+    theta = np.ones(pattern.p)  # what pads θ must have an inverse
+    theta[: own.p] = design.theta0
+    return tuning, record(theta=theta, M=M, X=X)
+
+
+def record(**values: ArrayLike) -> Record:
+    """Return a record with these fields, of float or int as the values are."""
+    arrays = {name: np.asarray(value) for name, value in values.items()}
+    kinds = {name: int if a.dtype.kind in "iub" else float for name, a in arrays.items()}
+    made = np.zeros(1, np.dtype([(n, kinds[n], a.shape) for n, a in arrays.items()], align=True))
+    for name, array in arrays.items():
+        made[name] = array
+    return made
+
+
+def joined(*records: Record) -> Record:
+    """
+    Return one record with the fields of all, those of the last coming first.
+
+    Behind the others new fields would make numba take the record for one of the smaller type, which
+    it calls experimental, as soon as both are compiled in one process.
+    """
+    parts: Mapping[str, tuple[Record, np.dtype]] = {
+        name: (r, r.dtype.fields[name][0])
+        for r in reversed(records)
+        for name in r.dtype.names or ()
+        if r.dtype.fields is not None
+    }
+    made = np.zeros(1, np.dtype([(name, kind) for name, (_, kind) in parts.items()], align=True))
+    for name, (source, _) in parts.items():
+        made[name] = source[name]
+    return made
