@@ -152,9 +152,7 @@ def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
         not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
         or np.linalg.eigvalsh(correlation)[0] < -1e-9
     ):
-        raise EstimatorError(
-            f"{name} must be symmetric and not negative; given: {matrix.tolist()}"
-        )
+        raise EstimatorError(f"{name} must be symmetric and not negative; given: {matrix.tolist()}")
     return (matrix + matrix.T) / 2
 
 

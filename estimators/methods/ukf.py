@@ -194,7 +194,7 @@ def correct(tuning, state, y, valid):
             S[i, j] = A[1 + i, 1 + j]
         if use:
             xi[i] += A[0, 1 + i] * ((y - xi[m]) / A[0, 0])
-    bound_root(S, tuning["ceiling"])
+    bound_root(S, tuning["ceiling"], 1.0)
     project(xi, tuning["lower"], tuning["upper"])
 
 

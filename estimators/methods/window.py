@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.level import FINEST, KNOWN, MOVING, ODD
 from flexaxis.estimators.recursion.square_root import bound_root, cholesky, forward, triangularize
-from flexaxis.estimators.sampling.compiler import compiled, inlined
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import sample
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def horizon_loop(tuning, state, u, y, valid, estimates, trace):  # noqa: PLR0917
     p = len(setting.lower)
     for k in range(len(u)):
         if state.taken[0] == 0:
-            state.D[:] = sample(terms, state.xi[:p].copy(), np.arange(p))
+            _sample(terms, state, p)
             _judge(state, y[k], valid[k])
         else:
             _predict(state)
@@ -97,15 +97,38 @@ def horizon_loop(tuning, state, u, y, valid, estimates, trace):  # noqa: PLR0917
             trace[k, i] = state.shown[i]
 
 
-@inlined
+# Loops where NumPy's assignment to slices would read better: it takes far longer to compile.
+@compiled
+def _sample(terms, state, p):
+    """Sample the model at θ̂."""
+    theta, active = np.zeros(p), np.arange(p)
+    for i in range(p):
+        theta[i] = state.xi[i]
+    D = sample(terms, theta, active)
+    for a in range(D.shape[0]):
+        for i in range(D.shape[1]):
+            for j in range(D.shape[2]):
+                state.D[a, i, j] = D[a, i, j]
+
+
+@compiled
+def _put(x, Z, state):
+    """Keep a prediction and its sensitivities."""
+    for i in range(len(x)):
+        state.x[i] = x[i]
+        for j in range(Z.shape[1]):
+            state.Z[i, j] = Z[i, j]
+
+
+@compiled
 def _predict(state):
     """Take the prediction one sample on, under the torque that was held."""
     x, Z = np.zeros(len(state.x)), np.zeros(state.Z.shape)
     _forward(state.D, state.x, state.Z, x, Z, state.held[0])
-    state.x[:], state.Z[:] = x, Z
+    _put(x, Z, state)
 
 
-@inlined
+@compiled
 def _judge(state, y, valid):
     """Keep the innovation and its variance; return y as it is to be used, or NaN if it is not."""
     m, last = len(state.xi), len(state.x) - 1
@@ -131,32 +154,36 @@ def _judge(state, y, valid):
     return state.x[last] + (limit if e > 0.0 else -limit)
 
 
-@inlined
+@compiled
 def _solve(terms, setting, state):
     """Minimise over the window from where ξ is, and move it on if it is full."""
     p, length = len(setting.lower), state.taken[1]
-    before = state.xi.copy()
+    before = np.zeros(len(state.xi))
     for _ in range(setting.iterations):
-        before[:] = state.xi
+        for i in range(len(before)):
+            before[i] = state.xi[i]
         H, g = _run(setting, state, length)
         _publish(setting, state, _minimum(state, H, g))
-        state.D[:] = sample(terms, state.xi[:p].copy(), np.arange(p))
-    end, slopes = state.x.copy(), state.Z.copy()
+        _sample(terms, state, p)
+    end, slopes = np.zeros(len(state.x)), np.zeros(state.Z.shape)
     for i in range(len(end)):  # from where it was linearised to ξ̂
+        end[i] = state.x[i]
         for j in range(len(before)):
+            slopes[i, j] = state.Z[i, j]
             end[i] += slopes[i, j] * (state.xi[j] - before[j])
     if length == len(state.u):
         H, g = _run(setting, state, setting.every)
         _move(setting, state, _minimum(state, H, g))
-    state.x[:], state.Z[:] = end, slopes
+    _put(end, slopes, state)
 
 
-@inlined
+@compiled
 def _publish(setting, state, half):
     """Take ξ̂, with θ̂ in the box, and its covariance."""
     p, m = len(setting.lower), len(state.xi)
-    state.half[:] = half[:, :m]
     for i in range(m):
+        for j in range(m):
+            state.half[i, j] = half[i, j]
         state.xi[i] = half[i, m]
         if i < p:
             if state.xi[i] < setting.lower[i]:  # not min and max, which would hide a NaN
@@ -172,7 +199,7 @@ def _publish(setting, state, half):
                 state.claimed[i, j] += share * half[k, i] * half[k, j]
 
 
-@inlined
+@compiled
 def _run(setting, state, stop):
     """
     Predict the first samples of the window from ξ̂ into x and Z, and learn R̂ from a whole one.
@@ -208,11 +235,11 @@ def _run(setting, state, stop):
     enough = count >= KNOWN or (count > 0 and state.taken[0] < len(state.u))
     if enough and stop == state.taken[1] and not setting.known:
         state.level[0] = square / count
-    state.x[:], state.Z[:] = x, Z
+    _put(x, Z, state)
     return H, g
 
 
-@inlined
+@compiled
 def _forward(D, x, Z, x_next, Z_next, u):  # noqa: PLR0917
     """Take state, output (n+1,) and their sensitivities by ξ (n+1, m) over one sample."""
     p, n, m = len(D) - 1, len(x) - 1, Z.shape[1]
@@ -230,7 +257,7 @@ def _forward(D, x, Z, x_next, Z_next, u):  # noqa: PLR0917
                     Z_next[i, a] += D[0, i, j] * Z[j, a]
 
 
-@inlined
+@compiled
 def _minimum(state, H, g):
     """
     Return half = [C⁻¹S ξ] (m, m+1): a root of the covariance after the data, and the minimum.
@@ -256,15 +283,17 @@ def _minimum(state, H, g):
                 A[i, j] += S[i, k] * HS[k, j]
     cholesky(A)
     forward(A, half)
-    xi = state.mean.copy()
+    xi = np.zeros(m)
     for i in range(m):  # Sᵀz = (C⁻¹S)ᵀ C⁻¹(…)
+        xi[i] = state.mean[i]
         for k in range(m):
             xi[i] += half[k, i] * half[k, m]
-    half[:, m] = xi
+    for i in range(m):
+        half[i, m] = xi[i]
     return half
 
 
-@inlined
+@compiled
 def _move(setting, state, half):
     """Drop the oldest samples from the window, and take ξ̄ and S through them, to x and Z."""
     p, m, every, x, Z = len(setting.lower), len(state.xi), setting.every, state.x, state.Z
@@ -288,7 +317,7 @@ def _move(setting, state, half):
         for j in range(m):
             state.root[i, j] = array[i, j] if j >= i else 0.0
     if state.level[0] > 0.0:
-        bound_root(state.root, setting.ceiling / state.level[0])
+        bound_root(state.root, setting.ceiling, state.level[0])
     state.taken[1] -= every
     for k in range(state.taken[1]):
         state.u[k], state.y[k] = state.u[k + every], state.y[k + every]

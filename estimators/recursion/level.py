@@ -21,8 +21,8 @@ from flexaxis.estimators.sampling.compiler import inlined
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
 KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
 CLIP = 3.0  # standard deviations beyond which an innovation counts as one of that size for R
-CONSISTENCY = erf(CLIP / sqrt(2)) * (1 - CLIP**2) + CLIP**2 - CLIP * sqrt(2 / pi) * exp(
-    -(CLIP**2) / 2
+CONSISTENCY = (
+    erf(CLIP / sqrt(2)) * (1 - CLIP**2) + CLIP**2 - CLIP * sqrt(2 / pi) * exp(-(CLIP**2) / 2)
 )  # E min(z², CLIP²) of a normal z: what clipping leaves of the variance
 SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 of its deviations
 SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
@@ -36,9 +36,7 @@ MOVING = 0.1  # ŷ over its noise from which on a sample counts for R: an encode
 
 def level(design: Design) -> tuple[Record, Record]:
     """Return what `judge` needs of tuning and state; σ is learnt where the design has none."""
-    tuning = record(
-        known=float(design.noise > 0), memory=max(MEMORY / design.period, KNOWN)
-    )
+    tuning = record(known=float(design.noise > 0), memory=max(MEMORY / design.period, KNOWN))
     state = record(
         prediction=np.nan,
         innovation=np.nan,
@@ -113,7 +111,9 @@ def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
     S = spread + R
     share = R / S
     rest, scale = spread * share, share**2
-    if state["samples"] < KNOWN:  # R is kept on the high side, so that no sample is believed too much
+    if (
+        state["samples"] < KNOWN
+    ):  # R is kept on the high side, so that no sample is believed too much
         scale = 1.0
     count = state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
     levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)

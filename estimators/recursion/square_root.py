@@ -60,12 +60,12 @@ def forward(L, B):
 
 
 @inlined
-def bound_root(S, ceiling):
-    """Scale the columns of S for which a variance of SᵀS is above its ceiling (p,) down to it."""
+def bound_root(S, ceiling, R):
+    """Scale the columns of S for which a variance of R SᵀS is above its ceiling (p,) down to it."""
     for i in range(len(ceiling)):
         variance = 0.0
         for j in range(i + 1):
-            variance += S[j, i] ** 2
+            variance += R * S[j, i] ** 2
         if variance > ceiling[i]:
             factor = np.sqrt(ceiling[i] / variance)
             for j in range(i + 1):

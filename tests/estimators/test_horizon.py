@@ -81,7 +81,9 @@ def test_the_next_window_has_the_arrival_cost_of_a_kalman_filter(nominal, loop, 
 
 
 def test_converges_and_is_as_exact_as_it_claims(nominal, loop):
-    filter_ = moving_horizon(three_mass(nominal), theta0=1.2 * TRUTH, P0=P0, period=T, forgetting=0.995)
+    filter_ = moving_horizon(
+        three_mass(nominal), theta0=1.2 * TRUTH, P0=P0, period=T, forgetting=0.995
+    )
     theta = filter_.run(loop.u, loop.y)
     error = theta[-8000:] - TRUTH
     ratio = np.sqrt(np.mean(error**2, axis=0) / filter_.covariance.diagonal())
@@ -91,7 +93,9 @@ def test_converges_and_is_as_exact_as_it_claims(nominal, loop):
 
 def test_increments_gaps_and_parts(nominal, loop):
     def make():
-        return moving_horizon(three_mass(nominal), P0=P0, period=T, forgetting=0.995, output="increment", window=50)
+        return moving_horizon(
+            three_mass(nominal), P0=P0, period=T, forgetting=0.995, output="increment", window=50
+        )
 
     valid = np.arange(3000) % 5 > 0
     valid[1000:1200] = False

@@ -95,7 +95,9 @@ def test_against_the_textbook(nominal, simulated, by_hand):
 def test_modes_that_are_the_same_are_one_filter(nominal, loop):
     options = OPTIONS | {"jump": 1e-30 * TRUTH}
     mixed = joint_imm(three_mass(nominal), **options).run(loop.u[:2000], loop.y[:2000])
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA)
+    single = joint_ekf(
+        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
+    )
     np.testing.assert_allclose(mixed, single.run(loop.u[:2000], loop.y[:2000]), rtol=1e-9)
 
 
@@ -103,7 +105,9 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
     loop = simulated(14.0, seed=2, faults={8.0: nominal | {"f_m": 0.075}})
     options = OPTIONS | {"drift": T * (0.002 * TRUTH) ** 2, "rate": 1e-3}
     imm = joint_imm(three_mass(nominal), **options)
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA)
+    single = joint_ekf(
+        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
+    )
     before = imm.run(loop.u[:1600], loop.y[:1600])
     assert mode_probabilities(imm)[0] > 0.9
     seen, after = np.zeros(4), []
