@@ -66,14 +66,20 @@ WAY = (
 )
 
 
-def test_folders_show_the_way_of_the_data():
-    home = ROOT / "experiments"
-    place = {folder: i for i, line in enumerate(WAY) for folder in line}
+# The way through estimators/: what an axis is, how it is sampled, what recursions share, what looks
+# at whole records, the methods, and the one that is made of many parts.
+ROOMS = (("models",), ("sampling",), ("recursion",), ("offline",), ("methods",), ("relocate",))
+
+
+@pytest.mark.parametrize(("folder", "way"), [("experiments", WAY), ("estimators", ROOMS)])
+def test_folders_show_the_way_of_the_data(folder, way):
+    home, name = ROOT / folder, f"flexaxis.{folder}."
+    place = {folder: i for i, line in enumerate(way) for folder in line}
     assert {f.parent.name for f in home.glob("*/__init__.py")} == place.keys()
     wrong = []
     for path in home.glob("*/**/*.py"):
         folder = path.relative_to(home).parts[0]
-        targets = {n.split(".")[2] for n in imported(path) if n.startswith("flexaxis.experiments.")}
+        targets = {n.split(".")[2] for n in imported(path) if n.startswith(name)}
         for target in targets & place.keys() - {folder}:
             if place[target] >= place[folder]:
                 wrong.append(f"{path.relative_to(ROOT)} imports from {target}")

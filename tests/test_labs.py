@@ -39,7 +39,7 @@ MISTAKES = {  # a typical slip, and the lab that must find it
         "P = 2 * steady_P(Q, forgetting=forgetting)",
     ),
     "lab4": ("drift_for([2.0, 2.0, tau], Q)", "drift_for([2.0, 2.0, 2 * tau], Q)"),
-    "lab5": ("regularization=mu\n", "regularization=mu / 2\n"),
+    "lab5": ("regularization=mu,", "regularization=mu / 2,"),
     "lab6": ("reset * rpem.P, 0.0", "rpem.P, 0.0"),
 }
 

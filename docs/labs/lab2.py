@@ -6,8 +6,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import three_mass
-from flexaxis.estimators.frequency import frequency_response, information, line_spectrum
-from flexaxis.estimators.predictor import predict
+from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.priors import known_P
+from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.simulate import simulate
 
@@ -29,6 +29,7 @@ def run(mu):
         forgetting=FORGETTING,
         regularization=mu,
         period=0.005,
+        ceiling=np.inf,  # the paper's method as it is: no limit on P but that of mu
     )
     trace = rpem.trace(record.torque, record.speed)
     return np.linalg.eigvalsh(trace.P)[:, -1], trace.theta / truth

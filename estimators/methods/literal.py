@@ -122,8 +122,8 @@ class LiteralRpem(RecursiveEstimator):
     def _sample(self, u: float, y: float | None) -> tuple[float, float, float]:
         """Take u[k], y[k]; return ŷ, the innovation, and its claimed variance."""
         predicted = self._predict()
-        self.epsilon = np.nan if y is None else y - predicted  # (6)
-        claimed = self._noise.value * (1 + self.psi @ self.P @ self.psi / 2)
+        self.epsilon = np.nan if y is None else float(y - predicted)  # (6)
+        claimed = float(self._noise.value * (1 + self.psi @ self.P @ self.psi / 2))
         if y is not None:
             self._measure()
         d = self._design

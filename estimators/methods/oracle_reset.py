@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.rpem import Rpem, rpem_forgetting
+from flexaxis.estimators.methods.paper import rpem_forgetting
+from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import Nominal, factor
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero

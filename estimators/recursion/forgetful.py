@@ -68,4 +68,4 @@ def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
         publish(state, k, estimates, trace)
         return False
 
-    return sample_loop(pattern, forget, rule.__name__)
+    return sample_loop(pattern, forget, rule.name)

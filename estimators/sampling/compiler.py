@@ -42,9 +42,11 @@ class Compiled:
     def __init__(self, function: Callable, *, inline: bool = False, label: str = "") -> None:
         self.function, self.inline = function, inline
         self.label = label or f"{function.__module__}.{function.__name__}"
+        self.name = function.__name__
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function; it is compiled now if it has to be."""
         return self.dispatcher(*arguments)
 
     @cached_property
@@ -198,7 +200,7 @@ class _Store(_Nowhere):
         versions = numba.__version__, sys.version_info[:3]  # and the machine, in the magic
         kind = repr((self.function.digest, str(signature), codegen.magic_tuple(), versions))
         digest = hashlib.sha256(kind.encode()).hexdigest()[:24]
-        return self.folder / f"{self.function.__name__}-{digest}.nbc"
+        return self.folder / f"{self.function.name}-{digest}.nbc"
 
 
 @lru_cache

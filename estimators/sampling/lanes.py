@@ -1,56 +1,73 @@
 """
-Values and their derivatives side by side in the lanes of a vector register.
+Values and their derivatives side by side, and how they go through a model and over a sample.
 
 A row of lanes [a, ∂a/∂θ_1, …, ∂a/∂θ_p] follows the product rule,
 ``a·v = [a a … a]·v + [0 ∂a]·[v v … v]``, two vector instructions for the product and all of its
-derivatives. `evaluate` and `advance` do the whole of eq. (17)–(23) in such rows. Each is a few
-lines of NumPy, which say what it does and run where nothing is compiled; its twin for numba, in
-`flexaxis.estimators.sampling.overloads`, emits straight-line code for the places where the matrices
+derivatives. `fill` and `step` do the whole of eq. (17)–(23) in such rows, for any model. `evaluate`
+and `advance` are the same for a pattern that is known to the compiler: its twins of them, in
+`flexaxis.estimators.sampling.overloads`, emit straight-line code for the places where the matrices
 are not zero.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.pattern import Pattern, unflatten
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.pattern import unflatten
 
 Array = NDArray[np.float64]
 
 
-def evaluate(flat: tuple[int, ...], coefficients: Array, theta: Array, M: Array) -> None:
+@compiled
+def fill(entry, exponents, coefficients, theta, active, M):  # noqa: PLR0917
     """
-    Write the entries of [A B; C 0] that depend on θ, with their derivatives, into their rows of M.
+    Write entries Σ c·Πθ^e of [A B; C 0], with derivatives, into their rows; right at θ = 0 as well.
 
     Parameters
     ----------
-    flat : tuple of int
-        The model's pattern, flat.
-    coefficients : (terms,) array
+    entry : (t,) int array
+        Row of M that each term belongs to.
+    exponents : (t, p) int array
+    coefficients : (t,) array
     theta : (p,) array
-    M : (entries, lanes) array
+    active : (q,) int array
+        Parameters to differentiate by.
+    M : (entries, ≥ 1+q) array
+        Rows that a term belongs to are overwritten.
     """
-    pattern = unflatten(flat)
-    for entry, *_ in pattern.terms:
-        M[entry] = 0.0
-    for (entry, *exponents), c in zip(pattern.terms, coefficients, strict=True):
-        e = np.array(exponents)
-        M[entry, 0] += c * np.prod(theta**e)
-        for i in np.flatnonzero(e):
-            M[entry, 1 + i] += c * e[i] * np.prod(theta ** (e - (np.arange(len(e)) == i)))
+    for t in range(len(entry)):
+        for a in range(M.shape[1]):
+            M[entry[t], a] = 0.0
+    for t in range(len(entry)):
+        for a in range(-1, len(active)):
+            lowered = active[a] if a >= 0 else -1
+            value = coefficients[t]
+            for i in range(len(theta)):
+                e = exponents[t, i]
+                if i == lowered:  # d θ^e/dθ = e θ^(e−1)
+                    value *= e
+                    e -= 1
+                if value != 0.0:
+                    for _ in range(abs(e)):
+                        value = value * theta[i] if e > 0 else value / theta[i]
+            M[entry[t], 1 + a] += value
 
 
-def product(pattern: Pattern, M: Array, V: Array) -> Array:
-    """Return the block matrix times V (n+1, lanes), by the product rule."""
-    W = np.zeros_like(V)
-    for (row, column, _), a in zip(pattern.entries, M, strict=True):
-        W[row] += a[0] * V[column]
-        W[row, 1:] += a[1:] * V[column, 0]
-    return W
+@compiled
+def product(row, column, M, V, W):
+    """W ← [A B; C 0] V by the product rule, rows of lanes (n+1, lanes)."""
+    for i in range(len(W)):
+        for a in range(W.shape[1]):
+            W[i, a] = 0.0
+    for e in range(len(row)):
+        i, j = row[e], column[e]
+        W[i, 0] += M[e, 0] * V[j, 0]
+        for a in range(1, W.shape[1]):
+            W[i, a] += M[e, 0] * V[j, a] + M[e, a] * V[j, 0]
 
 
-def advance(  # noqa: PLR0917
-    flat: tuple[int, ...], M: Array, X: Array, u: float, weights: Array, order: int, substeps: int
-) -> None:
+@compiled
+def step(row, column, reset, M, X, u, weights, order, substeps):  # noqa: PLR0917
     """
     Propagate x, its sensitivities and the output over one sample, with u held, eq. (20)–(23).
 
@@ -59,8 +76,10 @@ def advance(  # noqa: PLR0917
 
     Parameters
     ----------
-    flat : tuple of int
-        The model's pattern, flat.
+    row, column : (entries,) int arrays
+        Places of the entries.
+    reset : (r,) int array
+        States that are zero when a sample begins.
     M : (entries, lanes) array
         Entries and derivatives, those of A and B times T/s.
     X : (n+1, lanes) array
@@ -71,16 +90,62 @@ def advance(  # noqa: PLR0917
     order, substeps : int
         Terms of the series, and substeps s of the sample.
     """
+    n, lanes = len(X) - 1, X.shape[1]
+    V, W = np.zeros((n + 1, lanes)), np.zeros((n + 1, lanes))
+    for i in reset:
+        for a in range(lanes):
+            X[i, a] = 0.0
+    for part in range(substeps + 1):
+        for i in range(n + 1):
+            for a in range(lanes):
+                V[i, a] = X[i, a] if i < n else 0.0
+        if part == substeps:  # the output is read at the end
+            product(row, column, M, V, W)
+            for a in range(lanes):
+                X[n, a] = W[n, a]
+            break
+        V[n, 0] = u
+        for k in range(order):
+            product(row, column, M, V, W)
+            for i in range(n):
+                for a in range(lanes):
+                    X[i, a] += weights[k] * W[i, a]
+                    V[i, a] = W[i, a]
+            V[n, 0] = 0.0
+
+
+def evaluate(flat: tuple[int, ...], coefficients: Array, theta: Array, M: Array) -> None:
+    """
+    Write the entries that depend on θ, with their derivatives, as `fill` does.
+
+    Parameters
+    ----------
+    flat : tuple of int
+        The model's pattern, flat.
+    coefficients : (terms,) array
+    theta : (p,) array
+    M : (entries, lanes) array
+    """
     pattern = unflatten(flat)
-    X[list(pattern.reset)] = 0.0
-    for _ in range(substeps):
-        V = X.copy()
-        V[-1] = 0.0
-        V[-1, 0] = u
-        for weight in weights[:order]:
-            V = product(pattern, M, V)
-            V[-1] = 0.0
-            X[:-1] += weight * V[:-1]
-    V = X.copy()
-    V[-1] = 0.0
-    X[-1] = product(pattern, M, V)[-1]
+    terms = np.array(pattern.terms, int).reshape(-1, 1 + pattern.p)
+    active = np.arange(pattern.p)
+    fill.function(terms[:, 0], terms[:, 1:], coefficients, theta, active, M)
+
+
+def advance(  # noqa: PLR0917
+    flat: tuple[int, ...], M: Array, X: Array, u: float, weights: Array, order: int, substeps: int
+) -> None:
+    """
+    Propagate x, its sensitivities and the output over one sample, as `step` does.
+
+    Parameters
+    ----------
+    flat : tuple of int
+        The model's pattern, flat.
+    M, X, u, weights, order, substeps
+        As for `step`.
+    """
+    pattern = unflatten(flat)
+    row, column, _ = np.array(pattern.entries, int).T
+    reset = np.array(pattern.reset, int)
+    step.function(row, column, reset, M, X, u, weights, order, substeps)

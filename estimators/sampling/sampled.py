@@ -1,12 +1,14 @@
-"""A model sampled exactly at any parameters, with derivatives by some of them, in compiled code."""
+"""A model sampled exactly at any parameters, with derivatives by some of them: its matrices."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.lanes import fill, step
+from flexaxis.estimators.sampling.plan import MAX_ORDER
 
 Array = NDArray[np.float64]
 
@@ -17,45 +19,54 @@ class Terms(NamedTuple):
 
     Attributes
     ----------
-    row, column : (t,) int arrays
+    row, column : (entries,) int arrays
+        Places that are not zero.
+    entry : (t,) int array
+        Which of them a term belongs to.
     coefficient : (t,) array
+        Factors of the terms, those of A and B times T/s.
     exponent : (t, p) int array
     reset : (r,) int array
         States that are zero at the start of every sample.
     n, order, substeps : int
         States; terms and substeps of the Taylor series, as from
         `flexaxis.estimators.sampling.plan.plan`.
-    period : float
-        Sampling period [s].
+    weights : (order,) array
+        1/1!, 1/2!, …
     """
 
     row: NDArray[np.int64]
     column: NDArray[np.int64]
+    entry: NDArray[np.int64]
     coefficient: Array
     exponent: NDArray[np.int64]
     reset: NDArray[np.int64]
     n: int
     order: int
     substeps: int
-    period: float
+    weights: Array
 
 
 def terms(model: Parametrization, order: int, substeps: int, period: float) -> Terms:
-    """Return the terms of a model."""
+    """Return the terms of a model, to be sampled with a period [s]."""
+    places = np.column_stack([model.row, model.column])
+    entries, entry = np.unique(places, axis=0, return_inverse=True)
+    scale = np.where(model.row < model.n, period / substeps, 1.0)  # the output is read, not run
     return Terms(
-        np.ascontiguousarray(model.row),
-        np.ascontiguousarray(model.column),
-        np.ascontiguousarray(model.coefficient),
+        np.ascontiguousarray(entries[:, 0]),
+        np.ascontiguousarray(entries[:, 1]),
+        np.ascontiguousarray(entry.ravel()),
+        model.coefficient * scale,
         np.ascontiguousarray(model.exponent),
         np.array(model.reset, np.int64),
         model.n,
         order,
         substeps,
-        period,
+        1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def sample(terms, theta, active):
     """
     Return the sampled system and its derivatives by some parameters.
@@ -71,110 +82,36 @@ def sample(terms, theta, active):
     -------
     (1+q, n+1, n+1) array
         D[0] takes [x[k]; u[k]] to [x[k+1]; y[k+1]] for a torque held over the sample; D[1+i] is
-        its derivative by parameter active[i]. Eq. (17)–(23), by the Taylor series.
+        its derivative by parameter active[i]. Eq. (17)–(23): what a sample makes of each state,
+        and of a torque, of one.
     """
     n, q = terms.n, len(active)
-    block = _block(terms, theta, active)
-    small, power, next_power = np.zeros((3, 1 + q, n + 1, n + 1))
-    output = _held(block, terms.period / terms.substeps)
-    for i in range(n + 1):
-        small[0, i, i] = power[0, i, i] = 1.0
-    for k in range(1, terms.order + 1):
-        _product(block, power, next_power)
-        power, next_power = next_power, power
-        power /= k
-        if not _add(power, small):
-            break  # what is left is below rounding
-    D = small.copy()
-    for _ in range(terms.substeps - 1):
-        _product(small, D, power)
-        D, power = power, D
-    for i in terms.reset:
-        D[:, :, i] = 0.0
-    _put_output(output, D)
+    M, D = np.zeros((len(terms.row), 1 + q)), np.zeros((1 + q, n + 1, n + 1))
+    X = np.zeros((n + 1, 1 + q))
+    fill(terms.entry, terms.exponent, terms.coefficient, theta, active, M)
+    for column in range(n + 1):
+        for i in range(n):
+            for a in range(1 + q):
+                X[i, a] = 1.0 if i == column and a == 0 else 0.0
+        u = 1.0 if column == n else 0.0
+        step(
+            terms.row,
+            terms.column,
+            terms.reset,
+            M,
+            X,
+            u,
+            terms.weights,
+            terms.order,
+            terms.substeps,
+        )
+        for i in range(n + 1):
+            for a in range(1 + q):
+                D[a, i, column] = X[i, a]
     return D
 
 
-# Loops where NumPy's assignment to slices would read better: with its messages on shapes that do
-# not fit, it takes longer to compile than all the rest.
-@njit(cache=True, nogil=True, error_model="numpy")
-def _held(block, duration):
-    """Take the output (1+q, n+1) out of a block, for the held input does not change; scale it."""
-    q, n = block.shape[0], block.shape[1] - 1
-    output = np.empty((q, n + 1))
-    for a in range(q):
-        for m in range(n + 1):
-            output[a, m] = block[a, n, m]
-            block[a, n, m] = 0.0
-            for i in range(n):
-                block[a, i, m] *= duration
-    return output
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _put_output(output, D):
-    """Put the output into the last row, the place of the input."""
-    n = D.shape[1] - 1
-    for m in range(n + 1):
-        for a in range(len(D)):
-            total = 0.0
-            for j in range(n):
-                total += output[0, j] * D[a, j, m]
-                if a:
-                    total += output[a, j] * D[0, j, m]
-            D[a, n, m] = total
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add(term, total):
-    """Add a term of a series to its sum; return whether that changed anything."""
-    changed = False
-    for a in range(total.shape[0]):
-        for i in range(total.shape[1]):
-            for m in range(total.shape[2]):
-                before = total[a, i, m]
-                total[a, i, m] += term[a, i, m]
-                changed |= total[a, i, m] != before
-    return changed
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _block(terms, theta, active):
-    """Return [A B; C 0] and its derivatives by the active parameters, (1+q, n+1, n+1)."""
-    block = np.zeros((1 + len(active), terms.n + 1, terms.n + 1))
-    for t in range(len(terms.row)):
-        row, column = terms.row[t], terms.column[t]
-        value = terms.coefficient[t]
-        for i in range(len(theta)):
-            e = terms.exponent[t, i]
-            for _ in range(abs(e)):
-                value = value * theta[i] if e > 0 else value / theta[i]
-        block[0, row, column] += value
-        for a in range(len(active)):
-            i = active[a]
-            block[1 + a, row, column] += value * terms.exponent[t, i] / theta[i]
-    return block
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _product(F, G, H):
-    """H ← F G for matrices with derivatives, by the product rule; zeros of F are skipped."""
-    H[:] = 0.0
-    for i in range(F.shape[1]):
-        for j in range(F.shape[2]):
-            f = F[0, i, j]
-            if f != 0.0:
-                for a in range(len(G)):
-                    for m in range(G.shape[2]):
-                        H[a, i, m] += f * G[a, j, m]
-            for a in range(1, len(G)):
-                f = F[a, i, j]
-                if f != 0.0:
-                    for m in range(G.shape[2]):
-                        H[a, i, m] += f * G[0, j, m]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def move(D, X, moved, u):
     """Take states and sensitivities [x; y] over one sample; the place of y lends itself to u."""
     size = X.shape[1]

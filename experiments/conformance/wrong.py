@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.methods.rpem import rpem_forgetting
+from flexaxis.estimators.methods.paper import rpem_forgetting
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY
 
 Array = NDArray[np.float64]

@@ -40,7 +40,7 @@ class KnobSettings:
     drift : mapping of str to float
         Diagonal of Δ, eq. (10), by parameter.
     regularization : float
-        μ, eq. (12).
+        m of μ, eq. (12), relative to the information in P(0), as in the registry.
     """
 
     forgetting: float = 0.995
@@ -205,5 +205,6 @@ def _with_drift(
         P0=P0,
         period=period,
         drift=diagonal,
-        regularization=regularization,
+        regularization=regularization * diagonal / P0**2,  # as the registry has it
+        ceiling=np.inf,  # for the slider of μ to show what it does
     )

@@ -85,6 +85,7 @@ def filtered(
         forgetting=adaptation.forgetting,
         drift=adaptation.drift,
         regularization=adaptation.regularization,
+        ceiling=np.inf,  # the paper has none
     )
     done = [_follow(estimator, record, reset, stride) for record in records]
     initial = np.asarray(P0, float)

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -59,7 +59,7 @@ def jump_gradient(
     return _driven(transition, gain, X, np.asarray(u, float))[:-1] @ output[:-1].T
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _driven(transition, gain, x, u):
     """Return the states (N+1, n) that u takes x to."""
     states = np.empty((len(u) + 1, len(x)))

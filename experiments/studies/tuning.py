@@ -181,7 +181,11 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Tri
     FlexaxisError
         If there is no such option, or no setting that matches and keeps every run.
     """
-    known = {key: value for key, value in _entry(name).options.items() if value > 0}
+    known = {
+        key: float(value)
+        for key, value in _entry(name).options.items()
+        if isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+    }
     for option in options:
         if option not in known:
             raise FlexaxisError(f"{name} has no option {option!r}.{did_you_mean(option, known)}")

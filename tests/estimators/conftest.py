@@ -1,11 +1,15 @@
 """The closed loop of the axis without MuJoCo: exact zero-order hold of the linear model."""
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
+
+sys.path.insert(0, str(Path(__file__).parent))  # `acceptance` is what several tests share
 
 T = 0.005
 NOMINAL = {

@@ -54,9 +54,9 @@ def directional(P, psi):
     return np.linalg.inv(R - (1 - LAMBDA) * np.outer(v, v) / size) if psi @ psi > 1e-6 else P
 
 
-def directional_small(P, psi, scale=(1, 1, 1)):
-    along = np.square(scale) * psi  # relative parameters: ψ is a slope, P ψ a step
-    if along @ psi <= 1e-6:
+def directional_small(P, psi, unit=(1, 1, 1)):
+    along = np.array(unit) * psi  # ψ is a slope, P ψ a step
+    if along @ along == 0:
         return P
     size = along @ np.linalg.inv(P) @ along
     return P + (1 / LAMBDA - 1) * np.outer(along, along) / size
@@ -71,7 +71,7 @@ def efra(P, psi):
     ("rule", "update", "options"),
     [
         ("vector", vector, {"rates": [2.0, 1.0, 0.4]}),
-        ("directional", partial(directional_small, scale=[1.05, 1.25, 0.05]), {}),
+        ("directional", partial(directional_small, unit=P0), {}),
         ("efra", efra, {}),
     ],
 )

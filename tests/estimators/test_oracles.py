@@ -9,8 +9,8 @@ from scipy.stats import multivariate_normal
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.oracle_reset import OracleReset
+from flexaxis.estimators.methods.paper import rpem_forgetting
 from flexaxis.estimators.methods.rivals import imm, joint
-from flexaxis.estimators.methods.rpem import rpem_forgetting
 from flexaxis.estimators.methods.rules.variable import variable_forgetting
 from flexaxis.estimators.relocate.refit import Past, explain
 from flexaxis.estimators.sampling.plan import plan

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError, registry
-from flexaxis.estimators.methods.rpem import REGULARIZATION
+from flexaxis.estimators.methods.paper import REGULARIZATION
 from flexaxis.estimators.offline.priors import default_drift, gradient, known_P, nominal_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.estimators.registry import REGISTRY, rpem_forgetting
+from flexaxis.estimators.methods.paper import rpem_forgetting
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.conformance.check import check
@@ -218,7 +219,7 @@ def test_a_slow_step_is_caught(store):
 def test_reads_increments_only(store, tmp_path):
     path = tmp_path / "increments.py"
     path.write_text(
-        "from flexaxis.estimators.registry import rpem_forgetting\n"
+        "from flexaxis.estimators.methods.paper import rpem_forgetting\n"
         "def make(nominal, period):\n"
         "    return rpem_forgetting(nominal, period, output='increment')\n"
     )

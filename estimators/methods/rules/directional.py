@@ -3,8 +3,10 @@ Forget along the gradient only: P ← P + (1/λ − 1) ψψᵀ/(ψᵀP⁻¹ψ), 
 
 L. Cao and H. M. Schwartz, *A directional forgetting algorithm based on the decomposition of the
 information matrix*, Automatica 36 (2000) 1725–1731; for one output SIFt-RLS of B. Lai and D. S.
-Bernstein (2024) is the same, with a gradient too small to count left out. A direction among
-parameters of different units has a meaning only for relative parameters, as all are here.
+Bernstein (2024) is the same, with a gradient too small to count left out. ψ is a slope and the
+columns of P are steps, so that the formula has a meaning only once parameters are measured in a
+unit: here in √P(0)_ii, the deviation that a nominal run leaves, in which all are excited alike. In
+any other units v = diag(P(0)) ψ takes the place of ψ: P ← P + (1/λ − 1) v vᵀ/(vᵀP⁻¹v).
 """
 
 from collections.abc import Sequence
@@ -24,16 +26,17 @@ from flexaxis.estimators.sampling.compiler import inlined
 @inlined
 def forget_excited(tuning, state, valid):
     """Do the time update; a gap renews nothing, and so forgets nothing."""
-    P, psi, v, L = state["P"], state["psi"], state["gain"], state["work"]
+    P, along, v, L = state["P"], state["along"], state["gain"], state["work"]
     p = len(P)
     excitation = 0.0
     for i in range(p):
-        excitation += psi[i] ** 2
+        excitation += state["psi"][i] ** 2
+        along[i] = tuning["unit"][i] * state["psi"][i]
     if not valid or excitation <= ASLEEP * state["noise"]:
         return
     size = 0.0
-    for i in range(p):  # Cholesky and forward substitution: ψᵀP⁻¹ψ = |L⁻¹ψ|²
-        total = psi[i]
+    for i in range(p):  # Cholesky and forward substitution: vᵀP⁻¹v = |L⁻¹v|²
+        total = along[i]
         for j in range(i + 1):
             entry = P[i, j]
             for m in range(j):
@@ -47,7 +50,7 @@ def forget_excited(tuning, state, valid):
         size += v[i] ** 2
     for i in range(p):
         for j in range(p):
-            P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * psi[i] * psi[j] / size
+            P[i, j] += (1.0 / tuning["forgetting"] - 1.0) * along[i] * along[j] / size
 
 
 def directional_forgetting(
@@ -84,7 +87,11 @@ def directional_forgetting(
         noise=noise,
     )
     return forgetful_filter(
-        design, forget_excited, robust=robust, tuning={}, state={"work": np.zeros_like(design.P0)}
+        design,
+        forget_excited,
+        robust=robust,
+        tuning={"unit": np.diag(design.P0)},
+        state={"along": np.zeros(len(design.P0)), "work": np.zeros_like(design.P0)},
     )
 
 

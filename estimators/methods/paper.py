@@ -1,0 +1,191 @@
+"""The paper's method as it is registered: with forgetting, with drift, regularised, corrected."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.methods.start import (
+    ROBUST,
+    Nominal,
+    factor,
+    forgetting_P,
+    initial_P,
+    model_of,
+)
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.design import above_zero, at_least_zero, covariance_matrix
+
+
+def rpem_forgetting(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    regularization: float = 0.0,
+    state_correction: bool = False,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """
+    Make the method with forgetting factor λ, eq. (13).
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    regularization : float
+        m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
+    state_correction, noise, robust
+        As for `Rpem`.
+    """
+    model, weight = model_of(nominal), factor("rpem-forgetting", forgetting, period)
+    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    return Rpem(
+        model,
+        identify=identify,
+        P0=P,
+        period=period,
+        forgetting=weight,
+        regularization=share * (1 - weight) / diagonal,
+        output=output,
+        noise=noise,
+        state_correction=state_correction,
+        robust=robust,
+    )
+
+
+def rpem_corrected(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """Make `rpem_forgetting` with state correction, which has the same options."""
+    return rpem_forgetting(
+        nominal,
+        period,
+        identify=identify,
+        output=output,
+        P0=P0,
+        torque=torque,
+        forgetting=factor("rpem-corrected", forgetting, period),
+        state_correction=True,
+        noise=noise,
+        robust=robust,
+    )
+
+
+def rpem_drift(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    scale: float = 1.0,
+    regularization: float = 0.0,
+    noise: float | None = None,
+    robust: float = ROBUST,
+) -> Rpem:
+    """
+    Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32).
+
+    Parameters
+    ----------
+    scale : float
+        Factor on Δ.
+    regularization : float
+        m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
+    noise, robust
+        As for `Rpem`.
+    """
+    from flexaxis.estimators.offline import priors
+
+    model = model_of(nominal)
+    above_zero("scale", scale, "the factor on Δ")
+    share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
+    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
+    recipe = partial(
+        priors.nominal_P, model, identify=identify, period=period, drift=drift, output=output
+    )
+    P = initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=None, scale=scale))
+    diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
+    return Rpem(
+        model,
+        identify=identify,
+        P0=P,
+        period=period,
+        drift=drift,
+        regularization=share * drift / diagonal**2,
+        output=output,
+        noise=noise,
+        robust=robust,
+    )
+
+
+REGULARIZATION = 0.01  # P below 100 P(0), or 10: no deviation beyond ten times that of the start
+
+ENTRIES = (
+    Entry(
+        "rpem-forgetting",
+        "the paper's method with a forgetting factor, eq. (13)",
+        rpem_forgetting,
+        knob="forgetting",
+        default=0.995,
+        look=("#0072B2", "o"),
+        rank=1,
+    ),
+    Entry(
+        "rpem-drift",
+        "the paper's method with covariance modification, eq. (14), (32)",
+        rpem_drift,
+        knob="scale",
+        default=1.0,
+        look=("#D55E00", "o"),
+        rank=2,
+    ),
+    Entry(
+        "rpem-forgetting-mu",
+        "rpem-forgetting, regularised against standstill, eq. (12)",
+        partial(rpem_forgetting, regularization=REGULARIZATION),
+        knob="forgetting",
+        default=0.995,
+        look=("#56B4E9", "s"),
+        rank=3,
+    ),
+    Entry(
+        "rpem-drift-mu",
+        "rpem-drift, regularised against standstill, eq. (12)",
+        partial(rpem_drift, regularization=REGULARIZATION),
+        knob="scale",
+        default=1.0,
+        look=("#E69F00", "s"),
+        rank=4,
+    ),
+    Entry(
+        "rpem-corrected",
+        "rpem-forgetting whose state follows every change of its parameters",
+        rpem_corrected,
+        knob="forgetting",
+        default=0.995,
+        look=("#88CCEE", "D"),
+        rank=5,
+    ),
+)

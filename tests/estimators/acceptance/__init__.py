@@ -1,0 +1,1 @@
+"""What every registered estimator is measured by: exact axes, changes of unit, disturbances."""

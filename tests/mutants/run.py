@@ -1,0 +1,121 @@
+"""
+Plant errors one at a time, each in a copy with cold caches, and see whether a test dies of it.
+
+``python tests/mutants/run.py [NAME …] [--jobs N]`` runs those of all tables beside this file, or
+those whose names contain one of the words; a table is a list of
+
+    [[mutant]]
+    name = "what is wrong"
+    file = "estimators/…"
+    old = "text that stands in that file once"
+    new = "what is planted there"
+    killer = "tests/… of the fast tier, as pytest takes it"
+
+Status 1 where one survives. A killer must pass where nothing is planted, and that is tried first.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+FOLDERS = ("models_mjcf", "sim", "estimators", "experiments")
+LONGEST = 600  # s, for one killer with everything to compile
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A planted error, and the test that is to see it."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    killer: str
+
+    def problem(self) -> str | None:
+        """Say why it cannot be planted, if so."""
+        path = ROOT / self.file
+        if not path.is_file():
+            return f"there is no {self.file}"
+        if (count := path.read_text(encoding="utf-8").count(self.old)) != 1:
+            return f"{self.file} has {count} times, and not once: {self.old!r}"
+        if not (ROOT / self.killer.partition("::")[0]).is_file():
+            return f"there is no {self.killer}"
+        return None
+
+
+def mutants() -> list[Mutant]:
+    """All of the tables beside this file."""
+    tables = [tomllib.loads(p.read_text(encoding="utf-8")) for p in sorted(HERE.glob("*.toml"))]
+    return [Mutant(**entry) for table in tables for entry in table["mutant"]]
+
+
+def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
+    """Run tests on a copy, with or without an error in it; return what failed first."""
+    with tempfile.TemporaryDirectory(prefix="mutant") as folder:
+        place = Path(folder)
+        for name in FOLDERS:
+            ignored = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, place / "flexaxis" / name, ignore=ignored)
+        if mutant is not None:
+            path = place / "flexaxis" / mutant.file
+            text = path.read_text(encoding="utf-8")
+            path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *killers]
+        done = subprocess.run(
+            words, cwd=ROOT, env=environment(place), capture_output=True, text=True, check=False,
+            timeout=LONGEST,
+        )  # fmt: skip
+    if done.returncode == 0:
+        return None
+    lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    if not lines or lines[0].startswith("ERROR"):
+        raise SystemExit(f"{mutant and mutant.name}: no test failed, but\n{done.stdout[-2000:]}")
+    return lines[0].removeprefix("FAILED ").partition(" - ")[0]
+
+
+def environment(place: Path) -> dict[str, str]:
+    """The environment in which `flexaxis` is the copy, and nothing is compiled yet."""
+    own = {
+        "PYTHONPATH": str(place),
+        "PYTHONPYCACHEPREFIX": str(place / "pycache"),
+        "NUMBA_CACHE_DIR": str(place / "numba"),
+        "XDG_CACHE_HOME": str(place / "home"),
+        "FLEXAXIS_CACHE": str(place / "records"),
+    }
+    return os.environ | own | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run what is asked for, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("names", nargs="*", help="words that the names contain")
+    parser.add_argument("--jobs", type=int, default=1, help="copies at a time (1)")
+    given = parser.parse_args(arguments)
+    chosen = [m for m in mutants() if not given.names or any(w in m.name for w in given.names)]
+    if wrong := [f"{m.name}: {m.problem()}" for m in chosen if m.problem()]:
+        sys.exit("\n".join(["these fit no more:", *wrong]))
+    if failed := dies(sorted({m.killer for m in chosen})):
+        sys.exit(f"fails where nothing is planted: {failed}")
+    dead = 0
+    with ThreadPoolExecutor(given.jobs) as pool:
+        ends = pool.map(lambda mutant: dies([mutant.killer], mutant), chosen)
+        for mutant, killer in zip(chosen, ends, strict=True):
+            dead += killer is not None
+            print(f"{mutant.name:60} {killer or 'SURVIVES'}", flush=True)
+    print(f"{dead} of {len(chosen)}")
+    return int(dead < len(chosen))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
