@@ -39,9 +39,9 @@ def joint_ekf(
     θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u; y = h(x) + e,
     var e = σ². The textbook filter of L. Ljung, *Asymptotic behavior of the extended Kalman filter
     as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979). Unlike the
-    prediction-error method it corrects the state as well. P of θ_i stays below θ_i(0)², to which row
-    and column are scaled down. A sample that lies alone beyond 100 of its standard
-    deviations is not used, and each after it counts as one of that size.
+    prediction-error method it corrects the state as well. The variance of θ_i stays below
+    θ_i(0)², to which its row and column are scaled down. A sample that lies alone beyond 100 of
+    its standard deviations is not used, and each after it counts as one of that size.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def joint_ekf(
     EstimatorError
         If an option cannot be used.
     """
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,
@@ -93,34 +93,6 @@ def joint_ekf(
 
 def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["theta"][0, :p], state["P"][0, :p, :p]
-
-
-def walking(
-    model: Model,
-    *,
-    identify: Sequence[str],
-    theta0: ArrayLike | None,
-    P0: ArrayLike,
-    drift: ArrayLike,
-    period: float,
-    noise: float | None,
-    x0: ArrayLike | None,
-    bounds: tuple[ArrayLike, ArrayLike] | None,
-    output: str,
-) -> Design:
-    """Check the options of `joint_ekf`, which explains them, and fill in defaults."""
-    return make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        period=period,
-        drift=drift,
-        noise=noise,
-        x0=x0,
-        bounds=bounds,
-        output=output,
-    )
 
 
 def state_covariance(design: Design, value: ArrayLike | None) -> Array:

@@ -13,11 +13,10 @@ from flexaxis.estimators.methods.ekf import (
     look,
     start_sample,
     state_covariance,
-    walking,
     with_state,
 )
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import finite_vector
+from flexaxis.estimators.recursion.design import finite_vector, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
@@ -57,9 +56,10 @@ def joint_imm(
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
 
-    and mode j goes on from ξ⁰_j, P⁰_j. Estimate, covariance and innovation are those of the mixture,
-    from which one R is learnt for all modes. H. A. P. Blom and Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian
-    switching coefficients*, IEEE Trans. AC 33 (1988) 780–783.
+    and mode j goes on from ξ⁰_j, P⁰_j. Estimate, covariance and innovation are those of the
+    mixture, and one R is learnt for all modes. H. A. P. Blom and Y. Bar-Shalom, *The interacting
+    multiple model algorithm for systems with Markovian switching coefficients*, IEEE Trans. AC 33
+    (1988) 780–783.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def joint_imm(
     EstimatorError
         If an option cannot be used.
     """
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,
@@ -166,7 +166,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
 
 @inlined
 def look_together(tuning, states, y, valid):
-    """Judge the sample by mean and variance of the mixture's prediction, kept in the first record."""
+    """Judge the sample by the mixture's prediction and its variance, in the first record."""
     mean, spread = 0.0, 0.0
     for j in range(len(states)):
         look(states[j])

@@ -1,13 +1,14 @@
 """Moving horizon: nonlinear least squares over a window that moves along, with an arrival cost."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.ekf import state_covariance
-from flexaxis.estimators.methods.window import Setting, Window, horizon_loop
+from flexaxis.estimators.methods.window import horizon_loop
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
@@ -16,6 +17,65 @@ from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms
 
 Array = NDArray[np.float64]
+
+
+class Setting(NamedTuple):
+    """What stays as it is: the options of `moving_horizon`, and what θ̂ and its P may be."""
+
+    forgetting: float
+    every: int
+    iterations: int
+    known: bool
+    lower: Array
+    upper: Array
+    ceiling: Array
+
+
+class Window(NamedTuple):
+    """
+    What is known, and changes.
+
+    Attributes
+    ----------
+    u, y, present : (N,) arrays
+        Torque held before, output, and whether that was measured, at samples s+1, s+2, …
+    mean, root : (m,) and (m, m) arrays
+        ξ̄, and S, upper triangular, with P̄ = SᵀS.
+    xi : (m,) array
+        ξ̂ at sample s.
+    claimed : (p, p) array
+        Covariance of θ̂.
+    half : (m, m) array
+        P^½, with the covariance PᵀP of ξ̂ for a noise variance of one, after the data.
+    D : (1+p, n+1, n+1) array
+        The model sampled at θ̂, as from `flexaxis.estimators.sampling.sampled.sample`.
+    x, Z : (n+1,) and (n+1, m) arrays
+        State and output at the last sample as predicted from ξ̂, and their sensitivities by ξ.
+    taken : (2,) int array
+        Samples so far, and those of them in the window.
+    held : (1,) array
+        Torque since the last sample.
+    level : (2,) array
+        R̂, 0 while it is not known, and 1 if the last sample was beyond `ODD` deviations.
+    shown : (3,) array
+        ŷ, innovation and its variance at the last sample.
+    """
+
+    u: Array
+    y: Array
+    present: NDArray[np.bool_]
+    mean: Array
+    root: Array
+    xi: Array
+    claimed: Array
+    half: Array
+    D: Array
+    x: Array
+    Z: Array
+    taken: NDArray[np.int64]
+    held: Array
+    level: Array
+    shown: Array
 
 
 def moving_horizon(

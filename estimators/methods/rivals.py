@@ -12,6 +12,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.start import Nominal, forgetting_P, initial_P, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.tuned import tuned
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ def imm(
     model = model_of(nominal)
     walk = tuned("imm", otherwise=0.0015) if walk is None else walk
     P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
+    above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
+    above_zero("hold", hold, "how long a jump lasts, in seconds")
     return joint_imm(
         model,
         identify=identify,
@@ -101,8 +104,8 @@ def _walk(
     model: Model, identify: Sequence[str], period: float, *, walk: float, spread: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return P(0) and W, from deviations relative to θ(0)."""
-    if not walk > 0 or not spread > 0:
-        raise EstimatorError(f"walk is {walk} and spread {spread}; both must be above 0")
+    above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
+    above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
     theta = model.parametrize(identify).theta
     return (spread * theta) ** 2, period * (walk * theta) ** 2
 
@@ -136,7 +139,9 @@ def horizon(
 
     forgetting = tuned("moving-horizon", otherwise=0.994) if forgetting is None else forgetting
     model = model_of(nominal)
-    samples = max(1, round(every / period)) if np.isfinite(every) else 1
+    samples = round(above_zero("every", every, "the time between windows, in seconds") / period)
+    if samples < 1:
+        raise EstimatorError(f"every is {every}, less than a sample of {period} s; give more")
     return moving_horizon(
         model,
         identify=identify,
@@ -154,8 +159,8 @@ def horizon(
 
 def _multiple(window: float, every: float) -> int:
     """Return how often ``every`` goes into ``window``, twice at least."""
-    ratio = window / every if every > 0 else np.nan
-    if not (np.isfinite(ratio) and ratio > 1.5 and abs(ratio - round(ratio)) < 1e-6):
+    ratio = above_zero("window", window, "the length of a window, in seconds") / every
+    if ratio < 1.5 or abs(ratio - round(ratio)) > 1e-6:
         raise EstimatorError(
             f"window is {window} and every {every}; the window is a multiple of every, both in "
             "seconds, such as 1.0 and 0.05"

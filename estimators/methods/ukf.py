@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.ekf import project, state_covariance, walking
+from flexaxis.estimators.methods.ekf import project, state_covariance
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.level import judge, level, show
 from flexaxis.estimators.recursion.records import Record, joined, record
@@ -72,7 +72,7 @@ def joint_ukf(
     v0 = 4 - 1 / spread**2 - spread**2 if spread > 0 else -1.0
     if not v0 >= 0:
         raise EstimatorError(f"spread is {spread}; α must lie in [0.52, 1.93], for weights ≥ 0")
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,

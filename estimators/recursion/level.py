@@ -1,13 +1,18 @@
 """
 The noise variance of y in a Kalman filter: as given, or learnt from the innovations as it runs.
 
-With e = y − ŷ, claimed to have the variance S = hᵀPh + R, one step of expectation-maximisation takes
-R to hᵀPh R/S + e² R²/S²: a sample in which what is not known of ξ hides the noise says little (R. H.
+With e = y − ŷ, claimed to have the variance S = hᵀPh + R, a step of expectation-maximisation takes
+R to hᵀPh R/S + e² R²/S²: a sample in which the uncertainty of ξ hides the noise says little (R. H.
 Shumway and D. S. Stoffer, *An approach to time series smoothing and forecasting using the EM
-algorithm*, J. Time Series Analysis 3 (1982), in the recursive form). A parameter that has changed
-looks like noise to it, but slowly varying, so a second mean takes (e[k] − e[k−1])²/2 for e², from
-which that is gone (J. Rice, *Bandwidth choice for nonparametric regression*, Annals of Statistics 12
-(1984)). R is the smaller of the two.
+algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a mean of these.
+
+A parameter that has changed looks like noise to it. But what comes from that is smooth, and gone
+from a third difference: a second mean takes (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 for e² (T.
+Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in nonlinear
+regression*, Biometrika 73 (1986), for the second). R is the smaller of both. Where they differ by
+far, it is learnt more slowly.
+
+All is relative to what the filter has seen, so that units of y do not matter.
 """
 
 from math import erf, exp, pi, sqrt
@@ -31,7 +36,7 @@ SLOWER = 10.0  # times the memory
 ODD = 100.0  # standard deviations beyond which a sample that stands alone is not used: no noise
 # reaches that. A fault that does lasts; from its second sample on it counts as one of that size
 FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
-MOVING = 0.1  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
+MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
 
 
 def level(design: Design) -> tuple[Record, Record]:
@@ -105,7 +110,7 @@ def roughness(past, e):
 
 
 @inlined
-def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
+def learn(tuning, state, spread, square, rough):
     """Take squares of the innovation and of its difference into R."""
     R, levels = state["noise"], state["levels"]
     S = spread + R
@@ -134,7 +139,7 @@ def learn(tuning, state, spread, square, rough):  # noqa: PLR0917
 
 @inlined
 def bound(P, ceiling):
-    """Scale the rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
+    """Scale rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
     for i in range(len(ceiling)):
         if P[i, i] > ceiling[i]:
             factor = np.sqrt(ceiling[i] / P[i, i])

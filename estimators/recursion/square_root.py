@@ -75,4 +75,4 @@ def bound_root(S, ceiling, R):
 def triangular_root(P: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return an upper triangular S with SᵀS = P, for P (m, m) that may be singular."""
     values, vectors = np.linalg.eigh(P)
-    return np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
+    return np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]

@@ -43,7 +43,7 @@ def test_the_first_window_is_the_least_squares_fit(nominal, loop, by_hand):
     # (N+M/2)/(N+M), M = 200, times R̂ P
     curvature = np.linalg.inv(fit.jac.T @ fit.jac) * np.outer(root, root)
     residual = fit.fun[3:]
-    moving = abs(loop.y[1 : N + 1] - residual) > 0.1 * residual.std()
+    moving = abs(loop.y[1 : N + 1] - residual) > 0.5 * residual.std()
     share = 160 / 260 * np.mean(residual[moving] ** 2)
     np.testing.assert_allclose(ours.covariance, share * curvature, rtol=1e-4)
 
