@@ -121,6 +121,22 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
     assert before[1000:, 2].std() < 1.3 * alone[1000:1600, 2].std()
 
 
+def test_the_mixture_claims_the_spread_of_its_modes(nominal, simulated):
+    """ŷ and S of the mixture, by the records of its modes before the sample."""
+    loop = simulated(2.0, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
+    imm, apart = joint_imm(three_mass(nominal), **OPTIONS), 0.0
+    for k in range(100):
+        weights, y = imm.state["predicted"].copy(), imm.state["X"][:, -1, 0].copy()
+        h, P = imm.state["X"][:, -1, 1:9].copy(), imm.state["P"].copy()
+        imm.step(loop.u[k], loop.y[k])
+        mean = weights @ y
+        S = SIGMA**2 + weights @ (np.einsum("ja,jab,jb->j", h, P, h) + (y - mean) ** 2)
+        np.testing.assert_allclose(imm.prediction, mean, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(imm.innovation_variance, S, rtol=1e-9)
+        apart = max(apart, weights @ (y - mean) ** 2 / S)
+    assert apart > 1e-4  # so that it mattered
+
+
 def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):
     imm = joint_imm(three_mass(nominal), **OPTIONS)
     imm.run(loop.u[:1000], loop.y[:1000])

@@ -146,6 +146,18 @@ def test_a_fault_is_not_taken_for_noise(nominal, simulated, name):
 
 
 @pytest.mark.parametrize("name", JOINT)
+def test_an_uncertain_prediction_says_little_of_the_noise(nominal, simulated, name):
+    """Started on the truth but told little of it: e² is a thousandth of what it could be."""
+    loop = simulated(4.0, seed=14)
+    certain, vague = (make(name, nominal, spread=spread) for spread in (0.01, 0.5))
+    for filter_ in (certain, vague):
+        filter_.run(loop.u[:400], loop.y[:400])
+        for k in range(400, 500):
+            filter_.step(loop.u[k], loop.y[k])
+            assert deviation(filter_) > 0.085
+
+
+@pytest.mark.parametrize("name", JOINT)
 def test_noise_that_grows_is_followed(nominal, simulated, name):
     loop = simulated(30.0, seed=9)
     more = np.random.default_rng(0).standard_normal(len(loop.u)) * 0.5
@@ -443,3 +455,8 @@ def test_a_jump_does_not_depend_on_the_rate(nominal):
         for period in (0.001, 0.005, 0.01)
     ]  # fmt: skip
     np.testing.assert_allclose(gained, 0.2**2, rtol=1e-3)
+    walked = [
+        make("ekf", nominal, period=period, walk=0.01)._tuning["drift"][0, 0, 0] / period
+        for period in (0.001, 0.005, 0.01)
+    ]
+    np.testing.assert_allclose(walked, 0.01**2)  # a second's
