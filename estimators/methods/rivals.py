@@ -26,6 +26,8 @@ def joint(
     *,
     identify: Sequence[str] = PAPER,
     output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
     walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
@@ -36,6 +38,8 @@ def joint(
 
     Parameters
     ----------
+    P0, torque
+        Taken as by every entry, and left: P(0) is that of ``spread``.
     walk : float
         Standard deviation of the random walk of every θ after a second, relative to θ(0).
     noise : float, optional
@@ -60,6 +64,8 @@ def imm(
     *,
     identify: Sequence[str] = PAPER,
     output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
     walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
@@ -72,7 +78,7 @@ def imm(
 
     Parameters
     ----------
-    walk, noise, spread : float
+    P0, torque, walk, noise, spread
         As for `joint`; walk is that of the quiet mode.
     jump : float
         Standard deviation of a jump of θ_i, relative to θ(0).
