@@ -10,7 +10,7 @@ from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.methods.start import Nominal, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import OUTPUTS, finite_vector
+from flexaxis.estimators.recursion.design import OUTPUTS, above_zero, finite_vector
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 
 Array = NDArray[np.float64]
@@ -84,6 +84,7 @@ def frozen(
     torque: ArrayLike | None = None,
 ) -> Frozen:
     """Make the estimator that never moves; only ``nominal``, ``identify`` and ``output`` matter."""
+    above_zero("period", period, "the sampling period in seconds")
     return Frozen(model_of(nominal), identify=identify, output=output)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.paper import rpem_forgetting
+from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import Nominal, factor
 from flexaxis.estimators.models.axes import PAPER
@@ -102,7 +102,7 @@ def oracle_reset(
     noise : float, optional
         Standard deviation of y, in its unit.
     """
-    rpem = rpem_forgetting(
+    rpem = rpem_corrected(
         nominal,
         period,
         identify=identify,
@@ -111,7 +111,6 @@ def oracle_reset(
         torque=torque,
         forgetting=factor("oracle-reset", forgetting, period),
         noise=noise,
-        state_correction=True,
     )
     return OracleReset(rpem, onsets=onsets, spread=spread)
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import (
+    CALM,
     ROBUST,
     Nominal,
     factor,
@@ -30,9 +31,9 @@ def rpem_forgetting(
     torque: ArrayLike | None = None,
     forgetting: float | None = None,
     regularization: float = 0.0,
-    state_correction: bool = False,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CALM,
 ) -> Rpem:
     """
     Make the method with forgetting factor λ, eq. (13).
@@ -43,7 +44,7 @@ def rpem_forgetting(
         λ of a sample.
     regularization : float
         m of μ_i = m (1−λ)/P(0)_ii, which keeps P_ii below P(0)_ii/m: free of units.
-    state_correction, noise, robust
+    noise, robust, ceiling
         As for `Rpem`.
     """
     model, weight = model_of(nominal), factor("rpem-forgetting", forgetting, period)
@@ -59,8 +60,8 @@ def rpem_forgetting(
         regularization=share * (1 - weight) / diagonal,
         output=output,
         noise=noise,
-        state_correction=state_correction,
         robust=robust,
+        ceiling=ceiling,
     )
 
 
@@ -75,19 +76,31 @@ def rpem_corrected(
     forgetting: float | None = None,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CALM,
 ) -> Rpem:
-    """Make `rpem_forgetting` with state correction, which has the same options."""
-    return rpem_forgetting(
-        nominal,
-        period,
+    """
+    Make the method with a forgetting factor and state correction.
+
+    Parameters
+    ----------
+    forgetting : float, optional
+        λ of a sample.
+    noise, robust, ceiling
+        As for `Rpem`.
+    """
+    model, weight = model_of(nominal), factor("rpem-corrected", forgetting, period)
+    P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
+    return Rpem(
+        model,
         identify=identify,
+        P0=P,
+        period=period,
+        forgetting=weight,
         output=output,
-        P0=P0,
-        torque=torque,
-        forgetting=factor("rpem-corrected", forgetting, period),
-        state_correction=True,
         noise=noise,
+        state_correction=True,
         robust=robust,
+        ceiling=ceiling,
     )
 
 
@@ -103,6 +116,7 @@ def rpem_drift(
     regularization: float = 0.0,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = 10 * CALM,
 ) -> Rpem:
     """
     Make the method with covariance modification by ``scale`` times Δ, eq. (14), (32).
@@ -113,7 +127,7 @@ def rpem_drift(
         Factor on Δ.
     regularization : float
         m of μ_i = m Δ_ii/P(0)_ii², which keeps P_ii below P(0)_ii/√m: free of units.
-    noise, robust
+    noise, robust, ceiling
         As for `Rpem`.
     """
     from flexaxis.estimators.offline import priors
@@ -137,6 +151,7 @@ def rpem_drift(
         output=output,
         noise=noise,
         robust=robust,
+        ceiling=ceiling,
     )
 
 

@@ -6,10 +6,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import (
-    at_least_zero,
     covariance_matrix,
     make_design,
 )
@@ -79,9 +77,10 @@ class Rpem(CompiledFilter):
         estimation of a location parameter*, Ann. Math. Stat. 35, 1964). The first 50 samples are
         not judged, as the running noise variance is not known yet; 0 for never.
     ceiling : float
-        Largest variance R̂ P_ii of a parameter relative to θ(0)², one by default: no more is ever
-        forgotten than that. Until R̂ is known P_ii ≤ 10⁴ P(0)_ii. It changes nothing, to the last
-        bit, until it acts, as in a long standstill; infinite for the paper's method as it is.
+        Largest variance R̂ P_ii of a parameter relative to θ(0)²: no more is ever forgotten than
+        that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
+        nothing, to the last bit, until it acts, as in a long standstill; infinite for the paper's
+        method as it is.
 
     Attributes
     ----------
@@ -148,11 +147,6 @@ class Rpem(CompiledFilter):
             output=output,
             x0=x0,
         )
-        at_least_zero("robust", robust, "standard deviations, such as 3, or 0 for never")
-        if not ceiling > 0:
-            raise EstimatorError(
-                f"ceiling is {ceiling}; give a variance relative to θ(0)², above 0"
-            )
         pattern, _ = split(design.model)
         parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling)
         tuning, start = map(joined, on_lanes(design, pattern), parts)
@@ -167,6 +161,7 @@ class Rpem(CompiledFilter):
         squares = np.outer(self._design.scale, self._design.scale)
         given = covariance_matrix("P", value, len(self.names)) / squares
         self.state["P"][0] = self.state["claim"][0] = given
+        self.state["granted"][0] = np.diag(given)
 
     def restart(self, P: ArrayLike) -> None:
         """

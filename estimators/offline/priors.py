@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model, Parametrization
-from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import discretize, extended_system
@@ -99,9 +99,16 @@ def nominal_P(
     # in relative parameters, as the design is
     asked = design.model, design.theta0, np.asarray(u, float), design.period
     psi = _remembered(_Asked(pickle.dumps(asked), asked))
-    P = np.array(design.P0)
+    P = np.diag(_steady(psi, design))
     mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
     return mean * design.scale**2
+
+
+def _steady(psi: Array, design: Design) -> Array:
+    """Return about what P will be (p,), eq. (29) or (30) for one parameter each, to begin from."""
+    Q = np.maximum(np.mean(psi**2, axis=0), np.finfo(float).tiny)
+    forgotten = max(1 - design.forgetting, 1 / len(psi))
+    return np.where(np.diag(design.drift) > 0, np.sqrt(np.diag(design.drift) / Q), forgotten / Q)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 from numpy.typing import ArrayLike
 
-from flexaxis.estimators.recursion.design import Design, at_least_zero
+from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.measurement import (
@@ -26,6 +26,7 @@ def forgetful_filter(
     rule: Callable,
     *,
     robust: float,
+    ceiling: float,
     correct: bool = False,
     tuning: Mapping[str, ArrayLike],
     state: Mapping[str, ArrayLike] | None = None,
@@ -40,16 +41,18 @@ def forgetful_filter(
         ``rule(tuning, state, valid)``, marked as `inlined`: moves ``state["P"]`` on after a
         measurement, or in a gap. `flexaxis.estimators.recursion.measurement` says what state and
         tuning hold.
-    robust : float
-        Standard deviations from which on a residual counts as one of that size; 0 for never.
+    robust, ceiling : float
+        As for `flexaxis.estimators.Rpem`.
     correct : bool
         Whether the state moves with θ.
     tuning, state : mapping of str to array_like
         What the rule needs besides, and remembers, as it is at the start.
     """
-    at_least_zero("robust", robust, "standard deviations, such as 30, or 0 for never")
     pattern, _ = split(design.model)
-    lanes, parts = on_lanes(design, pattern), measured(design, clip=robust, correct=correct)
+    lanes, parts = (
+        on_lanes(design, pattern),
+        measured(design, clip=robust, correct=correct, ceiling=ceiling),
+    )
     tunings = joined(lanes[0], parts[0], record(**tuning))
     states = joined(lanes[1], parts[1], record(**(state or {})))
     return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim)

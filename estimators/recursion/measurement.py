@@ -11,7 +11,8 @@ from math import erf, exp, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.recursion.design import Design, at_least_zero
 from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.sampling.compiler import inlined
 
@@ -21,8 +22,9 @@ KNOWN = 50.0  # samples from which on R̂ judges a residual; its relative deviat
 MEMORY = 2.0  # s, of R̂; 400 samples at 5 ms give a relative standard deviation of 5 %
 ASLEEP = 1e-2  # Σψ²/R̂, ψ by relative parameters, below which a sample tells nothing: doubling a
 # parameter would move y by less than a tenth of its noise
-CEILING = 1.0  # (θ/θ(0))²: no parameter is more uncertain than by its own size
-EARLY = 1e4  # times P(0), the ceiling while R̂ is not known: 100 times the deviation of the start
+CEILING = 1.0  # (Δθ/θ(0))², of R̂ P_ii: no parameter is more uncertain than by its own size
+GRANTED = 3.0  # times P(0): what P may be in any case, as where a parameter is hardly excited
+EARLY = 100.0  # times P(0), the ceiling while R̂ is not known
 
 
 def measured(
@@ -41,6 +43,9 @@ def measured(
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
     """
+    at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
+    if not (isinstance(ceiling, int | float) and ceiling > 0):
+        raise EstimatorError(f"ceiling is {ceiling!r}; give a variance above 0, relative to θ(0)²")
     p = len(design.theta0)
     tuning = record(
         forgetting=design.forgetting,
@@ -54,11 +59,13 @@ def measured(
         clip=float(clip),
         consistency=_consistency(clip),
         ceiling=float(ceiling),
+        floor=GRANTED * np.diag(design.P0),
         early=np.full(p, np.inf) if np.isinf(ceiling) else EARLY * np.diag(design.P0),
     )
     state = record(
         P=design.P0,
         claim=design.P0,  # Σ
+        granted=GRANTED * np.diag(design.P0),  # what P may be besides, after a reset of it
         psi=np.zeros(p),
         gain=np.zeros(p),
         moved=np.zeros(p),
@@ -189,17 +196,23 @@ def predict(tuning, state):
 
 @inlined
 def bound(tuning, state):
-    """Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down."""
-    P = state["P"]
+    """
+    Keep R̂ P below the ceiling, and P below its early one until R̂ is known: scale it down.
+
+    A reset grants more, until the data have brought P down again.
+    """
+    P, granted = state["P"], state["granted"]
     for i in range(len(P)):
-        most = tuning["ceiling"] / state["noise"]
+        most = max(tuning["ceiling"] / state["noise"], granted[i])
         if state["samples"] < KNOWN and tuning["known"] <= 0.0:
-            most = tuning["early"][i]
+            most = max(tuning["early"][i], granted[i])
         if P[i, i] > most:
             factor = np.sqrt(most / P[i, i])
             for j in range(len(P)):
                 P[i, j] *= factor
                 P[j, i] *= factor
+        elif P[i, i] < granted[i]:
+            granted[i] = max(P[i, i], tuning["floor"][i])
 
 
 @inlined

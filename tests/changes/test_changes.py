@@ -102,6 +102,21 @@ def test_scenario(flexaxis):
     assert float(rows["f_m"]["lag"]) == pytest.approx(5.0)
 
 
+def test_estimator(flexaxis):
+    listed = flexaxis("list", "estimators")
+    assert re.search(r"constant-trace\s+forgets as much as is learnt", listed)
+    assert "forgetting = 0.995" in flexaxis("show", "constant-trace")
+    scenario(flexaxis, "traced", STEP)
+    names = ["--estimator", "constant-trace", "--estimator", "frozen", "--jobs", "1"]
+    flexaxis("run", "traced.toml", *names, "--seeds", "1", "-o", "traced.run")
+    flexaxis("report", "traced.run")
+    assert "constant-trace" in (flexaxis.place / "traced.run" / "report.html").read_text("utf-8")
+    summary = json.loads((flexaxis.place / "traced.run" / "summary.json").read_text("utf-8"))
+    lag = {row["estimator"]: row["lag"] for row in summary["rows"] if row["parameter"] == "f_m"}
+    assert lag["constant-trace"] < 0.6 * lag["frozen"]
+    flexaxis("check", "constant-trace")
+
+
 def test_score(flexaxis):
     scenario(flexaxis, "short", STEP)
     names = ["--estimator", "frozen", "--estimator", "rpem-forgetting", "--jobs", "1"]

@@ -229,12 +229,14 @@ def test_one_shape(name):
     for k in range(320):
         theta = estimator.step(u[k], y[k] if valid[k] else None)
         np.testing.assert_allclose(theta, estimator.theta, rtol=1e-12)
+        if name == "frozen":  # expects nothing of y
+            continue
         assert np.isfinite(estimator.prediction)
         if valid[k]:
             assert estimator.innovation == pytest.approx(y[k] - estimator.prediction, abs=1e-12)
             # of what the noise is like nothing is known at first
             assert estimator.innovation_variance > 0 or (
-                k < 10 and np.isnan(estimator.innovation_variance)
+                k < 60 and np.isnan(estimator.innovation_variance)
             )
         else:
             assert np.isnan(estimator.innovation)
@@ -300,12 +302,15 @@ OPTIONS = [(name, option) for name in REGISTRY for option in REGISTRY[name].opti
 
 
 IMPOSSIBLE = (np.nan, np.inf, -np.inf, -1.0, "fast", [1.0, 2.0])
+ENDLESS = ("ceiling",)  # where infinite means none
 
 
 @pytest.mark.parametrize(("name", "option"), OPTIONS)
 def test_what_no_option_can_be_is_refused(name, option):
     taken = []
     for value in IMPOSSIBLE:
+        if value is np.inf and option in ENDLESS:
+            continue
         try:
             make(name, **{option: value})
             taken.append(f"{value} is taken")
@@ -319,7 +324,7 @@ def test_what_no_option_can_be_is_refused(name, option):
 
 @pytest.mark.parametrize(
     ("name", "option"),
-    [pair for pair in OPTIONS if isinstance(REGISTRY[pair[0]].options[pair[1]], int)],
+    [pair for pair in OPTIONS if type(REGISTRY[pair[0]].options[pair[1]]) is int],
 )
 def test_a_count_is_whole(name, option):
     with pytest.raises(EstimatorError, match=option):

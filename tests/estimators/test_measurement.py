@@ -35,6 +35,18 @@ def test_a_corrected_state_goes_no_further_than_its_parameters():
     )
 
 
+def test_an_innovation_claims_noise_and_what_is_not_known(minute):
+    """R̂ + ψᵀ C ψ, with R̂ and the claimed covariance C of the sample before."""
+    estimator = rpem()
+    estimator.run(minute.u[:400], minute.y[:400])
+    estimator.P = np.diag([0.3, 0.1, 0.01])
+    known, C = estimator.noise_variance, estimator.covariance
+    estimator.step(minute.u[400], minute.y[400])
+    expected = known + estimator.psi @ C @ estimator.psi
+    assert expected > 2 * known
+    assert estimator.innovation_variance == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize("clip", [1.0, 1.345, 2.0, 3.0])
 def test_clipping_leaves_the_level_of_noise_as_it_is(minute, clip):
     estimator = rpem(robust=clip)

@@ -106,8 +106,11 @@ def test_recipe_is_the_paper_word_for_word(nominal, loop, options):
     from flexaxis.estimators.methods import literal as reference
 
     model = three_mass(nominal).parametrize(["k_T", "1/J_a", "f_m"])
-    P, kept = np.diag(model.theta**2 / 100), []
-    for psi in gradient(model, model.theta, loop.u[:401], 0.005):
+    gradients, kept = gradient(model, model.theta, loop.u[:401], 0.005), []
+    Q, drift = np.mean(gradients**2, axis=0), np.array(options.get("drift", np.zeros(3)))
+    forgotten = 1 - options.get("forgetting", 0.995)
+    P = np.diag(np.sqrt(drift / Q) if "drift" in options else forgotten / Q)
+    for psi in gradients:
         P = reference.measurement_update(P, psi)
         drift = np.diag(options.get("drift", np.zeros(3)))
         forgetting = 1.0 if "drift" in options else options.get("forgetting", 0.995)

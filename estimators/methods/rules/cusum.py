@@ -18,7 +18,7 @@ from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import KNOWN
+from flexaxis.estimators.recursion.measurement import CEILING, KNOWN
 from flexaxis.estimators.sampling.compiler import inlined
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
@@ -40,6 +40,7 @@ def reset_on_alarm(tuning, state, valid):
         sums[0] = 0.0
         sums[1] = tuning["first"] - tuning["next"]
         for i in range(len(P)):
+            state["granted"][i] = tuning["variance"] / state["noise"]
             for j in range(len(P)):
                 P[i, j] = tuning["variance"] / state["noise"] if i == j else 0.0
                 state["claim"][i, j] = P[i, j]
@@ -58,6 +59,7 @@ def cusum_reset(
     level: float = 10.0,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CEILING,
 ) -> CompiledFilter:
     """
     Make the method with this rule.
@@ -70,7 +72,7 @@ def cusum_reset(
         What P is reset to, as a standard deviation relative to θ(0).
     level : float
         Alarm threshold [nats].
-    noise, robust
+    noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
     design = forgetting_design(
@@ -89,6 +91,7 @@ def cusum_reset(
         design,
         reset_on_alarm,
         robust=robust,
+        ceiling=ceiling,
         correct=True,  # P is large after an alarm: the state has to follow
         tuning={
             "variance": above_zero("reset", reset, "a standard deviation relative to θ(0)") ** 2,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
@@ -64,6 +64,7 @@ def directional_forgetting(
     forgetting: float | None = None,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CALM,
 ) -> CompiledFilter:
     """
     Make the method with this rule.
@@ -72,7 +73,7 @@ def directional_forgetting(
     ----------
     forgetting : float, optional
         λ of a sample.
-    noise, robust
+    noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
     design = forgetting_design(
@@ -90,6 +91,7 @@ def directional_forgetting(
         design,
         forget_excited,
         robust=robust,
+        ceiling=ceiling,
         tuning={"unit": np.diag(design.P0)},
         state={"along": np.zeros(len(design.P0)), "work": np.zeros_like(design.P0)},
     )

@@ -16,6 +16,7 @@ from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
+from flexaxis.estimators.recursion.measurement import CEILING
 from flexaxis.estimators.sampling.compiler import inlined
 
 
@@ -49,6 +50,7 @@ def efra(
     forgetting: float | None = None,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CEILING,
 ) -> CompiledFilter:
     """
     Make the method with this rule.
@@ -57,7 +59,7 @@ def efra(
     ----------
     forgetting : float, optional
         λ of a sample.
-    noise, robust
+    noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
     design = forgetting_design(
@@ -75,6 +77,7 @@ def efra(
         design,
         forget_and_reset,
         robust=robust,
+        ceiling=ceiling,
         tuning={"reset_P": 10 * np.diag(design.P0)},
         state={"work": np.zeros_like(design.P0)},
     )

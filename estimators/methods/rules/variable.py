@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
@@ -63,6 +63,7 @@ def variable_forgetting(
     level: float = 2.0,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = 10 * CALM,
 ) -> CompiledFilter:
     """
     Make the method with this rule.
@@ -73,7 +74,7 @@ def variable_forgetting(
         Largest λ of a sample.
     level : float
         How far the residual must exceed the noise, in standard deviations, to forget more.
-    noise, robust
+    noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
     design = forgetting_design(
@@ -92,6 +93,7 @@ def variable_forgetting(
         design,
         forget_by_residual,
         robust=robust,
+        ceiling=ceiling,
         tuning={
             "level": level,
             "short": max(SHORT / period, 2.0),

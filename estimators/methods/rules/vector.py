@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import ROBUST, Nominal, forgetting_design
+from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal, forgetting_design
 from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.recursion.design import finite_vector
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
 from flexaxis.estimators.sampling.compiler import inlined
@@ -40,6 +41,7 @@ def vector_forgetting(
     rates: ArrayLike | None = None,
     noise: float | None = None,
     robust: float = ROBUST,
+    ceiling: float = CALM,
 ) -> CompiledFilter:
     """
     Make the method with a factor for each parameter.
@@ -50,7 +52,7 @@ def vector_forgetting(
         λ of a sample.
     rates : (p,) array_like, optional
         1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of which P(0) knows least.
-    noise, robust
+    noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
     design = forgetting_design(
@@ -67,12 +69,14 @@ def vector_forgetting(
     if rates is None:  # in relative parameters, so that units do not choose
         known_least = np.argmax(np.diag(design.P0))
         rates = np.where(np.arange(len(identify)) == known_least, 0.5, 1.0)
-    factors = 1 - (1 - design.forgetting) * np.asarray(rates, float)
-    if factors.shape != (len(identify),) or not np.all((factors > 0) & (factors <= 1)):
+    factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(identify))
+    if not np.all((factors > 0) & (factors <= 1)):
         raise EstimatorError(
             f"rates are {rates!r}; give one for each parameter, with 1 − (1−λ) rate in (0, 1]"
         )
-    return forgetful_filter(design, forget_each, robust=robust, tuning={"rates": factors})
+    return forgetful_filter(
+        design, forget_each, robust=robust, ceiling=ceiling, tuning={"rates": factors}
+    )
 
 
 ENTRIES = (

@@ -155,15 +155,20 @@ def efra(factor: float, S: Array) -> Rule:
     return lambda P, seen: P / factor + nu / 10 * (S - P @ np.linalg.inv(S) @ P)
 
 
-def directional(factor: float) -> Rule:
-    """Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz)."""
+def directional(factor: float, unit: Array) -> Rule:
+    """
+    Forgetting along ψ only, eq. (9) on the part of P⁻¹ that it excites (Cao and Schwartz).
+
+    The parameters are measured in ``unit`` (p,), relative to θ(0).
+    """
+    D = np.diag(unit)
 
     def rule(P: Array, seen: Seen | None) -> Array:
         if seen is None or not seen.psi @ seen.psi > ASLEEP * seen.after:
             return P
-        R = np.linalg.inv(P)
-        v = R @ seen.psi
-        return np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (seen.psi @ v))
+        R, psi = D @ np.linalg.inv(P) @ D, D @ seen.psi
+        v = R @ psi
+        return D @ np.linalg.inv(R - (1 - factor) * np.outer(v, v) / (psi @ v)) @ D
 
     return rule
 
@@ -191,20 +196,22 @@ class Cusum:
     def __init__(self, factor: float, *, level: float, reset: float) -> None:
         self.factor, self.level, self.reset = factor, level, reset
         self.evidence, self.wait, self.alarms = 0.0, 200, []  # a second before the first
-        self.k = -1
+        self.history = []
 
     def __call__(self, P: Array, seen: Seen | None) -> Array:
-        self.k += 1
         P = P / self.factor
-        if seen is None or np.isnan(seen.before):
-            return P
+        if seen is not None and np.isfinite(seen.before):
+            self.add(seen)
+            if self.evidence > self.level and self.wait < 0:
+                self.evidence, self.wait = 0.0, 100  # half a second
+                self.alarms.append(len(self.history))
+                P = np.eye(N_P) * self.reset**2 / seen.after
+        self.history.append(self.evidence)
+        return P
+
+    def add(self, seen: Seen) -> None:
+        """Log of the ratio of likelihoods of four times the variance and of what it was."""
         square = min(seen.epsilon**2 / (seen.before * (1 + seen.spread)), 16.0)
-        growth = 4.0  # of the variance; log of the ratio of likelihoods
-        self.evidence += (square * (1 - 1 / growth) - np.log(growth)) / 2
+        self.evidence += (square * (1 - 1 / 4) - np.log(4)) / 2
         self.evidence = max(self.evidence, 0.0)
         self.wait -= 1
-        if self.evidence > self.level and self.wait < 0:
-            self.evidence, self.wait = 0.0, 100  # half a second
-            self.alarms.append(self.k)
-            return np.eye(N_P) * self.reset**2 / seen.after
-        return P
