@@ -43,6 +43,9 @@ def joint_ekf(
     θ_i(0)², to which its row and column are scaled down. A sample that lies alone beyond 100 of
     its standard deviations is not used, and each after it counts as one of that size.
 
+    P is claimed for θ that walks as W says. While θ stands still instead, in slow adaptation, the
+    error has half that variance; after a jump, which W does not know, P is far too small.
+
     Parameters
     ----------
     model : Model

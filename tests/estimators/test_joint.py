@@ -77,7 +77,15 @@ def trouble(simulated):
     return lru_cache(lambda kind: TROUBLES[kind](simulated))
 
 
-@pytest.mark.parametrize("kind", TROUBLES)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(
+            kind, marks=[pytest.mark.slow] if kind in {"13 minutes of zeros", "a gap"} else []
+        )
+        for kind in TROUBLES
+    ],
+)
 @pytest.mark.parametrize("name", ALL)
 def test_a_minute_after_trouble_all_is_well(nominal, trouble, name, kind):
     u, y, valid = trouble(kind)
