@@ -72,9 +72,12 @@ def tuned() -> str:
     for entry in REGISTRY.values():
         found = [t for t in tunings() if t.estimator == entry.name and t.scenario is None]
         default = f"{entry.options[entry.knob]:.6g}" if entry.knob else "–"
+        elsewhere = f"{entry.default:.6g}" if entry.knob else "–"
         matched = f"{found[0].value:.6g}" if found else "–"
-        rows.append([f"`{entry.name}`", entry.knob or "–", default, matched, entry.summary])
-    return table(["estimator", "knob", "default", "at equal excess error", "what it does"], rows)
+        values = [default, elsewhere, matched]
+        rows.append([f"`{entry.name}`", entry.knob or "–", *values, entry.summary])
+    heads = ["default on n1", "default elsewhere", "at equal excess error on n1"]
+    return table(["estimator", "knob", *heads, "what it does"], rows)
 
 
 def equal_noise() -> str:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.estimators.tuned import tuned
+from flexaxis.estimators.tuned import Tuning, at_equal_noise
 
 if TYPE_CHECKING:
     from flexaxis.estimators.protocol import Estimator
@@ -32,8 +32,8 @@ class Entry:
     knob : str or None
         The option that trades tracking speed against variance.
     default : float or None
-        Of the knob, where no tuning is known; a forgetting factor for 5 ms, as which it stands
-        for a time constant.
+        Of the knob, on an axis for which it was not tuned; a forgetting factor for 5 ms, as
+        which it stands for a time constant.
     look : (colour, marker)
         In every figure; see `flexaxis.experiments.reporting.figures`.
     rank : float
@@ -55,5 +55,13 @@ class Entry:
         found = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
         options = {name: value for name, value in found.items() if name not in GIVEN}
         if self.knob is not None and options.get(self.knob) is None:
-            options[self.knob] = tuned(self.name, otherwise=self.default or 0.0)
+            options[self.knob] = self.tuning.value if self.tuning else self.default or 0.0
         return options
+
+    @property
+    def tuning(self) -> Tuning | None:
+        """What its knob is on the axis that it was tuned for, if that is its default there."""
+        left_open = inspect.signature(self.factory).parameters.get(self.knob or "")
+        if left_open is None or left_open.default is not None:
+            return None
+        return at_equal_noise(self.name)

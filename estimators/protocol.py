@@ -15,8 +15,9 @@ class Estimator(Protocol):
     Anything with names, an output and a step.
 
     Optional: ``run(u, y, valid=None) -> (N, p)``, the same numbers faster; ``covariance`` (p, p);
-    ``alarm`` (bool); ``findings``, a sequence of objects with ``alarm`` (sample) and ``parameters``
-    (names of what has changed); ``reset()``.
+    ``innovations`` (N, 2), of each sample of the last ``run`` y − ŷ before y was used, and the
+    variance claimed of it, NaN where there was no y; ``alarm`` (bool); ``findings``, a sequence of
+    objects with ``alarm`` (sample) and ``parameters`` (names of what has changed); ``reset()``.
 
     Attributes
     ----------

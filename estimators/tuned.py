@@ -1,15 +1,21 @@
-"""Settings found by `flexaxis tune`, from which the registry takes the defaults of knobs."""
+"""Settings found by `flexaxis tune`, and on which axis they hold."""
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
+
+from flexaxis.estimators.models.known import moves_as
+from flexaxis.estimators.models.model import Model
+
+PERIODS_AGREE = 1e-6  # relative
 
 
 @dataclass(frozen=True)
 class Tuning:
     """
-    A setting, and how it was found.
+    A setting, how it was found, and on which axis.
 
     Attributes
     ----------
@@ -26,6 +32,15 @@ class Tuning:
         error the root.
     command : str
         What found it.
+    model : str
+        The axis by name, as in `known` of `flexaxis.estimators.models.axes.MODELS`.
+    identify : tuple of str
+        What was estimated.
+    period : float
+        Sampling period [s].
+    noise : float
+        Standard deviation of the output [rad/s]. Estimators are not told it: a setting is applied
+        whatever it is.
     scenario : str or None
         The fault after which the lag is least, for settings that know what is coming.
     lag : float or None
@@ -39,8 +54,39 @@ class Tuning:
     match: str
     ratio: float
     command: str
+    model: str
+    identify: Sequence[str]
+    period: float
+    noise: float
     scenario: str | None = None
     lag: float | None = None
+
+    def holds_for(self, model: Model, period: float, identify: Sequence[str]) -> bool:
+        """
+        Return whether it was found for this axis, whatever its units.
+
+        Parameters
+        ----------
+        model : Model
+            With the nominal values that the estimator is told, and starts from.
+        period : float
+            Sampling period [s].
+        identify : sequence of str
+            What is to be estimated, in any order.
+        """
+        return (
+            sorted(self.identify) == sorted(identify)
+            and abs(period / self.period - 1) < PERIODS_AGREE
+            and moves_as(model, self.model)
+        )
+
+    @property
+    def axis(self) -> str:
+        """In words: which axis it holds for."""
+        return (
+            f"{self.model} at {1000 * self.period:g} ms, {', '.join(self.identify)}, "
+            f"noise {self.noise:g} rad/s"
+        )
 
 
 @lru_cache
@@ -50,15 +96,26 @@ def tunings() -> tuple[Tuning, ...]:
     return tuple(Tuning(**table) for table in tomllib.loads(text)["tuned"])
 
 
-def tuned(estimator: str, otherwise: float) -> float:
-    """Return the value of the knob at matched noise, or another where none is known.
+def at_equal_noise(estimator: str) -> Tuning | None:
+    """Return the setting of an estimator at matched noise, on the axis that is in it."""
+    found = (t for t in tunings() if t.estimator == estimator and t.scenario is None)
+    return next(found, None)
+
+
+def tuned(name: str, model: Model, period: float, identify: Sequence[str]) -> float | None:
+    """
+    Return the value of an estimator's knob at matched noise, None where none holds for the axis.
 
     Parameters
     ----------
-    estimator : str
-        Its name in the registry.
-    otherwise : float
-        Where tuning begins that has not been done yet.
+    name : str
+        Of the estimator, in the registry.
+    model : Model
+        With the nominal values that it is told, and starts from.
+    period : float
+        Sampling period [s].
+    identify : sequence of str
+        What it is to estimate.
     """
-    found = (t.value for t in tunings() if t.estimator == estimator and t.scenario is None)
-    return next(found, otherwise)
+    found = at_equal_noise(name)
+    return found.value if found and found.holds_for(model, period, identify) else None

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Protocol, get_args
+from typing import Annotated, Any, NoReturn, Protocol, get_args
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 
 class Config(BaseModel):
     """A table of a scenario: immutable, and no key or type is guessed."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Frozen(dict[str, float]):
+    """A table of numbers that cannot change: what has it as a part has a hash that is kept."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("a scenario cannot change; make another one with its `override`")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
+    clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Frozen, (dict(self),)
 
 
 class Table(Protocol):
@@ -24,6 +37,7 @@ class Table(Protocol):
         """Return what it does as it is configured, in a few words; nothing if it does nothing."""
 
 
+Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.config import Config, NotNegative, Positive
-from flexaxis.sim.timing import PERIOD
 
 
 class ControllerConfig(Config):
@@ -83,7 +82,7 @@ class Controller:
     """
 
     # Only sums and products per sample: they give the same bits for any number of runs.
-    def __init__(self, config: ControllerConfig, runs: int, *, period: float = PERIOD) -> None:
+    def __init__(self, config: ControllerConfig, runs: int, *, period: float) -> None:
         pole = math.exp(-period / config.tau) if config.tau > 0 else 0.0
         self._pole, self._rate = pole, (1 - pole) / period
         self._Kp, self._Kv, self._KiT = config.Kp, config.Kv, config.Ki * period

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.faults import CHANGEABLE, Fault
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
 
@@ -36,16 +37,16 @@ class Event:
     after: float
 
 
-def changed(nominal: float, name: str, changes: Iterable[Fault], times: Array) -> Array:
+def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
     """Return a value (N,) over time: nominal times the factors of all changes that name it."""
-    factors = (change.factor_at(times) for change in changes if change.parameter == name)
-    return math.prod(factors, start=np.full(len(times), nominal))
+    factors = (change.factor_at(grid) for change in changes if change.parameter == name)
+    return math.prod(factors, start=np.full(len(grid.k), nominal))
 
 
 def find_events(
     faults: Sequence[Fault],
     nuisances: Sequence[Fault],
-    times: Array,
+    grid: Grid,
     nominal: Callable[[str], float],
 ) -> tuple[Event, ...]:
     """Return the changes by faults, in order of time.
@@ -62,27 +63,33 @@ def find_events(
         What is scored; several on one parameter in one sample are one event.
     nuisances : sequence of Fault
         What else changes the truth.
-    times : ndarray (N,)
-        Sample times of the run [s].
+    grid : Grid
+        Samples of the run.
     nominal : callable
         ``nominal(name)``: the value that the factors multiply.
     """
     changes = (*faults, *nuisances)
     settled: dict[tuple[int, str], dict[int, int]] = {}
     for number, fault in enumerate(faults):
-        for first, last in fault.onsets(times):
+        for first, last in fault.onsets(grid):
             settled.setdefault((first, fault.parameter), {})[number] = last
     found = []
     for (first, name), ends in settled.items():
-        before = _product(nominal(name), name, changes, {}, first - 1)
-        after = _product(nominal(name), name, changes, ends, first - 1)
+        value = partial(_product, nominal(name), name, changes, otherwise=first - 1)
+        before, after = value({}, period=grid.period), value(ends, period=grid.period)
         if before != after:
             found.append(Event(name, first, before, after))
     return tuple(sorted(found, key=lambda e: (e.index, CHANGEABLE.index(e.parameter))))
 
 
 def _product(
-    nominal: float, name: str, changes: Sequence[Fault], ends: Mapping[int, int], otherwise: int
+    nominal: float,
+    name: str,
+    changes: Sequence[Fault],
+    ends: Mapping[int, int],
+    *,
+    otherwise: int,
+    period: float,
 ) -> float:
     """Return nominal times the factor of each change of `name`, in a sample of its own.
 
@@ -92,5 +99,5 @@ def _product(
     for number, change in enumerate(changes):
         if change.parameter == name:
             sample = ends.get(number, otherwise)
-            value *= float(change.factor_at(np.array([sample]) * PERIOD)[0])
+            value *= float(change.factor_at(Grid(np.array([sample]), period))[0])
     return value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from flexaxis.sim.config import Config, NotNegative, Positive
-from flexaxis.sim.timing import RATE, sample_index, sample_indices
+from flexaxis.sim.timing import Grid, sample_index
 
 Array = NDArray[np.float64]
 
@@ -56,10 +57,6 @@ class Multisine(Config):
 
     @model_validator(mode="after")
     def _has_lines(self) -> Multisine:
-        if self.high >= RATE / 2:
-            raise ValueError(f"high must be below half the sampling rate, {RATE / 2:g} Hz")
-        if abs(self.period * RATE - sample_index(self.period)) > 1e-6:
-            raise ValueError(f"period must be a whole number of samples of {1000 / RATE:g} ms")
         if not self._lines().size:
             raise ValueError(
                 f"no line of the period {self.period:g} s (a multiple of {1 / self.period:g} Hz) "
@@ -73,26 +70,32 @@ class Multisine(Config):
         first = max(1, int(np.ceil(self.low * self.period - slack)))
         return np.arange(first, int(np.floor(self.high * self.period + slack)) + 1)
 
-    def one_period(self, rng: np.random.Generator) -> Array:
-        """Return one period of the signal (period/T,) [rad], phases drawn from `rng`."""
-        lines = self._lines()
-        spectrum = np.zeros(sample_index(self.period) // 2 + 1, dtype=complex)
+    def sampling_problems(self, period: float) -> Iterator[tuple[str, str]]:
+        """Yield the keys, and why, that do not go with a sampling period [s]."""
+        if self.high * period >= 0.5:
+            yield "high", f"must be below half the sampling rate, {0.5 / period:g} Hz"
+        if abs(self.period / period - sample_index(self.period, period)) > 1e-6:
+            yield "period", f"must be a whole number of samples of {1000 * period:g} ms"
+
+    def one_period(self, rng: np.random.Generator, period: float) -> Array:
+        """Return one period of the signal, sampled every `period` s [rad]; `rng` draws phases."""
+        lines, samples = self._lines(), sample_index(self.period, period)
+        spectrum = np.zeros(samples // 2 + 1, dtype=complex)
         spectrum[lines] = np.exp(2j * np.pi * rng.random(lines.size))
-        signal = np.fft.irfft(spectrum, sample_index(self.period))
+        signal = np.fft.irfft(spectrum, samples)
         return signal * (self.rms / np.sqrt(np.mean(signal**2)))
 
-    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+    def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
         """Return the reference (N,) [rad] at the samples; before its first sample it is 0."""
-        signal = self.one_period(rng)
-        clock = np.cumsum(self.excited(times)) - 1
+        signal = self.one_period(rng, grid.period)
+        clock = np.cumsum(self.excited(grid)) - 1
         return np.where(clock < 0, 0.0, signal[clock % signal.size])
 
-    def excited(self, times: Array) -> NDArray[np.bool_]:
+    def excited(self, grid: Grid) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
-        k = sample_indices(times)
-        moves = np.ones(k.size, dtype=bool)
+        moves = np.ones(grid.k.size, dtype=bool)
         for begin, end in self.pause:
-            moves &= (k < sample_index(begin)) | (k >= sample_index(end))
+            moves &= (grid.k < grid.index(begin)) | (grid.k >= grid.index(end))
         return moves
 
     def in_words(self) -> str:
@@ -119,26 +122,26 @@ class Moves(Config):
     move: Annotated[float, Field(ge=0.05)] = 0.4
     dwell: NotNegative = 0.2
 
-    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+    def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
         """Return the reference (N,) [rad] at the samples; the targets are drawn from `rng`."""
-        cycle, done = self._clock(times)
+        cycle, done = self._clock(grid)
         drawn = rng.uniform(-self.reach, self.reach, int(cycle.max()) + 1)
         targets = np.concatenate([[0.0], drawn])
         part = done**3 * (10 - 15 * done + 6 * done**2)  # T. Flash and N. Hogan, 1985
         return (1 - part) * targets[cycle] + part * targets[cycle + 1]
 
-    def excited(self, times: Array) -> NDArray[np.bool_]:
+    def excited(self, grid: Grid) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
-        return self._clock(times)[1] < 1
+        return self._clock(grid)[1] < 1
 
     def in_words(self) -> str:
         """Return what the axis is asked to do."""
         return f"moves of {self.move:g} s within {self.reach:g} rad, {self.dwell:g} s apart"
 
-    def _clock(self, times: Array) -> tuple[NDArray[np.int64], Array]:
+    def _clock(self, grid: Grid) -> tuple[NDArray[np.int64], Array]:
         """Return the number of the move (N,) at the samples, and how much of its time is over."""
-        length = sample_index(self.move)
-        cycle, since = np.divmod(sample_indices(times), length + sample_index(self.dwell))
+        length = grid.index(self.move)
+        cycle, since = np.divmod(grid.k, length + grid.index(self.dwell))
         return cycle, np.minimum(since / length, 1.0)
 
 
@@ -147,14 +150,14 @@ class Standstill(Config):
 
     kind: Literal["standstill"] = "standstill"
 
-    def reference(self, times: Array, rng: np.random.Generator) -> Array:
+    def reference(self, grid: Grid, rng: np.random.Generator) -> Array:
         """Return the reference (N,), all zero [rad]."""
         del rng
-        return np.zeros(len(times))
+        return np.zeros(len(grid.k))
 
-    def excited(self, times: Array) -> NDArray[np.bool_]:
+    def excited(self, grid: Grid) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves: at none."""
-        return np.zeros(len(times), dtype=bool)
+        return np.zeros(len(grid.k), dtype=bool)
 
     def in_words(self) -> str:
         """Return what the axis is asked to do."""

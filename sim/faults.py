@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Field
 from flexaxis.sim.config import Config, Positive
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.timing import PERIOD, sample_index, sample_indices
+from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,10 @@ def _can_fail(parameter: str) -> str:
 Parameter = Annotated[str, AfterValidator(_can_fail)]
 # Above that a percentage was meant, or a value instead of a factor.
 Factor = Annotated[float, Field(ge=0, le=100)]
-# What is shorter than a sample would round to nothing; at sample 0 there is no value before.
-Span = Annotated[float, Field(ge=PERIOD)]
+A_SAMPLE = "a sample at least"
+"""Marks times: what is shorter would round to nothing; at sample 0 there is no value before."""
+
+Span = Annotated[Positive, A_SAMPLE]
 
 
 def _change(fault: Fault) -> str:
@@ -63,14 +65,13 @@ class Step(Config):
     at: Span
     factor: Factor
 
-    def factor_at(self, times: Array) -> Array:
+    def factor_at(self, grid: Grid) -> Array:
         """Return the factor (N,) at the samples."""
-        return np.where(sample_indices(times) >= sample_index(self.at), self.factor, 1.0)
+        return np.where(grid.k >= grid.index(self.at), self.factor, 1.0)
 
-    def onsets(self, times: Array) -> list[tuple[int, int]]:
+    def onsets(self, grid: Grid) -> list[tuple[int, int]]:
         """Return (first changed sample, first settled sample) of each change."""
-        del times
-        return [(sample_index(self.at), sample_index(self.at))]
+        return [(grid.index(self.at), grid.index(self.at))]
 
     def in_words(self) -> str:
         """Return what changes, how much and when, such as "f_m +50 % at 10 s"."""
@@ -98,17 +99,16 @@ class Ramp(Config):
     over: Span
     factor: Factor
 
-    def factor_at(self, times: Array) -> Array:
+    def factor_at(self, grid: Grid) -> Array:
         """Return the factor (N,) at the samples: the mean of the ramp until the next sample."""
-        k = sample_indices(times) - sample_index(self.at)
-        done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / sample_index(self.over), 1.0))
+        k = grid.k - grid.index(self.at)
+        done = np.where(k < 0, 0.0, np.minimum((k + 0.5) / grid.index(self.over), 1.0))
         return 1.0 + done * (self.factor - 1.0)
 
-    def onsets(self, times: Array) -> list[tuple[int, int]]:
+    def onsets(self, grid: Grid) -> list[tuple[int, int]]:
         """Return (first changed sample, first settled sample) of each change."""
-        del times
-        first = sample_index(self.at)
-        return [(first, first + sample_index(self.over))]
+        first = grid.index(self.at)
+        return [(first, first + grid.index(self.over))]
 
     def in_words(self) -> str:
         """Return what changes, how much and when, such as "f_m +50 % from 10 to 15 s"."""
@@ -136,18 +136,17 @@ class Thermal(Config):
     time_constant: Span
     factor: Factor
 
-    def factor_at(self, times: Array) -> Array:
+    def factor_at(self, grid: Grid) -> Array:
         """Return the factor (N,) at the samples: the mean of the curve until the next sample."""
-        k = np.maximum(sample_indices(times) - sample_index(self.at), -1)
-        decay = np.exp(-PERIOD / self.time_constant)
-        left = decay**k * (1 - decay) * self.time_constant / PERIOD
+        k = np.maximum(grid.k - grid.index(self.at), -1)
+        decay = np.exp(-grid.period / self.time_constant)
+        left = decay**k * (1 - decay) * self.time_constant / grid.period
         return 1.0 + np.where(k < 0, 0.0, 1.0 - left) * (self.factor - 1.0)
 
-    def onsets(self, times: Array) -> list[tuple[int, int]]:
+    def onsets(self, grid: Grid) -> list[tuple[int, int]]:
         """Return (first changed sample, first settled sample) of each change."""
-        del times
-        first = sample_index(self.at)
-        return [(first, first + sample_index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
+        first = grid.index(self.at)
+        return [(first, first + grid.index(40 * self.time_constant))]  # e⁻⁴⁰ is round-off
 
     def in_words(self) -> str:
         """Return what changes, how much and when, such as "f_m -30 % from 5 s, 20 s to 63 %"."""
@@ -179,25 +178,24 @@ class Intermittent(Config):
     factor: Factor
     until: Positive | None = None
 
-    def factor_at(self, times: Array) -> Array:
+    def factor_at(self, grid: Grid) -> Array:
         """Return the factor (N,) at the samples."""
-        return np.where(self._faulty(sample_indices(times)), self.factor, 1.0)
+        return np.where(self._faulty(grid, grid.k), self.factor, 1.0)
 
-    def onsets(self, times: Array) -> list[tuple[int, int]]:
-        """Return (first changed sample, first settled sample) of each change in `times`."""
-        k = sample_indices(times)
-        switched = self._faulty(k) != self._faulty(k - 1)
-        return [(int(index), int(index)) for index in k[switched]]
+    def onsets(self, grid: Grid) -> list[tuple[int, int]]:
+        """Return (first changed sample, first settled sample) of each change in `grid`."""
+        switched = self._faulty(grid, grid.k) != self._faulty(grid, grid.k - 1)
+        return [(int(index), int(index)) for index in grid.k[switched]]
 
     def in_words(self) -> str:
         """Return what changes, how much and when, such as "f_m +50 % from 10 s, 2 s of 4"."""
         return f"{_change(self)} from {self.at:g} s, {self.on:g} s of {self.on + self.off:g}"
 
-    def _faulty(self, k: NDArray[np.int64]) -> NDArray[np.bool_]:
-        since = k - sample_index(self.at)
-        on, off = sample_index(self.on), sample_index(self.off)
+    def _faulty(self, grid: Grid, k: NDArray[np.int64]) -> NDArray[np.bool_]:
+        since = k - grid.index(self.at)
+        on, off = grid.index(self.on), grid.index(self.off)
         faulty = (since >= 0) & (since % (on + off) < on)
-        return faulty if self.until is None else faulty & (k < sample_index(self.until))
+        return faulty if self.until is None else faulty & (k < grid.index(self.until))
 
 
 # A new fault is a class with `kind`, `parameter`, `at`, `factor_at`, `onsets` and `in_words`, and

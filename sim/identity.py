@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
+from flexaxis.sim.timing import PERIOD
+
 PLANT, CONTENT = "plant", "content"
 """Keys of the random streams: what plant and sensors see, or the whole content."""
 
@@ -33,10 +35,11 @@ Streams = Annotated[str, AfterValidator(_a_key)]
 def content_hash(resolved: Mapping[str, Any]) -> str:
     """Return the SHA-256 (64 hex digits) of a resolved scenario without the words on it.
 
-    ``streams = "content"`` is left out: the scenarios that have it are older than the key.
+    ``streams = "content"`` is left out, and the period of 5 ms: the scenarios that have them are
+    older than the keys.
     """
     without = _WORDS | ({"streams"} if resolved["streams"] == CONTENT else set())
-    return _digest({key: value for key, value in resolved.items() if key not in without})
+    return _digest({k: v for k, v in _without_old_period(resolved).items() if k not in without})
 
 
 def stream_key(resolved: Mapping[str, Any]) -> str:
@@ -61,7 +64,15 @@ def record_hash(resolved: Mapping[str, Any]) -> str:
 
 def _seen(resolved: Mapping[str, Any]) -> dict[str, Any]:
     """Return what plant and sensors see of a scenario."""
-    return {key: value for key, value in resolved.items() if key not in _NOT_SEEN}
+    return {
+        key: value for key, value in _without_old_period(resolved).items() if key not in _NOT_SEEN
+    }
+
+
+def _without_old_period(resolved: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a resolved scenario without a period that every scenario once had."""
+    old = resolved.get("period", PERIOD) == PERIOD
+    return {key: value for key, value in resolved.items() if key != "period" or not old}
 
 
 def _digest(content: Mapping[str, Any]) -> str:

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.controller import Controller
-from flexaxis.sim.nonlinear import LINEAR_SUBSTEPS
+from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.sensors import White, reading
-from flexaxis.sim.timing import PERIOD, TICKS
+from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -61,7 +61,7 @@ def closed_loop(
     changes = _Changes(scenario)
     drive = _Drive(scenario, runs, threads)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
-    read = reading(sensors, "angle", white)
+    read = reading(sensors, "angle", white, period=scenario.period)
     torque, speed = np.empty((2, samples, runs))
     angles = np.empty((samples, runs, 3))
     for k in range(samples):
@@ -95,17 +95,18 @@ class _Drive:
     def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
         config, delay = scenario.controller, scenario.delay.torque_ticks
         inner = bool(config.rate)
-        self._ticks = TICKS if inner or delay else 1
+        self._ticks = round(scenario.period / TICK) if inner or delay else 1
         self._every = 1 if inner else self._ticks  # ticks from one command to the next
         self._logged = config.logged
-        self._controller = Controller(config, runs, period=PERIOD * self._every / self._ticks)
+        period = scenario.period / self._ticks
+        between = scenario.period * self._every / self._ticks
+        self._controller = Controller(config, runs, period=between)
         self._on_the_way = deque(np.zeros((delay, runs)))
         nonlinear = list(scenario.nonlinear.values())
-        steps = max([LINEAR_SUBSTEPS, *(feature.substeps for feature in nonlinear)])
         self.plant = Plant(
             [scenario.nominal] * runs,
-            period=PERIOD / self._ticks,
-            substeps=steps // self._ticks,
+            period=period,
+            substeps=substeps(nonlinear, period),
             threads=threads,
             nonlinear=nonlinear,
         )

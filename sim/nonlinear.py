@@ -1,20 +1,23 @@
 """What an axis has beyond the linear model, one table of a scenario each.
 
 Every table knows how to build itself into MuJoCo's description of the plant (`build`), that the
-linear model does not describe it (`exact`), and how finely a sample must then be cut (`substeps`):
+linear model does not describe it (`exact`), and how finely time must then be cut (`substeps`):
 such that the motor speed agrees with an independent solution to 1e-5 of its rms, and to 1e-3 where
 friction sticks and slips.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pydantic import Field, model_validator
 
 from flexaxis.sim.config import Config, Positive
 
-LINEAR_SUBSTEPS = 5  # of a sample: steps of 1 ms
+SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
+LINEAR_SUBSTEPS = 5
 _NO_INPUT = 16  # MuJoCo's mjINPUT_NONE: an actuator without a command
 
 
@@ -24,10 +27,22 @@ class Nonlinearity(Protocol):
 
     @property
     def substeps(self) -> int:
-        """Steps of the engine that a sample needs with it."""
+        """Steps of the engine that 5 ms need with it."""
 
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
+
+
+def substeps(features: Iterable[Nonlinearity], period: float) -> int:
+    """Return the steps of the engine in a period [s], fine enough for all features.
+
+    Examples
+    --------
+    >>> [substeps([], period) for period in (0.001, 0.0025, 0.005, 0.01)]
+    [1, 3, 5, 10]
+    """
+    finest = max([LINEAR_SUBSTEPS, *(feature.substeps for feature in features)])
+    return math.ceil(finest * period / SPAN - 1e-9)
 
 
 class FrictionConfig(Config):

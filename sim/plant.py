@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from threading import Lock
 
 import mujoco
 import numpy as np
@@ -14,7 +15,6 @@ from flexaxis.models_mjcf import model_files
 from flexaxis.sim.errors import ParameterError, SimulationError
 from flexaxis.sim.nonlinear import Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
-from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]
 
@@ -68,8 +68,8 @@ class Plant:
         self,
         parameters: Sequence[AxisParameters] | Array,
         *,
-        period: float = PERIOD,
-        substeps: int = 5,
+        period: float,
+        substeps: int,
         threads: int = 1,
         nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:
@@ -139,7 +139,7 @@ class Plant:
             If the engine warns, or a state is no longer finite.
         """
         self._torque[:] = torque
-        with _quiet():
+        with _QUIET:
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any() or not np.isfinite(self._batch.state).all():
             self._fail()
@@ -185,19 +185,32 @@ class Plant:
         raise SimulationError(message, run=run, time=time, reason=reason)
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
+class _Quiet(AbstractContextManager[None]):
     """Keep the engine from printing warnings, and from writing them into the user's folder.
 
-    Its counters still count them, and they become errors.
+    Its counters still count them, and they become errors. The setting is one for the process:
+    where plants step in several threads, the first makes it quiet and the last puts it back.
     """
-    before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
-    silent.logto_console = silent.logto_file = False
-    silent.set()
-    try:
-        yield
-    finally:
-        before.set()
+
+    def __init__(self) -> None:
+        self._lock, self._inside = Lock(), 0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._before, silent = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+                silent.logto_console = silent.logto_file = False
+                silent.set()
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                self._before.set()
+
+
+_QUIET = _Quiet()
 
 
 class _Springs:

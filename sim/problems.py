@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -18,10 +19,15 @@ from flexaxis.sim.parameters import (
     PRESETS,
     parameter_problem,
 )
+from flexaxis.sim.rate_problems import (
+    Problem,
+    as_number,
+    as_table,
+    checked_period,
+    rate_problems,
+    span_problems,
+)
 from flexaxis.sim.timing import sample_index
-
-Problem = tuple[str, str]
-"""Key, such as ``fault[0].at``, and what is wrong with it."""
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
 
@@ -48,14 +54,15 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
 
     Values of a wrong type are passed over: `explain` tells them.
     """
-    duration = _number(content.get("duration"))
+    duration, period = as_number(content.get("duration")), checked_period(content)
+    yield from rate_problems(content)
     yield from _parameter_problems(content)
     identify = _items(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
     yield from _told_problems(content.get("told"), identify)
     yield from _loop_problems(content)
     for place, change in _changes(content):
-        for key, text in _change_problems(change, duration, content.get("friction")):
+        for key, text in _change_problems(change, duration, period, content.get("friction")):
             yield f"{place}.{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
@@ -81,7 +88,7 @@ def estimated_problems(
     yield from _zero_problems(texts, content.get("parameters"))
     inverses = {name for _, name in texts if name.startswith("1/")}
     for place, change in _changes(content):
-        parameter, factor = change.get("parameter"), _number(change.get("factor"))
+        parameter, factor = change.get("parameter"), as_number(change.get("factor"))
         inverse = f"1/{parameter}"
         if factor == 0 and inverse in inverses and _may_be_zero(parameter):
             yield (
@@ -138,7 +145,7 @@ def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
     for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
         if key not in PARAMETER_NAMES:
             yield f"parameters.{key}", unknown("parameter", key, PARAMETER_NAMES)
-        elif _number(value) is not None and (problem := parameter_problem(key, value)):
+        elif as_number(value) is not None and (problem := parameter_problem(key, value)):
             yield f"parameters.{key}", problem
 
 
@@ -162,7 +169,7 @@ def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Pr
     given = parameters if isinstance(parameters, Mapping) else {}
     for key, name in names:
         parameter = name.removeprefix("1/")
-        if _may_be_zero(parameter) and _number(given.get(parameter)) == 0:
+        if _may_be_zero(parameter) and as_number(given.get(parameter)) == 0:
             yield (
                 key,
                 f"{name!r} cannot be estimated where parameters.{parameter} is 0, for errors are "
@@ -180,8 +187,7 @@ def _told_problems(told: Any, identify: list[Any]) -> Iterator[Problem]:
 
 
 def _loop_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
-    controller = content.get("controller")
-    table = controller if isinstance(controller, Mapping) else {}
+    table = as_table(content.get("controller"))
     if table.get("log") is not None and table.get("rate") is None:
         yield "controller.log", "is for an inner loop: it needs controller.rate = 1000"
     if table.get("rate") is not None and content.get("feedback") == "measured":
@@ -189,12 +195,14 @@ def _loop_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def _change_problems(
-    fault: Mapping[str, Any], duration: float | None, friction: Any
+    fault: Mapping[str, Any], duration: float | None, period: float, friction: Any
 ) -> Iterator[Problem]:
-    at, until, factor = (_number(fault.get(key)) for key in ("at", "until", "factor"))
-    if at is not None and duration is not None and sample_index(at) >= sample_index(duration):
+    yield from span_problems(fault, period)
+    at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
+    index = partial(sample_index, period=period)
+    if at is not None and duration is not None and index(at) >= index(duration):
         yield "at", f"the onset at {at:g} s is not before the end of the run at {duration:g} s"
-    if at is not None and until is not None and sample_index(until) <= sample_index(at):
+    if at is not None and until is not None and index(until) <= index(at):
         yield "until", f"the end at {until:g} s is not after the onset at {at:g} s"
     parameter = fault.get("parameter")
     if parameter == COULOMB and not friction:
@@ -205,7 +213,7 @@ def _change_problems(
 
 def _pause_problems(pauses: Any, duration: float | None) -> Iterator[Problem]:
     for index, pause in enumerate(_items(pauses)):
-        begin = _number(next(iter(_items(pause)), None))
+        begin = as_number(next(iter(_items(pause)), None))
         if begin is not None and duration is not None and begin >= duration:
             yield (
                 f"excitation.pause[{index}]",
@@ -227,10 +235,3 @@ def _may_be_zero(parameter: Any) -> bool:
 
 def _items(value: Any) -> list[Any]:
     return list(value) if isinstance(value, list | tuple) else []
-
-
-def _number(value: Any) -> float | None:
-    """Return a finite number as it is, and None for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return None
-    return float(value) if abs(value) < float("inf") else None

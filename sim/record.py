@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.record_file import ALL, SIGNALS, file_length, read_netcdf, write_netcdf
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.timing import rate
 
 Array = NDArray[np.float64]
+
+ROUNDING = 2e-7  # of a period; nobody's clock is so exact
 
 OUTPUTS = ("speed", "increment", "angle")
 """The signals of which a record needs one."""
@@ -84,15 +86,20 @@ class Record:
     first: int = 0
 
     def __post_init__(self) -> None:
+        for name in (*SIGNALS, "true_parameters", "valid"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
         _check(self)
+        if self.valid is not None:
+            object.__setattr__(self, "valid", self.valid.astype(bool, copy=False))
 
     @property
     def period(self) -> float:
         """Sampling period [s]."""
         span = self.time[-1] - self.time[0]
-        # The simulated grid is exact; a mean over it would be off by rounding.
         mean = float(span / (len(self.time) - 1))
-        return PERIOD if abs(mean - PERIOD) < 1e-9 else mean
+        # A simulated grid is exact; a mean over it would be off by rounding.
+        whole = rate(mean)
+        return 1 / whole if whole and abs(mean * whole - 1) < ROUNDING else mean
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the record as NetCDF-4; a file of that name is replaced at once or not at all.
@@ -201,6 +208,16 @@ def _guarded(path: Path, read: Callable[[Path], Any]) -> Any:
     except Exception as error:
         # The HDF5 stack has many exceptions for a broken file, and no common one.
         raise RecordError(f"{path}: no NetCDF-4 file, or a broken one ({error}).") from error
+
+
+def _numbers(name: str, values: object) -> Array | None:
+    """Return a signal as an array of float; such an array, or one of bool, is left as it is."""
+    if values is None or (isinstance(values, np.ndarray) and values.dtype == bool):
+        return values  # type: ignore[return-value]
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{name} is no array of numbers: {error}.") from None
 
 
 def _check(record: Record) -> None:

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.sim import identity
-from flexaxis.sim.config import Config, NotNegative, Positive, Table
+from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
@@ -33,7 +33,7 @@ from flexaxis.sim.nonlinear import (
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
-from flexaxis.sim.timing import PERIOD, sample_index, sample_times
+from flexaxis.sim.timing import PERIOD, Grid, sample_index
 from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
@@ -58,6 +58,9 @@ class Scenario(Config):
         Where it stands in the catalogue.
     difficulty : {"easy", "medium", "hard"}, optional
         What to expect of a good estimator.
+    period : float
+        Sampling period T [s], at which the controller runs and signals are sampled; its inverse
+        is a whole number.
     preset : str
         Named parameter set.
     parameters : dict of str to float
@@ -86,15 +89,16 @@ class Scenario(Config):
     """
 
     name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
-    duration: Annotated[float, Field(ge=2 * PERIOD, le=86400)]
+    duration: Annotated[float, Field(gt=0, le=86400)]
     card: str = ""
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
+    period: Positive = PERIOD
     preset: str = "n1"
-    parameters: dict[str, float] = Field(default_factory=dict)
+    parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
     start: Positive = 1.0
-    told: Annotated[dict[str, Positive], Field(min_length=1)] | None = None
+    told: Annotated[dict[str, Positive], Field(min_length=1), AfterValidator(Frozen)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0
     streams: identity.Streams = identity.PLANT
@@ -123,19 +127,19 @@ class Scenario(Config):
         return self
 
     @property
-    def period(self) -> float:
-        """Sampling period [s]."""
-        return PERIOD
-
-    @property
     def samples(self) -> int:
         """Number of samples N."""
-        return sample_index(self.duration)
+        return sample_index(self.duration, self.period)
+
+    @property
+    def grid(self) -> Grid:
+        """The samples of the run."""
+        return Grid.first(self.samples, self.period)
 
     @property
     def times(self) -> Array:
         """Sample times (N,) [s]."""
-        return sample_times(self.samples)
+        return self.grid.times
 
     @cached_property
     def nominal(self) -> AxisParameters:
@@ -166,15 +170,15 @@ class Scenario(Config):
 
     def true_parameters(self) -> Array:
         """Return the parameters (N, 12) that act from each sample to the next."""
-        return np.column_stack([self._value(name, self.times) for name in PARAMETER_NAMES])
+        return np.column_stack([self._value(name) for name in PARAMETER_NAMES])
 
     def coulomb(self) -> Array:
         """Return the level (N,) of Coulomb friction that acts from each sample to the next."""
-        return self._value(COULOMB, self.times)
+        return self._value(COULOMB)
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
-        return self.excitation.excited(self.times)
+        return self.excitation.excited(self.grid)
 
     def events(self) -> tuple[Event, ...]:
         """Return the changes of the true parameters, in order of time.
@@ -186,7 +190,7 @@ class Scenario(Config):
 
     @cached_property
     def _events(self) -> tuple[Event, ...]:
-        return find_events(self.fault, self.nuisance or (), self.times, self._unchanged)
+        return find_events(self.fault, self.nuisance or (), self.grid, self._unchanged)
 
     @cached_property
     def hash(self) -> str:
@@ -245,10 +249,10 @@ class Scenario(Config):
             return other
         return scenario_from(content | {"streams": self.key}, source=self.name)
 
-    def _value(self, name: str, times: Array) -> Array:
-        """Return a parameter, or the level of Coulomb friction, at times (M,)."""
+    def _value(self, name: str) -> Array:
+        """Return a parameter, or the level of Coulomb friction, at the samples (N,)."""
         changes = (*self.fault, *(self.nuisance or ()))
-        return changed(self._unchanged(name), name, changes, times)
+        return changed(self._unchanged(name), name, changes, self.grid)
 
     def _unchanged(self, name: str) -> float:
         """Return a parameter, or the level of Coulomb friction, before any change."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from flexaxis.sim.config import Config, NotNegative, Positive
-from flexaxis.sim.timing import PERIOD, TICKS
+from flexaxis.sim.timing import TICK
 
 Array = NDArray[np.float64]
 
@@ -34,11 +34,11 @@ White = Callable[[str], Array]
 class Sensor(Protocol):
     """A table of a scenario that signals go through: whatever has `stage` is."""
 
-    def stage(self, signal: Signal, white: White) -> Stage:
-        """Return what it does to a signal, from rest before the first sample of a run."""
+    def stage(self, signal: Signal, white: White, period: float) -> Stage:
+        """Return what it does to a signal sampled every `period` s, from rest before a run."""
 
 
-def reading(sensors: Iterable[Sensor], signal: Signal, white: White) -> Stage:
+def reading(sensors: Iterable[Sensor], signal: Signal, white: White, *, period: float) -> Stage:
     """Return the way of a signal through the stages of all sensors.
 
     Parameters
@@ -48,6 +48,8 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White) -> Stage:
     signal : {"angle", "speed"}
     white : callable
         Returns the noise of the whole run for a purpose.
+    period : float
+        Sampling period T [s].
 
     Returns
     -------
@@ -55,7 +57,7 @@ def reading(sensors: Iterable[Sensor], signal: Signal, white: White) -> Stage:
         Takes the next samples (n, R) and returns what is read: all of a run at once, or one
         sample at a time, with the same bits.
     """
-    stages = [sensor.stage(signal, white) for sensor in sensors]
+    stages = [sensor.stage(signal, white, period) for sensor in sensors]
 
     def read(values: Array) -> Array:
         for stage in stages:
@@ -84,8 +86,9 @@ class NoiseConfig(Config):
     speed: NotNegative = 0.1
     angle: NotNegative = 0.0
 
-    def stage(self, signal: Signal, white: White) -> Stage:
+    def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the adding of noise to a signal."""
+        del period
         deviation = self.speed if signal == "speed" else self.angle
         return _Added(deviation * white(f"noise.{signal}")) if deviation else _unchanged
 
@@ -117,9 +120,9 @@ class EncoderConfig(Config):
             )
         return counts
 
-    def stage(self, signal: Signal, white: White) -> Stage:
+    def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the rounding of the angle to the nearest count."""
-        del white
+        del white, period
         if signal != "angle" or not self.counts:
             return _unchanged
         step = 2 * math.pi / self.counts
@@ -147,8 +150,8 @@ class DelayConfig(Config):
     @field_validator("torque")
     @classmethod
     def _whole_ticks(cls, torque: float | None) -> float | None:
-        if torque and abs(torque * TICKS / PERIOD - round(torque * TICKS / PERIOD)) > 1e-6:
-            raise ValueError(f"must be a multiple of {PERIOD / TICKS:g} s, not {torque:g}")
+        if torque and abs(torque / TICK - round(torque / TICK)) > 1e-6:
+            raise ValueError(f"must be a multiple of {TICK:g} s, not {torque:g}")
         return torque
 
     @property
@@ -156,9 +159,9 @@ class DelayConfig(Config):
         """Whether nothing is late."""
         return not (self.measurement or self.torque)
 
-    def stage(self, signal: Signal, white: White) -> Stage:
+    def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the delay of a measured signal; the log has the torque when it is commanded."""
-        del signal, white
+        del signal, white, period
         return _Late(self.measurement) if self.measurement else _unchanged
 
     def in_words(self) -> str:
@@ -170,7 +173,7 @@ class DelayConfig(Config):
     @property
     def torque_ticks(self) -> int:
         """Delay of the torque in ticks of 1 ms."""
-        return round((self.torque or 0.0) * TICKS / PERIOD)
+        return round((self.torque or 0.0) / TICK)
 
 
 class FilterConfig(Config):
@@ -185,10 +188,10 @@ class FilterConfig(Config):
     exact: ClassVar[bool] = False
     speed: Positive
 
-    def stage(self, signal: Signal, white: White) -> Stage:
+    def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the low-pass on the speed."""
         del white
-        return _LowPass(self.speed) if signal == "speed" else _unchanged
+        return _LowPass(self.speed, period) if signal == "speed" else _unchanged
 
     def in_words(self) -> str:
         """Return its time constant."""
@@ -224,8 +227,8 @@ class _Added:
 class _LowPass:
     """A signal through f[k] = a f[k−1] + (1−a) s[k], a = exp(−T/τ), from rest."""
 
-    def __init__(self, time_constant: float) -> None:
-        self._pole = math.exp(-PERIOD / time_constant)
+    def __init__(self, time_constant: float, period: float) -> None:
+        self._pole = math.exp(-period / time_constant)
         self._last: Array | float = 0.0
 
     def __call__(self, values: Array) -> Array:
@@ -235,6 +238,6 @@ class _LowPass:
         return out
 
 
-def angle_increment(angle: Array, *, period: float = PERIOD) -> Array:
+def angle_increment(angle: Array, *, period: float) -> Array:
     """Return the rate (φ[k] − φ[k−1])/T of a sampled angle (N, ...) [rad/s], 0 at k = 0."""
     return np.diff(angle, axis=0, prepend=angle[:1]) / period

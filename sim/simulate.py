@@ -57,9 +57,9 @@ def simulate(
         If the engine warns or a state is not finite; names scenario, seed and time.
     """
     seeds = _checked(seeds)
-    times = scenario.times
+    grid = scenario.grid
     reference = np.column_stack(
-        [scenario.excitation.reference(times, _stream(scenario, s, "excitation")) for s in seeds]
+        [scenario.excitation.reference(grid, _stream(scenario, s, "excitation")) for s in seeds]
     )
     white = partial(_white, scenario, seeds, repeat)
     try:
@@ -67,8 +67,8 @@ def simulate(
     except SimulationError as error:
         raise _named(error, scenario, seeds) from None
     sensors = scenario.sensors.values()
-    angle = reading(sensors, "angle", white)(truth.angles[:, :, 0])
-    speed = reading(sensors, "speed", white)(truth.speed)
+    angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
+    speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
     return _records(scenario, seeds, truth, angle, speed)
 
 
@@ -102,7 +102,7 @@ def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> Simu
 def _records(
     scenario: Scenario, seeds: list[int], truth: Truth, angle: Array, speed: Array
 ) -> list[Record]:
-    increment = angle_increment(angle)
+    increment = angle_increment(angle, period=scenario.period)
     parameters = scenario.true_parameters()
     parameters.flags.writeable = False  # all records of the batch share it
     return [

@@ -1,33 +1,85 @@
-"""The sampling grid that everything in a run lies on: t_k = k T, T = 1/200 s."""
+"""The sampling grid that everything in a run lies on: t_k = k T."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-RATE = 200
-"""Samples per second."""
+PERIOD = 0.005
+"""Sampling period T of a scenario that does not say [s]."""
 
-PERIOD = 1 / RATE
-"""Sampling period T [s]."""
+SHORTEST, LONGEST = 0.001, 0.01
+"""Periods that a scenario may have [s].
 
-TICKS = 5
-"""Ticks of 1 ms in a sample, for what goes on between samples: an inner loop, a short delay."""
+A sample shorter than the engine's step of 1 ms tells nothing new of the linear axis; with one of
+more than 10 ms the modes of the nominal axes, at up to 24 Hz, come near half the sampling rate.
+"""
+
+TICK = 0.001
+"""What goes on between samples goes by ticks of this length [s]: an inner loop, a short delay."""
 
 
-def sample_index(time: float) -> int:
+def rate(period: float) -> int:
+    """Return the samples per second."""
+    return round(1 / period)
+
+
+def sample_index(time: float, period: float) -> int:
     """Return the number of the sample nearest to a time [s]."""
-    return round(time * RATE)
+    return round(time * rate(period))
 
 
-def sample_indices(times: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the numbers of the samples nearest to times (M,) [s]."""
-    return np.rint(np.asarray(times) * RATE).astype(np.int64)
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Samples of a run, of which what changes over time is asked.
 
-
-def sample_times(samples: int) -> NDArray[np.float64]:
-    """Return the times (samples,) [s] of the first samples.
-
-    A quotient rather than a multiple of T: so ``sample_times(N)[2060]`` is the float ``10.3``.
+    Attributes
+    ----------
+    k : ndarray (M,) of int
+        Numbers of the samples.
+    period : float
+        Sampling period T [s]; its inverse is a whole number.
     """
-    return np.arange(samples) / RATE
+
+    k: NDArray[np.int64]
+    period: float
+
+    @classmethod
+    def first(cls, samples: int, period: float) -> Grid:
+        """Return the first samples of a run."""
+        return cls(np.arange(samples), period)
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times (M,) of the samples [s].
+
+        A quotient rather than a multiple of T: so ``Grid.first(N, .005).times[2060]`` is the
+        float ``10.3``.
+        """
+        return self.k / rate(self.period)
+
+    def index(self, time: float) -> int:
+        """Return the number of the sample nearest to a time [s]."""
+        return sample_index(time, self.period)
+
+
+def period_problem(period: float) -> str | None:
+    """Return what is wrong with a sampling period [s], or None.
+
+    Examples
+    --------
+    >>> period_problem(0.0025)
+    >>> period_problem(0.5)
+    'must be from 0.001 to 0.01 s, not 0.5'
+    """
+    if not SHORTEST <= period <= LONGEST:
+        return f"must be from {SHORTEST:g} to {LONGEST:g} s, not {period:g}"
+    if abs(1 / period - rate(period)) > 1e-6:
+        near = 1 / rate(period)
+        return (
+            f"must go into one second a whole number of times, such as {near:.6g} "
+            f"({rate(period)} Hz), not {period:g}"
+        )
+    return None

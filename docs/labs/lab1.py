@@ -37,7 +37,7 @@ for pole in sorted(poles, key=abs):
 # %% The same matrix out of MuJoCo
 # The engine knows bodies, joints and tendons, and nothing of A. Push it in each state and look at
 # the accelerations.
-model = Plant([axis]).model(0)
+model = Plant([axis], period=0.005, substeps=5).model(0)
 data = mujoco.MjData(model)
 
 
@@ -66,7 +66,7 @@ torque = np.repeat(rng.standard_normal(100), 20)
 held = np.zeros((6, 6))
 held[:5, :5], held[:5, 5] = A, B
 transition = expm(held * 0.005)
-plant, x = Plant([axis]), np.zeros(5)
+plant, x = Plant([axis], period=0.005, substeps=5), np.zeros(5)
 exact, simulated = np.empty((2, len(torque)))
 for k, u in enumerate(torque):
     exact[k], simulated[k] = x[2], plant.speed_m[0]

@@ -178,7 +178,8 @@ def literal_forgetting(
     regularization : float
         μ of eq. (11).
     """
-    model, weight = model_of(nominal), factor("literal-rpem", forgetting, period)
+    model = model_of(nominal)
+    weight = factor("literal-rpem", forgetting, model, period, identify)
     P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
     return LiteralRpem(
         model,

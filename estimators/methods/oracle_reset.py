@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.paper import rpem_corrected
 from flexaxis.estimators.methods.rpem import Rpem
-from flexaxis.estimators.methods.start import Nominal, factor
+from flexaxis.estimators.methods.start import Nominal, factor, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -109,7 +109,7 @@ def oracle_reset(
         output=output,
         P0=P0,
         torque=torque,
-        forgetting=factor("oracle-reset", forgetting, period),
+        forgetting=factor("oracle-reset", forgetting, model_of(nominal), period, identify),
         noise=noise,
     )
     return OracleReset(rpem, onsets=onsets, spread=spread)

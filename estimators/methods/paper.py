@@ -47,7 +47,8 @@ def rpem_forgetting(
     noise, robust, ceiling
         As for `Rpem`.
     """
-    model, weight = model_of(nominal), factor("rpem-forgetting", forgetting, period)
+    model = model_of(nominal)
+    weight = factor("rpem-forgetting", forgetting, model, period, identify)
     P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
     diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
@@ -88,7 +89,8 @@ def rpem_corrected(
     noise, robust, ceiling
         As for `Rpem`.
     """
-    model, weight = model_of(nominal), factor("rpem-corrected", forgetting, period)
+    model = model_of(nominal)
+    weight = factor("rpem-corrected", forgetting, model, period, identify)
     P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
     return Rpem(
         model,
@@ -135,11 +137,12 @@ def rpem_drift(
     model = model_of(nominal)
     above_zero("scale", scale, "the factor on Δ")
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
-    drift = scale * priors.default_drift(identify, model.parametrize(identify).theta)
+    drift = scale * priors.default_drift(model, identify, period, noise=noise)
     recipe = partial(
         priors.nominal_P, model, identify=identify, period=period, drift=drift, output=output
     )
-    P = initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=None, scale=scale))
+    known = priors.stored_P(model, identify, period, forgetting=None, scale=scale)
+    P = initial_P(P0, torque, recipe, known)
     diagonal = np.diag(covariance_matrix("P0", P, len(identify)))
     return Rpem(
         model,

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.start import Nominal, forgetting_P, initial_P, model_of
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, initial_P, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import above_zero
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexaxis.estimators.relocate.filter import Relocate
 
 
-def joint(
+def extended(
     nominal: Nominal,
     period: float,
     *,
@@ -31,10 +31,9 @@ def joint(
     walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
-    unscented: bool = False,
 ) -> "CompiledFilter":
     """
-    Make a joint Kalman filter, extended or unscented.
+    Make the joint extended Kalman filter.
 
     Parameters
     ----------
@@ -48,13 +47,40 @@ def joint(
         Standard deviation of θ(0), relative to it.
     """
     from flexaxis.estimators.methods.ekf import joint_ekf
+
+    model = model_of(nominal)
+    prior, drift = _walk("ekf", model, identify, period, walk=walk, spread=spread)
+    return joint_ekf(
+        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
+    )
+
+
+def unscented(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    walk: float | None = None,
+    noise: float | None = None,
+    spread: float = 0.2,
+) -> "CompiledFilter":
+    """
+    Make the joint unscented Kalman filter.
+
+    Parameters
+    ----------
+    P0, torque, walk, noise, spread
+        As for `extended`.
+    """
     from flexaxis.estimators.methods.ukf import joint_ukf
 
     model = model_of(nominal)
-    walk = tuned("ukf" if unscented else "ekf", otherwise=0.002) if walk is None else walk
-    P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
-    return (joint_ukf if unscented else joint_ekf)(
-        model, identify=identify, P0=P0, drift=drift, noise=noise, period=period, output=output
+    prior, drift = _walk("ukf", model, identify, period, walk=walk, spread=spread)
+    return joint_ukf(
+        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
     )
 
 
@@ -79,7 +105,7 @@ def imm(
     Parameters
     ----------
     P0, torque, walk, noise, spread
-        As for `joint`; walk is that of the quiet mode.
+        As for `extended`; walk is that of the quiet mode.
     jump : float
         Standard deviation of a jump of θ_i, relative to θ(0).
     rate, hold : float
@@ -88,14 +114,14 @@ def imm(
     from flexaxis.estimators.methods.imm import joint_imm
 
     model = model_of(nominal)
-    walk = tuned("imm", otherwise=0.0015) if walk is None else walk
-    P0, drift = _walk(model, identify, period, walk=walk, spread=spread)
+    prior, drift = _walk("imm", model, identify, period, walk=walk, spread=spread)
+    above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
     above_zero("hold", hold, "how long a jump lasts, in seconds")
     return joint_imm(
         model,
         identify=identify,
-        P0=P0,
+        P0=prior,
         drift=drift,
         jump=period / hold * (jump * model.parametrize(identify).theta) ** 2,
         rate=rate,
@@ -106,10 +132,22 @@ def imm(
     )
 
 
+WALK = {"ekf": 0.002, "ukf": 0.002, "imm": 0.0015}  # 1/√s, where no tuning is known
+
+
 def _walk(
-    model: Model, identify: Sequence[str], period: float, *, walk: float, spread: float
+    name: str,
+    model: Model,
+    identify: Sequence[str],
+    period: float,
+    *,
+    walk: float | None,
+    spread: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return P(0) and W, from deviations relative to θ(0)."""
+    above_zero("period", period, "the sampling period in seconds")
+    if walk is None:
+        walk = tuned(name, model, period, identify) or WALK[name]
     above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
     above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
     theta = model.parametrize(identify).theta
@@ -143,8 +181,9 @@ def horizon(
     """
     from flexaxis.estimators.methods.moving_horizon import moving_horizon
 
-    forgetting = tuned("moving-horizon", otherwise=0.994) if forgetting is None else forgetting
     model = model_of(nominal)
+    above_zero("period", period, "the sampling period in seconds")
+    forgetting = factor("moving-horizon", forgetting, model, period, identify)
     samples = round(above_zero("every", every, "the time between windows, in seconds") / period)
     if samples < 1:
         raise EstimatorError(f"every is {every}, less than a sample of {period} s; give more")
@@ -210,7 +249,9 @@ def relocate(
         model,
         identify=identify,
         suspects=[name for name in model.parameters if name != "r"],
-        P0=initial_P(P0, torque, recipe, priors.known_P(identify, forgetting=forgetting)),
+        P0=initial_P(
+            P0, torque, recipe, priors.stored_P(model, identify, period, forgetting=forgetting)
+        ),
         period=period,
         forgetting=forgetting,
         alarm=alarm,
@@ -223,7 +264,7 @@ ENTRIES = (
     Entry(
         "ekf",
         "joint extended Kalman filter for state and parameters",
-        joint,
+        extended,
         "walk",
         0.002,
         ("#009E73", "o"),
@@ -232,7 +273,7 @@ ENTRIES = (
     Entry(
         "ukf",
         "joint unscented Kalman filter for state and parameters, in square-root form",
-        partial(joint, unscented=True),
+        unscented,
         "walk",
         0.002,
         ("#117733", "s"),
@@ -252,7 +293,7 @@ ENTRIES = (
         "nonlinear least squares over a moving window, with an arrival cost",
         horizon,
         "forgetting",
-        0.994,
+        0.995,
         ("#332288", "P"),
         10,
     ),

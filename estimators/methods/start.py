@@ -10,7 +10,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import (
-    TIME_CONSTANT,
     Design,
     forgetting_factor,
     make_design,
@@ -32,10 +31,12 @@ def model_of(nominal: Nominal) -> Model:
     return nominal if isinstance(nominal, Model) else three_mass(nominal)
 
 
-def factor(name: str, forgetting: float | None, period: float) -> float:
-    """Return λ: as given, as tuned, or that of a time constant of 1 s."""
+def factor(
+    name: str, forgetting: float | None, model: Model, period: float, identify: Sequence[str]
+) -> float:
+    """Return λ: as given, as tuned for this axis, or that of a time constant of 1 s."""
     if forgetting is None:
-        forgetting = tuned(name, otherwise=1 - 0.005 / TIME_CONSTANT)
+        forgetting = tuned(name, model, period, identify)
     return forgetting_factor(forgetting, period)
 
 
@@ -60,7 +61,8 @@ def forgetting_P(
         forgetting=forgetting,
         output=output,
     )
-    return initial_P(given, torque, recipe, priors.known_P(identify, forgetting=forgetting))
+    known = priors.stored_P(model, identify, period, forgetting=forgetting)
+    return initial_P(given, torque, recipe, known)
 
 
 def forgetting_design(
@@ -76,7 +78,8 @@ def forgetting_design(
     noise: float | None,
 ) -> Design:
     """Return what a registered method with a forgetting factor starts from, options checked."""
-    model, weight = model_of(nominal), factor(name, forgetting, period)
+    model = model_of(nominal)
+    weight = factor(name, forgetting, model, period, identify)
     P = forgetting_P(P0, torque, model, identify, period=period, forgetting=weight, output=output)
     return make_design(
         model,
@@ -104,6 +107,7 @@ def initial_P(
     if known is not None:
         return known
     raise EstimatorError(
-        f"P(0) is known only for {', '.join(PAPER)}; for other parameters give P0, "
-        "or the torque of a nominal run for the recipe"
+        f"P(0) is known only for {', '.join(PAPER)} of the nominal axis at 5 ms; for another "
+        "axis, other parameters or another period give P0, or the torque of a nominal run for the "
+        "recipe"
     )

@@ -1,6 +1,7 @@
 """The shipped models, by name: one, two and three masses."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 from flexaxis.estimators.models.model import Model
 
@@ -28,6 +29,9 @@ def one_mass(nominal: Mapping[str, float]) -> Model:
         B=("k_T/J_m",),
         C=("1",),
         nominal=dict(nominal),
+        positive=("J_m",),
+        nonnegative=("f_m",),
+        nonzero=("k_T",),
     )
 
 
@@ -38,7 +42,8 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
     Parameters
     ----------
     nominal : mapping
-        Nominal k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r [SI].
+        Nominal k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r [SI]; inertias and
+        springs above 0, dampings and frictions 0 or above, k_T and r of any sign.
 
     Returns
     -------
@@ -58,6 +63,9 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
         B=("0", "0", "k_T/J_m", "0", "0"),
         C=("0", "0", "1", "0", "0"),
         nominal=dict(nominal),
+        positive=("J_m", "J_g", "J_a", "k_g", "k_a"),
+        nonnegative=("d_g", "d_a", "f_m", "f_g", "f_a"),
+        nonzero=("k_T", "r"),
         identify=PAPER,
     )
 
@@ -88,12 +96,86 @@ def two_mass(nominal: Mapping[str, float]) -> Model:
         B=("0", "k_T/J_m", "0"),
         C=("0", "1", "0"),
         nominal=dict(nominal),
+        positive=("J_m", "J_l", "k"),
+        nonnegative=("d", "f_m", "f_l"),
+        nonzero=("k_T",),
     )
 
 
-MODELS: Mapping[str, Callable[[Mapping[str, float]], Model]] = {
-    "one_mass": one_mass,
-    "two_mass": two_mass,
-    "three_mass": three_mass,
-}
-"""The shipped models; each is made from its nominal values."""
+@dataclass(frozen=True)
+class Traits:
+    """
+    What the frequency response of an unknown axis shows at a glance.
+
+    Attributes
+    ----------
+    inertia : float
+        All that the motor moves, seen from the motor, for k_T = 1 [kg m²].
+    friction : float
+        A small viscous friction [N m s/rad].
+    resonance : float
+        Where |G| stands out most from that of the inertia [rad/s].
+    """
+
+    inertia: float
+    friction: float
+    resonance: float
+
+
+@dataclass(frozen=True)
+class Shipped:
+    """
+    A shipped model.
+
+    Attributes
+    ----------
+    factory : callable
+        ``factory(nominal)``: the model with these nominal values.
+    rough : mapping
+        Values of about the right size for an axis of which nothing is known [SI].
+    guess : callable or None
+        ``guess(traits)``: better values, from what the response of the axis shows; None where no
+        single look tells them.
+    known : mapping of str to mapping
+        Nominal values of axes that have a name [SI].
+    """
+
+    factory: Callable[[Mapping[str, float]], Model]
+    rough: Mapping[str, float]
+    guess: Callable[[Traits], dict[str, float]] | None = None
+    known: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def _one_mass_guess(seen: Traits) -> dict[str, float]:
+    return {"k_T": 1.0, "J_m": seen.inertia, "f_m": seen.friction}
+
+
+def _two_mass_guess(seen: Traits) -> dict[str, float]:
+    """Equal masses, whose resonance is at ω² = 2 k/J of each; damped by 2 %."""
+    stiffness = seen.resonance**2 * seen.inertia / 4
+    return {
+        "k_T": 1.0, "J_m": seen.inertia / 2, "J_l": seen.inertia / 2, "k": stiffness,
+        "d": 0.04 * stiffness / seen.resonance, "f_m": seen.friction, "f_l": seen.friction,
+    }  # fmt: skip
+
+
+N1 = {
+    "k_T": 1.0, "J_m": 1.2e-3, "J_g": 7.0, "J_a": 0.8, "k_g": 1.06e5, "k_a": 8.4e3,
+    "d_g": 26.0, "d_a": 1.6, "f_m": 0.05, "f_g": 0.5, "f_a": 0.1, "r": 1 / 118,
+}  # fmt: skip
+"""The nominal axis of the benchmark, an industrial robot's first one in size."""
+
+MODELS: Mapping[str, Shipped] = {
+    "one_mass": Shipped(
+        one_mass, rough={"k_T": 1.0, "J_m": 1e-3, "f_m": 1e-3}, guess=_one_mass_guess
+    ),
+    "two_mass": Shipped(
+        two_mass,
+        rough={
+            "k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 1e-2, "f_m": 1e-2, "f_l": 1e-2,
+        },
+        guess=_two_mass_guess,
+    ),
+    "three_mass": Shipped(three_mass, rough=N1, known={"n1": N1}),
+}  # fmt: skip
+"""The shipped models, by name."""

@@ -37,10 +37,10 @@ def multiply_out(entry: str) -> tuple[Monomial, ...]:
     """
     try:
         terms = _expand(ast.parse(entry.strip().replace("^", "**"), mode="eval").body)
-    except (SyntaxError, ValueError, TypeError):
+    except (SyntaxError, ValueError, TypeError, ArithmeticError):
         raise EstimatorError(
             f"cannot read the entry {entry!r}; allowed are names, numbers, + - * /, brackets and "
-            "integer powers, with a single term below each fraction line"
+            "integer powers, with a single term, not zero, below each fraction line"
         ) from None
     return tuple((c, powers) for c, powers in terms if c != 0)
 

@@ -8,12 +8,16 @@ derivatives, and the compiled filters, for any choice of identified parameters.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import Monomial, multiply_out
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 Array = NDArray[np.float64]
 
@@ -37,14 +41,16 @@ class Model:
         Nominal value of every physical parameter [SI].
     reset : sequence of str
         States that are set to zero, with their sensitivities, at the start of every sample.
+    positive, nonnegative, nonzero : sequence of str
+        Parameters whose nominal value must be above 0, not below it, or not 0.
     identify : sequence of str
         What is identified where nothing else is said.
 
     Raises
     ------
     EstimatorError
-        If the tables do not fit together, an entry cannot be read, or a nominal value is missing
-        or not finite.
+        If the tables do not fit together, an entry cannot be read, or a nominal value is missing,
+        not finite or of the wrong sign.
 
     Examples
     --------
@@ -61,6 +67,9 @@ class Model:
     C: Sequence[str]
     nominal: Mapping[str, float]
     reset: Sequence[str] = ()
+    positive: Sequence[str] = ()
+    nonnegative: Sequence[str] = ()
+    nonzero: Sequence[str] = ()
     identify: Sequence[str] = ()
 
     def __post_init__(self) -> None:
@@ -82,6 +91,20 @@ class Model:
                     f"model {self.name!r} needs a finite nominal value of {name!r}; "
                     f"given: {', '.join(self.nominal) or 'none'}"
                 )
+        self._check_signs()
+
+    def _check_signs(self) -> None:
+        for names, allowed, words in (
+            (self.positive, np.greater, "above 0"),
+            (self.nonnegative, np.greater_equal, "0 or above it"),
+            (self.nonzero, np.not_equal, "other than 0"),
+        ):
+            for name in names:
+                if name in self.nominal and not allowed(self.nominal[name], 0):
+                    raise EstimatorError(
+                        f"{name} = {self.nominal[name]:g} is not possible in model {self.name!r}: "
+                        f"its value must be {words}"
+                    )
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -97,6 +120,37 @@ class Model:
             for j, entry in enumerate(row):
                 for monomial in multiply_out(entry):
                     yield i, j, monomial
+
+    def to_statespace(self, values: Mapping[str, float] | None = None) -> "StateSpace":
+        """
+        Return the model as a continuous `control.StateSpace`, with named signals.
+
+        Parameters
+        ----------
+        values : mapping, optional
+            Values of physical parameters [SI] in the place of nominal ones.
+
+        Returns
+        -------
+        control.StateSpace
+            Input ``torque``, output ``speed``, the states by name. Of a model with `reset`, what
+            happens within a sample.
+
+        Raises
+        ------
+        EstimatorError
+            If python-control is not installed, or a value cannot be used.
+
+        Examples
+        --------
+        >>> lag = Model("lag", states=("v",), A=[["-f/J"]], B=["k/J"], C=["1"],
+        ...             nominal={"f": 2.0, "J": 1.0, "k": 3.0})
+        >>> lag.to_statespace({"f": 4.0}).poles().real
+        array([-4.])
+        """
+        from flexaxis.estimators.models.statespace import to_statespace
+
+        return to_statespace(self, values or {})
 
     def parametrize(self, identify: Sequence[str] | None = None) -> "Parametrization":
         """

@@ -38,7 +38,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
         name = str(tables["model"])
         if name not in MODELS:
             raise EstimatorError(f"unknown model {name!r}: {did_you_mean(name, MODELS)}")
-        return MODELS[name](nominal)
+        return MODELS[name].factory(nominal)
     missing = [key for key in _KEYS if key not in tables]
     if missing:
         raise EstimatorError(

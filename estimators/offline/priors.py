@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.known import is_axis, moves_as, named_values
 from flexaxis.estimators.models.model import Model, Parametrization
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract
@@ -22,6 +23,7 @@ P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # times (1−
 P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
 DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
 RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
+AXIS, PERIOD, NOISE = "n1", 0.005, 0.1  # where these hold: axis, T [s], σ [rad/s]
 
 
 def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: float) -> Array:
@@ -151,26 +153,72 @@ def _mean_diagonal(psi, P, forgetting, drift, regularization):
     return total / (N - N // 2)
 
 
-def default_drift(names: Sequence[str], theta: Array) -> Array:
+def default_drift(
+    model: Model, identify: Sequence[str], period: float, *, noise: float | None = None
+) -> Array:
     """
-    Return the diagonal of Δ: eq. (32) for the paper's parameters, else 3.2e-6·θ².
+    Return the diagonal of Δ.
 
-    The second is the geometric mean of what (32) means relative to the paper's nominal values.
+    On the nominal axis it is that of eq. (32); where a model moves as that axis does, in other
+    units, at another period or from another start, the same relative to θ; on any other axis, and
+    for parameters that (32) has not, 3.2e-6·θ² in 5 ms, the geometric mean of what (32) means
+    relative to the nominal values. All for a noise of 0.1 rad/s, if no other is said.
 
     Parameters
     ----------
-    names : sequence of str
-    theta : (p,) array
-        Nominal values.
+    model : Model
+    identify : sequence of str
+    period : float
+        Sampling period T [s]: Δ is what a sample adds.
+    noise : float, optional
+        Standard deviation of the output, in its unit: P is in units of its square.
     """
-    return np.array(
-        [DRIFT.get(n, RELATIVE_DRIFT * t**2) for n, t in zip(names, theta, strict=True)]
-    )
+    theta = model.parametrize(identify).theta
+    unit = theta**2 * (period / PERIOD) / ((noise or NOISE) / NOISE) ** 2
+    paper = np.array([DRIFT.get(name, np.nan) for name in identify])
+    if noise in {None, NOISE} and period == PERIOD and is_axis(model, AXIS, identify):
+        known = paper  # as it stands there, wherever the estimates start
+    elif moves_as(model, AXIS):
+        known = paper / named_values(AXIS, identify) ** 2 * unit
+    else:
+        known = np.full(len(theta), np.nan)
+    return np.where(np.isnan(known), RELATIVE_DRIFT * unit, known)
+
+
+def stored_P(
+    model: Model,
+    identify: Sequence[str],
+    period: float,
+    *,
+    forgetting: float | None,
+    scale: float = 1.0,
+) -> Array | None:
+    """
+    Return `known_P` where it holds: on the nominal axis, in its units and at its period.
+
+    Parameters
+    ----------
+    model : Model
+    identify : sequence of str
+    period : float
+        Sampling period [s].
+    forgetting, scale
+        As for `known_P`.
+
+    Returns
+    -------
+    (p,) array or None
+    """
+    if period != PERIOD or not is_axis(model, AXIS, identify):
+        return None
+    return known_P(identify, forgetting=forgetting, scale=scale)
 
 
 def known_P(names: Sequence[str], *, forgetting: float | None, scale: float = 1.0) -> Array | None:
     """
     Return P(0) of the nominal axis for the paper's three parameters, None for any others.
+
+    In the units and at the period of that axis: `stored_P` asks whether these are given.
 
     Parameters
     ----------

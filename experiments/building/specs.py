@@ -24,14 +24,15 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.parameters import preset
+from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
 from flexaxis.sim.scenario import Scenario
 
@@ -116,10 +117,11 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
     if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
+    nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
-    if wanted and not _has_stored_prior(scenario):
+    if wanted and not _has_stored_prior(nominal, scenario):
         offered["torque"] = nominal_torque(scenario)
-    estimator = made(spec, started_nominal(scenario), scenario.period, offered)
+    estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
     if estimator.output != scenario.output:
         raise EstimatorError(
@@ -183,9 +185,13 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
         raise EstimatorError("\n".join(lines))
 
 
-def _has_stored_prior(scenario: Scenario) -> bool:
+def _has_stored_prior(nominal: Mapping[str, float], scenario: Scenario) -> bool:
     """Whether P(0) is among the data stored with the estimators."""
-    return tuple(scenario.identify) == tuple(DEFAULT_IDENTIFY) and scenario.nominal == preset("n1")
+    from flexaxis.estimators.offline.priors import stored_P
+
+    axis = {name: nominal[name] for name in PARAMETER_NAMES}
+    model = three_mass(axis)
+    return stored_P(model, scenario.identify, scenario.period, forgetting=None) is not None
 
 
 def _options(rest: str, text: str) -> dict[str, Any]:

@@ -36,6 +36,7 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "excitation": scenario.excitation.in_words(),
         "unmodelled": "; ".join(_unmodelled(scenario)) or "nothing",
         "sensors": "; ".join(_sensors(scenario)) or "ideal",
+        "sampled": _sampled(scenario),
         "read": scenario.output,
         "estimated": ", ".join(scenario.identify),
         "bound": f"defined for {names}" if names else "none, so no score: see lag, std and alarms",
@@ -62,6 +63,7 @@ def _parts(scenario: Scenario) -> list[str]:
     return [
         _axis(scenario),
         scenario.output,
+        _sampled(scenario),
         *_sensors(scenario),
         *_unmodelled(scenario),
         scenario.excitation.in_words(),
@@ -70,6 +72,10 @@ def _parts(scenario: Scenario) -> list[str]:
 
 def _axis(scenario: Scenario) -> str:
     return scenario.preset + (f", start {scenario.start:g}" if scenario.start != 1 else "")
+
+
+def _sampled(scenario: Scenario) -> str:
+    return f"every {1000 * scenario.period:g} ms"
 
 
 def _sensors(scenario: Scenario) -> list[str]:

@@ -40,8 +40,18 @@ def main(args: argparse.Namespace) -> int:
         table.add_column("what it is")
         for cells in _grouped(rows) if kind == "scenarios" else _plain(rows):
             table.add_row(*cells)
-        Console().print(table, "")
+        Console().print(table, *_below(rows), "")
     return 0
+
+
+def _below(rows: list[dict[str, str]]) -> Iterator[str]:
+    """Yield what is to be said of estimators: where their knobs are tuned."""
+    for axis in sorted({row["tuned_for"] for row in rows if row.get("tuned_for")}):
+        count = sum(row.get("tuned_for") == axis for row in rows)
+        yield (
+            f"The knobs of {count} of them are tuned for {axis}; on any other axis they have the "
+            "defaults that `flexaxis show NAME` shows."
+        )
 
 
 def _plain(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
@@ -70,7 +80,12 @@ def _catalogue() -> dict[str, list[dict[str, str]]]:
             for name in catalogue.suite_names()
         ],
         "estimators": [
-            {"name": entry.name, "summary": entry.summary} for entry in REGISTRY.values()
+            {
+                "name": entry.name,
+                "summary": entry.summary,
+                "tuned_for": entry.tuning.axis if entry.tuning else "",
+            }
+            for entry in REGISTRY.values()
         ],
     }
 

@@ -38,10 +38,18 @@ def main(args: argparse.Namespace) -> int:
             "summary": entry.summary,
             "options": dict(entry.options),
             "knob": entry.knob,
+            "tuned": asdict(entry.tuning) if entry.tuning else None,
         }
         lines = [f"{entry.name}: {entry.summary}", "", "options and defaults:"]
         lines += [f"  {key} = {value}" for key, value in entry.options.items()] or ["  none"]
         lines += ["", f"knob that trades speed for variance: {entry.knob or 'none'}"]
+        if entry.knob and entry.tuning:
+            axis = entry.tuning.axis
+            lines += [
+                f"  {entry.options[entry.knob]} as tuned for {axis}",
+                f"  {entry.default} on any other axis"
+                + (", for 5 ms: a time constant of 1 s" if entry.knob == "forgetting" else ""),
+            ]
         text = "\n".join(lines)
     elif args.name in catalogue.suite_names():
         content = asdict(catalogue.find_suite(args.name))

@@ -13,7 +13,7 @@ from flexaxis.experiments.scoring.windows import QUIET, WINDOW
 from flexaxis.sim.timing import PERIOD, sample_index
 
 Array = NDArray[np.float64]
-LEAST = sample_index(2.0)
+LEAST = sample_index(2.0, PERIOD)
 """Quiet samples before a fault, and scored ones after it, below which there is no dot."""
 
 
@@ -73,10 +73,10 @@ class Scorer:
         """Take errors (n, racers, p) of n samples; return the dots that are complete with them."""
         errors = errors[excited]
         if self._fault is None:
-            self._quiet = np.concatenate([self._quiet, errors])[-sample_index(QUIET) :]
+            self._quiet = np.concatenate([self._quiet, errors])[-sample_index(QUIET, PERIOD) :]
             return []
         self._scored = np.concatenate([self._scored, errors])
-        return self._finish() if len(self._scored) >= sample_index(WINDOW) else []
+        return self._finish() if len(self._scored) >= sample_index(WINDOW, PERIOD) else []
 
     def fault(self, changed: str, size: float, labels: Sequence[str]) -> list[Dot]:
         """Begin to score a fault of an estimated parameter; return the dots of the one before.
@@ -111,7 +111,7 @@ class Scorer:
     def _finish(self) -> list[Dot]:
         assert self._fault is not None
         column, size, std, labels = self._fault
-        scored = self._scored[: sample_index(WINDOW), :, column]
+        scored = self._scored[: sample_index(WINDOW, PERIOD), :, column]
         lags = lag(scored / size, PERIOD)
         self._fault, self._scored = None, self._scored[:0]
         return [

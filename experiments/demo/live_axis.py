@@ -11,6 +11,7 @@ from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.controller import Controller, ControllerConfig
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.excitation import Multisine
+from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import AxisParameters, preset
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.sensors import NoiseConfig
@@ -80,11 +81,11 @@ class LiveAxis:
         self.noise = NoiseConfig().speed
         self.samples = 0
         self._excitation, self._since = "on", 0
-        self._signal = Multisine().one_period(stream("demo", seed, "excitation"))
+        self._signal = Multisine().one_period(stream("demo", seed, "excitation"), PERIOD)
         self._clock = 0
         self._white = stream("demo", seed, "noise.speed")
-        self._plant = Plant([self.nominal])
-        self._controller = Controller(ControllerConfig(), 1)
+        self._plant = Plant([self.nominal], period=PERIOD, substeps=substeps([], PERIOD))
+        self._controller = Controller(ControllerConfig(), 1, period=PERIOD)
 
     @property
     def time(self) -> float:
@@ -106,7 +107,7 @@ class LiveAxis:
         """Whether the reference moves in the next sample."""
         if self._excitation != "stop-and-go":
             return self._excitation == "on"
-        return (self.samples - self._since) // sample_index(SPELL) % 2 == 0
+        return (self.samples - self._since) // sample_index(SPELL, PERIOD) % 2 == 0
 
     @property
     def angles(self) -> Array:

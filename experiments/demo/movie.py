@@ -21,7 +21,7 @@ from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
 from flexaxis.experiments.reporting.figures import symbol
 from flexaxis.experiments.reporting.view import camera, exaggerated
 from flexaxis.experiments.running.files import OutputError, new_file
-from flexaxis.sim.timing import RATE
+from flexaxis.sim.timing import PERIOD, sample_index
 
 Pixels = NDArray[np.uint8]
 
@@ -82,9 +82,9 @@ def frames(
     ratio = session.axis.nominal.r
     with camera(width=PICTURE[0], height=PICTURE[1]) as shoot:
         for frame in range(number):
-            until = round((frame + 1) * lesson.speed / lesson.frames * RATE)
-            while acts and acts[0].at * RATE < until:
-                session.advance(max(0, round(acts[0].at * RATE) - session.axis.samples))
+            until = round((frame + 1) * lesson.speed / lesson.frames / PERIOD)
+            while acts and sample_index(acts[0].at, PERIOD) < until:
+                session.advance(max(0, sample_index(acts[0].at, PERIOD) - session.axis.samples))
                 acts[0].do(session)
                 sheet.caption = acts.pop(0).say or sheet.caption
             session.advance(until - session.axis.samples)

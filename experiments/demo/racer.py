@@ -23,9 +23,9 @@ from flexaxis.sim.timing import PERIOD, sample_index
 Array = NDArray[np.float64]
 
 NAMES = tuple(DEFAULT_IDENTIFY)
-SETTLE = sample_index(2.0)
+SETTLE = sample_index(2.0, PERIOD)
 """Samples in which a fresh predictor finds the state of the axis: five times its slowest decay."""
-REPLAY = sample_index(3.0)
+REPLAY = sample_index(3.0, PERIOD)
 """Samples that an estimator without a P to hand over sees again."""
 
 

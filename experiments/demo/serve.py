@@ -17,7 +17,7 @@ from flexaxis.experiments.demo.front import Page
 from flexaxis.experiments.demo.guard import Guard, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.timing import RATE
+from flexaxis.sim.timing import PERIOD
 
 FRAMES = 30  # of the 3-D picture, a second
 CURVES = 5  # times a second that curves and numbers are drawn anew
@@ -100,7 +100,7 @@ def _loop(page: Page, stop: threading.Event) -> None:
         elapsed, before = now - before, now
         if not page.watched:
             continue
-        owed += min(elapsed, BEHIND) * pace.speed * RATE
+        owed += min(elapsed, BEHIND) * pace.speed / PERIOD
         due, owed = int(owed), owed % 1
         page.advance(due)
         page.draw_axis()
@@ -109,7 +109,7 @@ def _loop(page: Page, stop: threading.Event) -> None:
             next_curves = now + 1 / CURVES
             page.draw_curves()
         if now - since >= 2.0:
-            pace.frames, pace.reached = frames / (now - since), samples / RATE / (now - since)
+            pace.frames, pace.reached = frames / (now - since), samples * PERIOD / (now - since)
             pace.load = 100 * (time.process_time() - cpu) / (now - since)
             since, cpu, frames, samples = now, time.process_time(), 0, 0
 

@@ -14,7 +14,7 @@ from flexaxis.experiments.demo.dots import Dot, Scorer
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, KnobSettings, Racer
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.timing import RATE
+from flexaxis.sim.timing import PERIOD
 
 Array = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ class DemoSession:
         self.factors: dict[str, float] = {}
         self.said = "no fault: the estimates stay at the truth"
         self._scorer = Scorer(NAMES, self.axis.theta(NAMES), len(self.racers))
-        self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN * RATE / MARK))
+        self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = NO_SAMPLES
 
     def advance(self, samples: int) -> None:

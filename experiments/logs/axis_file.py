@@ -18,19 +18,11 @@ from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.parameters import PRESETS
 from flexaxis.sim.record import Record
 from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 
-_ROUGH = {
-    "one_mass": {"k_T": 1.0, "J_m": 1e-3, "f_m": 1e-3},
-    "two_mass": {
-        "k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 1e-2, "f_m": 1e-2, "f_l": 1e-2,
-    },
-    "three_mass": PRESETS["n1"].as_dict(),
-}  # fmt: skip
 _KEYS = ("model", "name", "states", "A", "B", "C", "nominal", "delay", "whitening", "noise")
 
 
@@ -90,7 +82,8 @@ def find_axis(text: str) -> Axis:
         If there is no such model or file, or the file is wrong.
     """
     if text in MODELS:
-        return Axis(MODELS[text](_ROUGH[text]), {"model": text}, known=False)
+        shipped = MODELS[text]
+        return Axis(shipped.factory(shipped.rough), {"model": text}, known=False)
     path = Path(text)
     if path.suffix != ".toml":
         raise LogError(

@@ -116,7 +116,7 @@ def identify(
     ok, smooth = usable(record), is_smooth(record)
     response = measured_response(u[ok], y[ok], period=period)
     names = _free(axis, free, fix)
-    if not axis.known and axis.model.name != "three_mass":
+    if not axis.known:
         guess = rough_guess(axis.model, response)
         axis = axis.having({name: guess[name] for name in names if name in guess})
     elif axis.known:

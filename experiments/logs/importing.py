@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import information, line_spectrum
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
@@ -117,12 +118,12 @@ def expected_deviations(record: Record, axis: Axis) -> dict[str, float]:
     ----------
     record : Record
     axis : Axis
-        Its nominal values are where the gradient is taken; for a shipped model of one or two
-        masses without values they are guessed from the log.
+        Its nominal values are where the gradient is taken; for a shipped model without
+        values they are guessed from the log, where it has a way to.
     """
     output, period, ok = output_of(record), record.period, usable(record)
     y = np.asarray(getattr(record, output))[ok]
-    if not axis.known and axis.model.name != "three_mass":
+    if not axis.known and MODELS[axis.model.name].guess:
         guess = rough_guess(axis.model, measured_response(record.torque[ok], y, period=period))
         axis = axis.having(guess)
     model = increment(axis.model, period) if output == "increment" else axis.model

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import csd, welch
 
+from flexaxis.estimators.models.axes import MODELS, Traits
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.errors import LogError
@@ -139,17 +140,15 @@ def fit_response(
 
 
 def rough_guess(model: Model, response: Response) -> dict[str, float]:
-    """Guess the size of the parameters of a shipped model of one or two masses, for k_T = 1.
+    """Guess the size of the parameters of a shipped model; empty where it has no way to.
 
     From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|.
     """
+    guess = MODELS[model.name].guess
+    if guess is None:
+        return {}
     omega, slope = response.omega, response.omega * abs(response.gain)
     inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
     resonance = float(omega[np.argmax(slope)])
     friction = 0.1 * inertia * float(omega[0])
-    guess = {"k_T": 1.0, "J_m": inertia, "f_m": friction}
-    if model.name == "two_mass":
-        stiffness = resonance**2 * inertia / 4
-        guess |= {"J_m": inertia / 2, "J_l": inertia / 2, "f_l": friction}
-        guess |= {"k": stiffness, "d": 0.04 * stiffness / resonance}
-    return guess
+    return guess(Traits(inertia, friction, resonance))

@@ -43,7 +43,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     estimator = build(spec, scenario)
     start = time.perf_counter()
     where = f"{scenario.name}, seed {record.seed}"
-    theta, claimed = _with_claim(spec, estimator, scenario, record, where=where)
+    theta, claimed, innovations = _with_claims(spec, estimator, scenario, record, where=where)
     seconds = time.perf_counter() - start
     track = Track(
         scenario=scenario,
@@ -52,6 +52,7 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
         true_parameters=record.true_parameters,
         torque=record.torque,
         claimed=claimed,
+        innovations=innovations,
         findings=getattr(estimator, "findings", None),
     )
     identity = {
@@ -70,24 +71,47 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
 
 
-def _with_claim(
+def _with_claims(
     spec: Spec, estimator: Any, scenario: Scenario, record: Record, *, where: str
-) -> tuple[NDArray[np.float64], Any]:
-    """Return the estimates, and the covariance claimed at the first fault, or at the end."""
+) -> tuple[NDArray[np.float64], Any, NDArray[np.float64] | None]:
+    """Return the estimates, the covariance claimed at the first fault or the end, innovations."""
     events = scenario.events()
     stop = events[0].index if events and hasattr(estimator, "covariance") else scenario.samples
     y = getattr(record, scenario.output)
     valid = record.valid
-    parts = []
+    parts, innovations = [], []
     claimed = None
     for part in (slice(0, stop), slice(stop, None)):
         if part.start < scenario.samples:
             gaps = None if valid is None else valid[part]
             u = record.torque[part]
             parts.append(_estimates(spec, estimator, u, y[part], gaps, where=where))
+            innovations.append(_innovations(spec, estimator, len(u), where=where))
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
-    return np.concatenate(parts), claimed
+    known = [each for each in innovations if each is not None]
+    whole = np.concatenate(known) if len(known) == len(innovations) else None
+    return np.concatenate(parts), claimed, whole
+
+
+def _innovations(
+    spec: Spec, estimator: Any, samples: int, *, where: str
+) -> NDArray[np.float64] | None:
+    """Return innovation and claimed variance (N, 2) of the last run, None if it shows none."""
+    given = getattr(estimator, "innovations", None)
+    if given is None:
+        return None
+    try:
+        found = np.array(given, float)  # a copy: the next run may overwrite it
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (samples, 2):
+        raise EstimatorError(
+            f"{spec.text} has `innovations` of the shape {np.shape(given)} after a run of "
+            f"{samples} samples on {where}; {(samples, 2)} is needed, y − ŷ and its variance of "
+            "each sample, or no attribute of that name"
+        )
+    return found
 
 
 def _estimates(

@@ -33,7 +33,7 @@ def jump_gradient(
     u: ArrayLike,
     x: ArrayLike,
     *,
-    period: float = 0.005,
+    period: float,
 ) -> Array:
     """
     Return the gradient ψ₀ (N, p) at the N samples from a jump on.
@@ -90,7 +90,7 @@ def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
     return variance * np.linalg.inv(prior + np.cumsum(psi[:, :, None] * psi[:, None, :], axis=0))
 
 
-def lag_bound(deviation: ArrayLike, size: float, *, period: float = 0.005) -> float:
+def lag_bound(deviation: ArrayLike, size: float, *, period: float) -> float:
     """
     Return the lag [s] of an estimator on the bound, Σ T min(1, √(2/π) s_n/D).
 
@@ -248,7 +248,7 @@ def posterior_bound(psi: ArrayLike, variance: float, *, walk: ArrayLike, start: 
     return bounds
 
 
-def validity(time_constants: ArrayLike, poles: ArrayLike, *, period: float = 0.005) -> float:
+def validity(time_constants: ArrayLike, poles: ArrayLike, *, period: float) -> float:
     """
     Return how much slower the adaptation is than the memory of the plant; below 1, mistrust.
 

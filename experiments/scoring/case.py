@@ -44,6 +44,8 @@ class Track:
         Of the record; the bounds need it.
     claimed : ndarray (p, p), optional
         Covariance that the estimator claims at the last sample before the first fault.
+    innovations : ndarray (N, 2), optional
+        y − ŷ before y was used, and the variance that the estimator claims of it.
     findings : sequence, optional
         Each with ``alarm`` (sample) and ``parameters`` (names).
     memo : dict
@@ -56,6 +58,7 @@ class Track:
     true_parameters: Array
     torque: Array | None = None
     claimed: Any = None
+    innovations: Array | None = None
     findings: Sequence[Any] | None = None
     memo: dict[str, Any] = field(default_factory=dict, repr=False)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexaxis.experiments.scoring import case, excess, pools, theory
+from flexaxis.experiments.scoring import case, excess, innovations, pools, theory
 from flexaxis.experiments.scoring.case import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
@@ -234,6 +234,25 @@ SCORES: Mapping[str, Score] = {
             unit="",
             pool=pools.mean,
             heading="NEES",
+        ),
+        Score(
+            "nis",
+            innovations.nis_of,
+            "Squared innovation before the fault in units of the variance claimed for it: 1 for an "
+            "honest claim.",
+            unit="",
+            pool=pools.mean,
+            heading="NIS",
+        ),
+        Score(
+            "whiteness",
+            innovations.whiteness_of,
+            "Colour of the innovations in the same time, the statistic of Ljung and Box over its "
+            "degrees of freedom: 1 on average for white ones, more the more the next is known from "
+            "those before.",
+            unit="",
+            pool=pools.mean,
+            heading="whiteness",
         ),
         Score(
             "detection",

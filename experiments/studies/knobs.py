@@ -34,14 +34,19 @@ def with_value(name: str, value: float) -> str:
     return f"{name}[{knob}={value:.12g}]"
 
 
+def usual_value(name: str) -> float:
+    """Return the knob of a registered estimator on its axis; 0 where there is none."""
+    entry = REGISTRY[name]
+    return float(entry.options[entry.knob]) if entry.knob else 0.0
+
+
 def _knob(name: str) -> tuple[str | None, float]:
-    """Return the name of the option that is the knob, and its default."""
+    """Return the name of the option that is the knob, and its usual value."""
     spec = parse(name)
     if spec.options:
         return None, 0.0
     if name in REGISTRY:
-        entry = REGISTRY[name]
-        return entry.knob, float(entry.options[entry.knob]) if entry.knob else 0.0
+        return REGISTRY[name].knob, usual_value(name)
     knob = getattr(spec.make, "knob", None)
     if knob is None:
         return None, 0.0

@@ -219,12 +219,12 @@ def _plants() -> list[Contender]:
     steps = 200  # samples of 5 physics steps
 
     def loop() -> None:
-        plant = Plant([scenario.nominal] * RUNS, threads=1)
-        controller = Controller(scenario.controller, RUNS)
+        plant = Plant([scenario.nominal] * RUNS, period=scenario.period, substeps=5)
+        controller = Controller(scenario.controller, RUNS, period=scenario.period)
         for _ in range(steps):
             plant.step(controller.torque(np.zeros(RUNS), plant.angle_m))
 
-    model = Plant([scenario.nominal]).model(0)
+    model = Plant([scenario.nominal], period=scenario.period, substeps=5).model(0)
     data = mujoco.MjData(model)
     engine = _timed(lambda: mujoco.mj_step(model, data, nstep=1000), 1000)
     return [

@@ -19,6 +19,7 @@ from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE
+from flexaxis.experiments.studies.knobs import usual_value
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
@@ -224,7 +225,7 @@ def setting(name: str, options: Mapping[str, float]) -> str:
 
 def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
     """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
-    tables = _others(path, name, scenario)
+    tables, at = _others(path, name, scenario), tuning_scenario()
     new = Tuning(
         estimator=name,
         knob=found.knob,
@@ -233,6 +234,10 @@ def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | N
         match=found.match,
         ratio=round(found.ratio, 4),
         command=command,
+        model=at.preset,
+        identify=at.identify,
+        period=at.period,
+        noise=at.noise.speed,
         scenario=scenario,
         lag=None if found.lag is None else round(found.lag, 4),
     )
@@ -268,7 +273,7 @@ def _entry(name: str):
 def _knob(name: str) -> tuple[str, float]:
     """Return the knob and its default, as what it gives of speed: 1−λ of a forgetting factor."""
     entry = _entry(name)
-    value = float(entry.options[entry.knob])
+    value = usual_value(name)
     return entry.knob, 1 - value if entry.knob == "forgetting" else value
 
 

@@ -3,7 +3,9 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, Model, increment, three_mass, two_mass
+from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.formula import multiply_out
+from flexaxis.estimators.models.tables import model_from_tables
 
 EVERY = ("k_T", "J_m", "J_g", "1/J_a", "k_g", "1/k_a", "d_g", "d_a", "f_m", "f_g", "1/f_a", "r")
 
@@ -118,3 +120,49 @@ def test_tables_that_do_not_fit(nominal):
         three_mass({k: v for k, v in nominal.items() if k != "J_a"})
     with pytest.raises(EstimatorError, match="needs a finite nominal value of 'r'"):
         three_mass({**nominal, "r": np.nan})
+
+
+@pytest.mark.parametrize(
+    ("model", "name", "value", "words"),
+    [
+        (name, parameter, value, words)
+        for name, shipped in MODELS.items()
+        for parameters, values, words in (
+            (shipped.factory(shipped.rough).positive, (-1e-3, 0.0), "above 0"),
+            (shipped.factory(shipped.rough).nonnegative, (-1e-3,), "0 or above it"),
+            (shipped.factory(shipped.rough).nonzero, (0.0,), "other than 0"),
+        )
+        for parameter in parameters
+        for value in values
+    ],
+)
+def test_impossible_values_are_refused(model, name, value, words):
+    shipped = MODELS[model]
+    with pytest.raises(EstimatorError, match=f"{name} = .* its value must be {words}"):
+        shipped.factory(dict(shipped.rough) | {name: value})
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_parameter_has_its_sign_said(model):
+    made = MODELS[model].factory(MODELS[model].rough)
+    said = [*made.positive, *made.nonnegative, *made.nonzero]
+    assert sorted(said) == sorted(made.parameters)
+    unfelt = dict(MODELS[model].rough) | dict.fromkeys(made.nonnegative, 0.0)
+    turned = MODELS[model].factory(unfelt | {"k_T": -1.0})
+    assert np.isfinite(turned.parametrize(["k_T"]).matrices([-1.0])[0]).all()
+
+
+def test_a_model_of_ones_own_takes_any_value():
+    tables = {"name": "own", "states": ["v"], "A": [["-f/J"]], "B": ["k/J"], "C": ["1"]}
+    model = model_from_tables(tables | {"nominal": {"f": -2.0, "J": -1.0, "k": 0.0}})
+    assert model.parametrize(["f"]).matrices([-2.0])[0][0, 0] == -2.0
+
+
+def test_the_nominal_axis_is_that_of_the_simulation(nominal):
+    assert MODELS["three_mass"].known["n1"] == dict(nominal)
+
+
+@pytest.mark.parametrize("entry", ["1/0", "a/0", "a/(b-b)", "0^-1", "(0*a)^-2", "a*10.0^400"])
+def test_a_division_by_zero_is_no_entry(entry):
+    with pytest.raises(EstimatorError, match="cannot read the entry"):
+        multiply_out(entry)

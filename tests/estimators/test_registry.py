@@ -7,8 +7,19 @@ import pytest
 
 from flexaxis.estimators import EstimatorError, registry
 from flexaxis.estimators.methods.paper import REGULARIZATION
-from flexaxis.estimators.offline.priors import default_drift, gradient, known_P, nominal_P
+from flexaxis.estimators.offline.priors import (
+    default_drift,
+    gradient,
+    known_P,
+    nominal_P,
+    stored_P,
+)
 from flexaxis.estimators.protocol import Estimator, run_estimator
+
+N2 = {
+    "k_T": 1.0, "J_m": 2.1e-3, "J_g": 15.0, "J_a": 1.7, "k_g": 1.7e5, "k_a": 4.8e4,
+    "d_g": 33.0, "d_a": 7.6, "f_m": 0.0085, "f_g": 3.0, "f_a": 1.1, "r": 1 / 118,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", registry.REGISTRY)
@@ -70,11 +81,71 @@ def test_initial_P_is_given_or_measured_or_known(nominal, loop):
 
 
 def test_other_parameters_drift_at_the_paper_s_relative_rate(nominal, loop):
-    drift = default_drift(("k_T", "k_a", "f_m"), np.array([1.0, 8.4e3, 0.05]))
+    from flexaxis.estimators import three_mass
+
+    drift = default_drift(three_mass(nominal), ("k_T", "k_a", "f_m"), 0.005)
     np.testing.assert_allclose(drift, [5e-8, 3.2e-6 * 8.4e3**2, 5e-6])
     make = registry.entry("rpem-drift").factory
     filter_ = make({**nominal, "k_a": 9e3}, 0.005, identify=("k_a",), torque=loop.u[:4000])
     assert filter_.run(loop.u, loop.y)[-2000:].mean() == pytest.approx(8.4e3, rel=0.01)
+
+
+def test_the_paper_s_drift_is_that_of_its_axis_at_any_start(nominal):
+    """Eq. (32) to the last bit; in other units or at another period the same relative to θ."""
+    from flexaxis.estimators import three_mass
+
+    names = ("f_m", "1/J_a", "k_T")
+    started = dict(nominal) | {"k_T": 1.2, "J_a": nominal["J_a"] / 1.2, "f_m": 0.06}
+    for values in (nominal, started):
+        drift = default_drift(three_mass(values), names, 0.005)
+        assert drift.tolist() == [500e-8, 50e-8, 5e-8]
+    drift = default_drift(three_mass(nominal), names, 0.01)
+    np.testing.assert_allclose(drift, [2 * 500e-8, 2 * 50e-8, 2 * 5e-8], rtol=1e-12)
+    drift = default_drift(three_mass(nominal), names, 0.005, noise=0.2)
+    np.testing.assert_allclose(drift, [500e-8 / 4, 50e-8 / 4, 5e-8 / 4], rtol=1e-12)
+
+
+def test_other_axes_drift_relative_to_their_values():
+    from flexaxis.estimators import three_mass
+
+    names = ("k_T", "1/J_a", "f_m")
+    drift = default_drift(three_mass(N2), names, 0.005)
+    np.testing.assert_allclose(drift, 3.2e-6 * np.array([1.0, 1 / 1.7, 0.0085]) ** 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "period", "identify", "known"),
+    [
+        ({}, 0.005, ("k_T", "1/J_a", "f_m"), True),
+        ({"k_T": 1.2, "J_a": 0.8 / 1.2, "f_m": 0.06}, 0.005, ("f_m", "k_T", "1/J_a"), True),
+        ({}, 0.002, ("k_T", "1/J_a", "f_m"), False),
+        ({}, 0.005, ("k_T", "J_a", "f_m"), False),
+        ({"k_a": 8.5e3}, 0.005, ("k_T", "1/J_a", "f_m"), False),
+        ({"f_m": 50.0}, 0.005, ("k_T", "1/J_a", "f_m"), False),  # as in mN m s/rad
+    ],
+)
+def test_stored_P_is_of_its_axis_alone(nominal, changes, period, identify, known):
+    from flexaxis.estimators import three_mass
+
+    found = stored_P(three_mass(nominal | changes), identify, period, forgetting=0.995)
+    assert (found is not None) == known
+    make = registry.entry("rpem-forgetting").factory
+    if known:
+        np.testing.assert_allclose(found, known_P(identify, forgetting=0.995))
+    else:
+        with pytest.raises(EstimatorError, match="give P0, or the torque of a nominal run"):
+            make(nominal | changes, period, identify=identify)
+
+
+def test_stored_P_is_not_that_of_another_output(nominal):
+    from dataclasses import replace
+
+    from flexaxis.estimators import three_mass
+
+    in_mrad = replace(three_mass(nominal), C=("0", "0", "1000", "0", "0"))
+    names = ("k_T", "1/J_a", "f_m")
+    assert stored_P(in_mrad, names, 0.005, forgetting=0.995) is None
+    assert stored_P(three_mass(N2), names, 0.005, forgetting=None) is None
 
 
 def test_unknown_names_are_answered(nominal):

@@ -33,7 +33,7 @@ def outputs(theta, u, x):
 def test_the_gradient_after_a_jump_against_finite_differences(record):
     model = three_mass(NOMINAL).parametrize(NAMES)
     theta, u, x = model.theta, record.torque[2000:2200], np.array([1e-4, -2e-4, 3.0, 0.02, 0.03])
-    psi = bounds.jump_gradient(model, theta, u, x)
+    psi = bounds.jump_gradient(model, theta, u, x, period=0.005)
     assert not psi[0].any()
     for i, h in enumerate(np.diag(1e-5 * theta)):
         slope = (outputs(theta + h, u, x) - outputs(theta - h, u, x)) / (2 * h[i])
@@ -44,14 +44,14 @@ def test_an_oracle_fit_meets_the_cramer_rao_bound(record):
     """Least squares from the true state and time, 400 runs of new noise."""
     model = three_mass(NOMINAL).parametrize(NAMES)
     theta, u, x, n = model.theta, record.torque[2000:2300], np.zeros(5), 299
-    clean, psi = outputs(theta, u, x), bounds.jump_gradient(model, theta, u, x)
+    clean, psi = outputs(theta, u, x), bounds.jump_gradient(model, theta, u, x, period=0.005)
     C = bounds.cramer_rao(psi, 0.01, theta)[n]
     noise = 0.1 * np.random.default_rng(0).standard_normal((400, 300))
     found = []
     for e in noise:
         guess = 1.01 * theta  # two steps of Gauss–Newton are enough from here
         for _ in range(2):
-            slope = bounds.jump_gradient(model, guess, u, x)
+            slope = bounds.jump_gradient(model, guess, u, x, period=0.005)
             guess = guess + np.linalg.lstsq(slope, clean + e - outputs(guess, u, x))[0]
         found.append(guess)
     ratio = np.var(found, axis=0) / np.diag(C)
@@ -68,7 +68,7 @@ def test_the_bound_of_a_scenario_uses_state_and_parameters_at_its_fault(record):
     # before anything is measured the prior: half of each parameter after the jump
     np.testing.assert_allclose(deviation[0], [0.5, 0.625, 0.0375], rtol=1e-9)
     assert (np.diff(deviation, axis=0) <= 1e-12).all()
-    assert 0.02 < bounds.lag_bound(deviation[:, 2], 0.025) < 0.12
+    assert 0.02 < bounds.lag_bound(deviation[:, 2], 0.025, period=0.005) < 0.12
     # who knows that it is f_m alone knows more, and what he knows is what a model of f_m has
     assert (both.single <= deviation + 1e-15).all()
     alone = bounds.jump_bound(scenario, ["f_m"], 2000, 3000, u)
@@ -137,4 +137,6 @@ def test_the_kalman_filter_is_on_the_posterior_bound_and_no_filter_below():
 
 def test_validity():
     # 200 samples of 5 ms are a second; the slowest pole takes half of one
-    assert bounds.validity([200, 400], [-2 + 90j, -2 - 90j, -30, 0]) == pytest.approx(2.0)
+    assert bounds.validity([200, 400], [-2 + 90j, -2 - 90j, -30, 0], period=0.005) == pytest.approx(
+        2.0
+    )

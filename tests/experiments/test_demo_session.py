@@ -14,7 +14,9 @@ from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import MARK, SPAN, DemoSession
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import preset
-from flexaxis.sim.timing import PERIOD, RATE
+from flexaxis.sim.timing import PERIOD, rate
+
+RATE = rate(PERIOD)
 
 
 def test_pieces_of_any_length_give_the_same_run():

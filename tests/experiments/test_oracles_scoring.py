@@ -101,7 +101,7 @@ def test_the_lag_on_the_bound_is_that_of_the_mean_modulus_of_a_normal_error(jump
 @pytest.mark.parametrize("deviation", [0.3, 30.0])
 def test_the_lag_bound_of_one_deviation(deviation):
     expected = T * 40 * min(1.0, halfnorm(scale=deviation / 2.0).mean())
-    assert bounds.lag_bound(np.full(40, deviation), 2.0) == pytest.approx(expected)
+    assert bounds.lag_bound(np.full(40, deviation), 2.0, period=0.005) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("start", "seconds"), [(1.0, 5.0), (1.2, 3.0), (1.5, 0.0)])

@@ -6,14 +6,17 @@ import tomllib
 
 import pytest
 
+from flexaxis.estimators.models.axes import three_mass
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.tuned import tuned, tunings
-from flexaxis.experiments.building.specs import parse
+from flexaxis.estimators.tuned import at_equal_noise, tuned, tunings
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.studies import tuning
 from flexaxis.experiments.studies.tuning import TOLERANCE, Trials, least_lag, match_noise
+from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
 NOISIER = {"imm"}  # its excess error is above the reference's however slowly θ walks
@@ -87,13 +90,15 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
     plain, variant = tomllib.loads(path.read_text(encoding="utf-8"))["tuned"]
     assert plain["value"] == found["value"] and plain["setting"] == found["setting"]
     assert "scenario" not in plain and variant["scenario"] == "fm_step-v1"
+    assert (plain["model"], plain["period"], plain["noise"]) == ("n1", 0.005, 0.1)
+    assert plain["identify"] == ["k_T", "1/J_a", "f_m"]
     assert variant["command"] == "flexaxis tune cusum-reset --seeds 0:2 " + " ".join(fault)
 
 
 def test_the_registry_has_what_was_tuned():
     for entry in REGISTRY.values():
         if entry.knob and entry.name not in OWN | NOISIER:
-            assert entry.options[entry.knob] == tuned(entry.name, otherwise=0.0)
+            assert entry.options[entry.knob] == at_equal_noise(entry.name).value
     known = {t.estimator for t in tunings()}
     assert known == {e.name for e in REGISTRY.values() if e.knob} - NOISIER
     for found in tunings():
@@ -102,6 +107,95 @@ def test_the_registry_has_what_was_tuned():
         options = parse(found.setting).options
         assert options[found.knob] == found.value
     assert REGISTRY["rpem-forgetting"].options["forgetting"] == 0.995
+
+
+THREE = ("k_T", "1/J_a", "f_m")
+
+
+def axis(name="n1", **changes):
+    return three_mass(preset(name).as_dict() | changes)
+
+
+def forgetting_of(estimator):
+    """At rest nothing is learnt: P/λ is all that a sample does."""
+    before = estimator.P[0, 0]
+    estimator.step(0.0, 0.0)
+    return before / estimator.P[0, 0]
+
+
+def in_units(model, scale, output=1.0):
+    """Return the same axis with some parameters in other units, and the output in another."""
+
+    def converted(row):
+        return [re.sub(r"[a-zA-Z]\w*", lambda m: f"({m[0]}*{1 / scale.get(m[0], 1)!r})", entry)
+                for entry in row]  # fmt: skip
+
+    nominal = {name: value * scale.get(name, 1) for name, value in model.nominal.items()}
+    A, B = [converted(row) for row in model.A], converted(model.B)
+    C = [f"({entry})*{output!r}" for entry in model.C]
+    return Model("other units", states=model.states, A=A, B=B, C=C, nominal=nominal)
+
+
+HERE = [
+    axis(),
+    axis(k_T=1.2, J_a=0.8 / 1.2, f_m=0.06),  # where a start of 1.2 begins
+    axis(k_T=0.5, J_a=1.6, f_m=0.025),
+    in_units(axis(), {"f_m": 1e3}),
+    in_units(axis(), {"J_m": 1e3, "J_g": 1e3, "J_a": 1e3}),
+    in_units(axis(), {}, output=1e3),
+    in_units(axis(), {"k_T": -1.0}),
+]
+ELSEWHERE = [axis("n2"), axis(J_m=0.012), axis(f_m=0.005)]
+
+
+@pytest.mark.parametrize("model", HERE)
+def test_a_tuned_knob_is_applied_on_its_axis_in_any_units(model):
+    expected = at_equal_noise("rpem-corrected").value
+    assert tuned("rpem-corrected", model, 0.005, THREE) == expected != 0.995
+    assert tuned("rpem-corrected", model, 0.005, THREE[::-1]) == expected
+    made = REGISTRY["rpem-corrected"].factory(model, 0.005, P0=[1e-4] * 3)
+    assert forgetting_of(made) == pytest.approx(expected, rel=1e-12)
+    made = REGISTRY["rpem-corrected"].factory(model, 0.005, P0=[1e-4] * 3, forgetting=0.9)
+    assert forgetting_of(made) == pytest.approx(0.9, rel=1e-12), "what is said goes before"
+
+
+@pytest.mark.parametrize(
+    ("model", "period", "identify"),
+    [
+        *((model, 0.005, THREE) for model in ELSEWHERE),
+        (axis(), 0.002, THREE),
+        (axis(), 0.01, THREE),
+        (axis(), 0.005, ("k_T", "f_m")),
+        (axis(), 0.005, ("k_T", "J_a", "f_m")),
+    ],
+)
+def test_and_on_no_other(model, period, identify):
+    assert tuned("rpem-corrected", model, period, identify) is None
+    options = {"identify": identify, "P0": [1e-4] * len(identify)}
+    made = REGISTRY["rpem-corrected"].factory(model, period, **options)
+    assert REGISTRY["rpem-corrected"].default == 0.995
+    assert forgetting_of(made) == pytest.approx(1 - period, rel=1e-12), "1 s of memory"
+
+
+def test_an_axis_without_friction_is_another():
+    model = axis(f_m=0.0, f_g=0.0, f_a=0.0)  # its motor never stops
+    assert tuned("rpem-corrected", model, 0.005, THREE) is None
+
+
+def test_the_knob_of_a_scenario_is_that_of_its_axis():
+    for name, value in (("paper_nominal-v1", 0.994125), ("n2_nominal-v1", 0.995)):
+        assert forgetting_of(build(parse("rpem-corrected"), find_scenario(name))) == pytest.approx(
+            value
+        )
+
+
+def test_list_and_show_say_where_a_knob_is_tuned(capsys):
+    assert main(["show", "ekf"]) == 0
+    said = capsys.readouterr().out
+    assert "0.001162 as tuned for n1 at 5 ms, k_T, 1/J_a, f_m, noise 0.1 rad/s" in said
+    assert "0.002 on any other axis" in said
+    assert main(["list", "estimators"]) == 0
+    assert "tuned for n1 at 5 ms" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ def textbook(reference, angle, *, Kp=4.0, Kv=0.22, Ki=2.0, tau=0.0005):
 
 
 def run(reference, angle, config=None):
-    controller = Controller(config or ControllerConfig(), reference.shape[1])
+    controller = Controller(config or ControllerConfig(), reference.shape[1], period=0.005)
     return np.array([controller.torque(w, p) for w, p in zip(reference, angle, strict=True)])
 
 

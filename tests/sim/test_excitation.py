@@ -4,16 +4,20 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.excitation import Moves, Multisine, Standstill
-from flexaxis.sim.timing import sample_times
+from flexaxis.sim.timing import PERIOD, Grid
 
 
 def rng(seed=0):
     return np.random.default_rng(seed)
 
 
+def grid(samples):
+    return Grid.first(samples, PERIOD)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_lines_of_the_band_have_equal_size_and_no_other_line_exists(seed):
-    signal = Multisine().one_period(rng(seed))
+    signal = Multisine().one_period(rng(seed), PERIOD)
     size = np.abs(np.fft.rfft(signal)) / signal.size
     assert signal.size == 2000
     # 300 lines of amplitude a have rms a sqrt(300/2); a DFT line is half its amplitude.
@@ -22,20 +26,23 @@ def test_lines_of_the_band_have_equal_size_and_no_other_line_exists(seed):
 
 
 def test_band_ends_are_included_whatever_the_rounding():
-    signal = Multisine(low=0.3, high=0.7, period=10.0).one_period(rng())
+    signal = Multisine(low=0.3, high=0.7, period=10.0).one_period(rng(), PERIOD)
     lines = np.flatnonzero(np.abs(np.fft.rfft(signal)) > 1e-9)
     assert lines.tolist() == [3, 4, 5, 6, 7]
 
 
 def test_size_does_not_depend_on_the_phase_and_phases_do_on_the_stream():
-    one, two = Multisine(rms=0.1).one_period(rng(1)), Multisine(rms=0.1).one_period(rng(2))
+    one, two = (
+        Multisine(rms=0.1).one_period(rng(1), PERIOD),
+        Multisine(rms=0.1).one_period(rng(2), PERIOD),
+    )
     assert np.std(one) == pytest.approx(0.1, rel=1e-12) == pytest.approx(np.std(two), rel=1e-12)
     assert np.max(np.abs(one - two)) > 0.1
-    assert np.array_equal(one, Multisine(rms=0.1).one_period(rng(1)))
+    assert np.array_equal(one, Multisine(rms=0.1).one_period(rng(1), PERIOD))
 
 
 def test_phases_are_spread_evenly():
-    signal = Multisine(high=90.0).one_period(rng())
+    signal = Multisine(high=90.0).one_period(rng(), PERIOD)
     phase = np.angle(np.fft.rfft(signal)[1:901])
     # The mean direction of n random phases is about 1/sqrt(n); five times that is no accident.
     assert abs(np.exp(1j * phase).mean()) < 5 / np.sqrt(900)
@@ -43,14 +50,14 @@ def test_phases_are_spread_evenly():
 
 
 def test_is_periodic():
-    reference = Multisine().reference(sample_times(4500), rng())
+    reference = Multisine().reference(grid(4500), rng())
     assert np.array_equal(reference[:2000], reference[2000:4000])
 
 
 def test_a_pause_holds_the_last_value_and_stops_the_clock():
-    times = sample_times(4000)
-    always = Multisine().reference(times, rng())
-    paused = Multisine(pause=((5.0, 12.0), (15.0, 16.0))).reference(times, rng())
+    samples = grid(4000)
+    always = Multisine().reference(samples, rng())
+    paused = Multisine(pause=((5.0, 12.0), (15.0, 16.0))).reference(samples, rng())
     assert np.array_equal(paused[:1000], always[:1000])
     assert np.all(paused[1000:2400] == always[999])
     assert np.array_equal(paused[2400:3000], always[1000:1600])  # on without a jump
@@ -59,26 +66,26 @@ def test_a_pause_holds_the_last_value_and_stops_the_clock():
 
 
 def test_excited_tells_the_pauses():
-    times = sample_times(2000)
-    excited = Multisine(pause=((5.0, 7.5),)).excited(times)
-    assert np.array_equal(excited, (times < 5.0) | (times >= 7.5))
-    assert Multisine().excited(times).all() and not Standstill().excited(times).any()
+    samples = grid(2000)
+    excited = Multisine(pause=((5.0, 7.5),)).excited(samples)
+    assert np.array_equal(excited, (samples.times < 5.0) | (samples.times >= 7.5))
+    assert Multisine().excited(samples).all() and not Standstill().excited(samples).any()
 
 
 def test_before_its_first_sample_the_reference_is_at_rest():
-    reference = Multisine(pause=((0.0, 1.0),)).reference(sample_times(400), rng())
+    reference = Multisine(pause=((0.0, 1.0),)).reference(grid(400), rng())
     assert not reference[:200].any()
-    assert np.array_equal(reference[200:], Multisine().reference(sample_times(200), rng()))
+    assert np.array_equal(reference[200:], Multisine().reference(grid(200), rng()))
 
 
 def test_standstill_asks_for_nothing():
-    assert not Standstill().reference(sample_times(10), rng()).any()
+    assert not Standstill().reference(grid(10), rng()).any()
 
 
 def test_moves_are_of_least_jerk_between_rests():
     moves = Moves(reach=3.0, move=0.4, dwell=0.2)
-    times = sample_times(1200)
-    reference, excited = moves.reference(times, rng()), moves.excited(times)
+    samples = grid(1200)
+    reference, excited = moves.reference(samples, rng()), moves.excited(samples)
     cycles = reference.reshape(10, 120)  # 80 samples of motion, 40 at rest
     assert np.array_equal(excited.reshape(10, 120), np.tile(np.arange(120) < 80, (10, 1)))
     targets = cycles[:, -1]
@@ -96,5 +103,5 @@ def test_moves_are_of_least_jerk_between_rests():
 
 
 def test_longer_runs_have_the_same_moves():
-    short, long = (Moves().reference(sample_times(n), rng()) for n in (500, 2000))
+    short, long = (Moves().reference(grid(n), rng()) for n in (500, 2000))
     assert np.array_equal(short, long[:500])

@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.faults import Intermittent, Ramp, Step, Thermal
-from flexaxis.sim.timing import PERIOD, sample_index, sample_times
+from flexaxis.sim.timing import PERIOD, Grid
 
-TIMES = sample_times(4000)
+GRID = Grid.first(4000, PERIOD)
 
 
 def test_grid_times_are_the_decimals_that_users_write():
     assert PERIOD == 0.005
-    assert TIMES.tolist() == [float(f"{5 * k}e-3") for k in range(4000)]
-    assert all(sample_index(time) == k for k, time in enumerate(TIMES))
+    assert GRID.times.tolist() == [float(f"{5 * k}e-3") for k in range(4000)]
+    assert all(GRID.index(time) == k for k, time in enumerate(GRID.times))
 
 
 @pytest.mark.parametrize(("at", "k0"), [(10.0, 2000), (10.3, 2060), (10.002, 2000), (10.003, 2001)])
 def test_step_begins_at_the_nearest_sample(at, k0):
-    factor = Step(parameter="f_m", at=at, factor=1.5).factor_at(TIMES)
+    factor = Step(parameter="f_m", at=at, factor=1.5).factor_at(GRID)
     assert np.all(factor[:k0] == 1) and np.all(factor[k0:] == 1.5)
 
 
@@ -27,11 +27,11 @@ def test_ramp_is_the_mean_of_a_straight_line_over_each_sample(final):
     fine = np.linspace(0, 20, 4000 * 10, endpoint=False) + 20 / 4000 / 10 / 2
     line = 1 + (final - 1) * np.clip((fine - 10.0) / 5.0, 0, 1)
     expected = line.reshape(4000, 10).mean(axis=1)
-    factor = ramp.factor_at(TIMES)
+    factor = ramp.factor_at(GRID)
     assert np.allclose(factor, expected, rtol=1e-12)
     assert factor[1999] == 1 and factor[2000] != 1  # the onset has the first changed value
     assert factor[2999] != final and factor[3000] == final
-    assert ramp.onsets(TIMES) == [(2000, 3000)]
+    assert ramp.onsets(GRID) == [(2000, 3000)]
 
 
 @pytest.mark.parametrize("until", [None, 12.25])
@@ -44,10 +44,10 @@ def test_intermittent_switches_as_told(until):
             left = 100 if state else 200
         left -= 1
         expected[k] = 2.0 if state else 1.0
-    factor = fault.factor_at(TIMES)
+    factor = fault.factor_at(GRID)
     assert np.array_equal(factor, expected)
     changes = np.flatnonzero(np.diff(factor)) + 1
-    assert fault.onsets(TIMES) == [(k, k) for k in changes]
+    assert fault.onsets(GRID) == [(k, k) for k in changes]
 
 
 @pytest.mark.parametrize("final", [1.5, 0.0])
@@ -57,6 +57,6 @@ def test_thermal_is_the_mean_of_an_exponential_over_each_sample(final):
     curve = 1 + (final - 1) * np.where(fine < 5, 0, -np.expm1(-(fine - 5.0) / 2.0))
     expected = curve.reshape(4000, 100).mean(axis=1)
     # the mean of 100 points of a curve that bends little in a sample
-    assert np.allclose(change.factor_at(TIMES), expected, rtol=0, atol=1e-9)
-    ((first, settled),) = change.onsets(TIMES)
-    assert first == 1000 and change.factor_at(np.array([settled * PERIOD]))[0] == final
+    assert np.allclose(change.factor_at(GRID), expected, rtol=0, atol=1e-9)
+    ((first, settled),) = change.onsets(GRID)
+    assert first == 1000 and change.factor_at(Grid(np.array([settled]), PERIOD))[0] == final

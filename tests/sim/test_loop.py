@@ -30,7 +30,7 @@ def exact_ticks(scenario, command):
 
 def reference_of(scenario, seed=0):
     rng = stream(scenario.key, seed, "excitation")
-    return scenario.excitation.reference(scenario.times, rng)
+    return scenario.excitation.reference(scenario.grid, rng)
 
 
 def close(ours, reference):
@@ -107,7 +107,12 @@ def test_the_level_of_coulomb_friction_changes_when_told(make):
     )
     (record,) = simulate(scenario, [0])
     for change, agrees in ((200, True), (None, False)):
-        plant = Plant([scenario.nominal], substeps=20, nonlinear=list(scenario.nonlinear.values()))
+        plant = Plant(
+            [scenario.nominal],
+            period=0.005,
+            substeps=20,
+            nonlinear=list(scenario.nonlinear.values()),
+        )
         speed = []
         for k, value in enumerate(record.torque):
             if k == change:

@@ -53,7 +53,7 @@ def smooth(u, rate, size=6):
 def plant_speeds(u, *features, substeps=None, faults=None):
     """Speed after each sample, with the steps that a scenario would take."""
     substeps = substeps or max([5, *(feature.substeps for feature in features)])
-    plant, speed = Plant([N1], substeps=substeps, nonlinear=features), []
+    plant, speed = Plant([N1], period=0.005, substeps=substeps, nonlinear=features), []
     for k, value in enumerate(u):
         if faults and k in faults:
             plant.set_parameters([N1.replace(**faults[k])])
@@ -215,7 +215,7 @@ def test_a_torque_below_coulomb_friction_moves_nothing():
 
 
 def test_coulomb_friction_can_change_in_a_run():
-    plant = Plant([N1], substeps=20, nonlinear=[FrictionConfig(coulomb=0.1)])
+    plant = Plant([N1], period=0.005, substeps=20, nonlinear=[FrictionConfig(coulomb=0.1)])
     speeds = []
     for k in range(600):
         if k == 300:

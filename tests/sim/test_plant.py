@@ -1,5 +1,7 @@
 """The MuJoCo plant against equations (3) and (4), and against itself in batches."""
 
+from threading import Barrier, Event, Thread
+
 import mujoco
 import numpy as np
 import pytest
@@ -12,6 +14,10 @@ from flexaxis.sim.timing import PERIOD
 from .conftest import exact_speed, state_space
 
 N1 = preset("n1")
+
+
+def plant_of(parameters, *, threads=1):
+    return Plant(parameters, period=PERIOD, substeps=5, threads=threads)
 
 
 def linearised(model):
@@ -42,7 +48,7 @@ def random_parameters(count):
 
 @pytest.mark.parametrize("theta", [N1.as_array(), preset("n2").as_array(), *random_parameters(5)])
 def test_linearisation_is_equations_3_and_4(theta):
-    A, B = linearised(Plant([AxisParameters.from_array(theta)]).model(0))
+    A, B = linearised(plant_of([AxisParameters.from_array(theta)]).model(0))
     A0, B0 = state_space(theta)
     # Row by row, for the entries of different rows differ by 1e8. Rounding alone gives 1e-15.
     scale = np.abs(A0).max(axis=1, keepdims=True)
@@ -52,7 +58,7 @@ def test_linearisation_is_equations_3_and_4(theta):
 
 def test_integrator_is_of_fourth_order():
     def error(substeps):
-        plant, speed = Plant([N1], substeps=substeps), []
+        plant, speed = Plant([N1], period=PERIOD, substeps=substeps), []
         torque = np.random.default_rng(0).normal(0, 1, 200)
         for u in torque:
             speed.append(plant.speed_m[0])
@@ -70,10 +76,10 @@ def test_integrator_is_of_fourth_order():
 @pytest.mark.parametrize("name", PARAMETER_NAMES)
 def test_changed_while_running_is_bit_exact_with_made_so(name):
     changed = N1.replace(**{name: 0.8 * getattr(N1, name)})
-    plant = Plant([N1])
+    plant = plant_of([N1])
     plant.step(np.array([0.3]))
     plant.set_parameters([changed])
-    now, made = plant.model(0), Plant([changed]).model(0)
+    now, made = plant.model(0), plant_of([changed]).model(0)
     for field in ("dof_damping", "tendon_stiffness", "tendon_damping", "body_inertia", "wrap_prm",
                   "actuator_gear", "dof_M0", "dof_invweight0", "tendon_invweight0"):  # fmt: skip
         assert np.array_equal(getattr(now, field), getattr(made, field)), field
@@ -82,7 +88,7 @@ def test_changed_while_running_is_bit_exact_with_made_so(name):
 @pytest.mark.parametrize("name", [name for name in PARAMETER_NAMES if name != "r"])
 def test_a_change_keeps_angles_and_speeds_and_then_acts(name):
     changed = N1.replace(**{name: 1.5 * getattr(N1, name)})
-    plant, other = Plant([N1]), Plant([N1])
+    plant, other = plant_of([N1]), plant_of([N1])
     for _ in range(50):
         plant.step(np.array([0.3]))
         other.step(np.array([0.3]))
@@ -100,7 +106,7 @@ def test_a_run_does_not_depend_on_the_others_nor_on_threads():
     torque = np.random.default_rng(2).normal(0, 1, (100, 6))
 
     def final(rows, threads=1):
-        plant = Plant(values[rows], threads=threads)
+        plant = plant_of(values[rows], threads=threads)
         for k, u in enumerate(torque[:, rows]):
             if k == 50:
                 plant.set_parameters(values[rows] * np.where(np.arange(12) < 11, 1.1, 1))
@@ -114,7 +120,7 @@ def test_a_run_does_not_depend_on_the_others_nor_on_threads():
 
 
 def test_properties_are_the_named_joints():
-    plant = Plant([N1])
+    plant = plant_of([N1])
     for _ in range(20):
         plant.step(np.array([1.0]))
     assert plant.angle_m[0] > plant.angle_g[0] > plant.angle_a[0] > 0
@@ -140,7 +146,7 @@ def clean_folder(tmp_path, monkeypatch, capfd):
     ],
 )
 def test_divergence_is_an_error_and_leaves_no_litter(torque, parameters, run):
-    plant = Plant(parameters)
+    plant = plant_of(parameters)
     plant.step(np.zeros(len(parameters)))
     with pytest.raises(SimulationError, match=f"run {run} failed at t = 0.01") as caught:
         for _ in range(3):
@@ -148,8 +154,51 @@ def test_divergence_is_an_error_and_leaves_no_litter(torque, parameters, run):
     assert caught.value.run == run and "MuJoCo warning" in caught.value.reason
 
 
+def _logs():
+    setting = mujoco.MjLogConfig.get()
+    return setting.logto_console, setting.logto_file
+
+
+def test_plants_in_several_threads_leave_the_log_setting_as_it_was():
+    """The setting is one for the process: whoever saw it silenced must not put that back."""
+    before, inside, seen = _logs(), Barrier(2), []
+    plants = [plant_of([N1]) for _ in range(2)]
+    step = mujoco.batch.Batch.step
+    done = Event()
+
+    class Watched:
+        """A batch whose steps overlap: the first to step is the first to have done."""
+
+        def __init__(self, batch, first):
+            self._batch, self._first = batch, first
+
+        def __getattr__(self, name):
+            return getattr(self._batch, name)
+
+        def step(self, nstep):
+            inside.wait(10)
+            if not self._first:
+                done.wait(10)
+            seen.append(_logs())
+            step(self._batch, nstep=nstep)
+
+    def run(plant, first):
+        plant._batch = Watched(plant._batch, first)
+        plant.step(np.zeros(1))
+        if first:
+            done.set()
+
+    threads = [Thread(target=run, args=args) for args in zip(plants, (True, False), strict=True)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert seen == [(False, False)] * 2, "quiet while any of them steps"
+    assert _logs() == before
+
+
 def test_wrong_parameters_are_refused_and_change_nothing():
-    plant = Plant([N1, N1])
+    plant = plant_of([N1, N1])
     bad = np.tile(N1.as_array(), (2, 1))
     bad[1, PARAMETER_NAMES.index("J_g")] = -7
     bad[0, PARAMETER_NAMES.index("f_m")] = 0.06
@@ -159,4 +208,4 @@ def test_wrong_parameters_are_refused_and_change_nothing():
     with pytest.raises(ParameterError, match=r"shape \(2, 12\)"):
         plant.set_parameters([N1])
     with pytest.raises(ParameterError, match="at least one run"):
-        Plant([])
+        plant_of([])

@@ -244,3 +244,27 @@ def test_a_saved_file_has_the_users_permissions(record, tmp_path):
     mask = os.umask(0)
     os.umask(mask)
     assert stat.S_IMODE(record.save(tmp_path / "run.nc").stat().st_mode) == 0o666 & ~mask
+
+
+@pytest.mark.parametrize(
+    ("signals", "line"),
+    [
+        ({"speed": [0.0, float("nan"), 1.0]}, "speed is nan at sample 1 (1 such values); mark"),
+        ({"torque": [0.0, float("inf"), 1.0]}, "torque is inf at sample 1"),
+        ({"valid": [1, float("nan"), 0]}, "valid is nan at sample 1"),
+        ({"speed": [0.0, None, 1.0]}, "speed is nan at sample 1"),
+        ({"speed": ["slow", "fast", "1"]}, "speed is no array of numbers"),
+        ({"true_parameters": [[1.0], [1.0, 2.0], [3.0]]}, "true_parameters is no array of numbers"),
+    ],
+)
+def test_lists_are_checked_like_arrays(signals, line):
+    good = {"time": [0.0, 0.005, 0.01], "torque": [0.0, 1.0, 2.0], "speed": [0.0, 1.0, 2.0]}
+    with pytest.raises(RecordError) as caught:
+        Record(**(good | signals))
+    assert str(caught.value).startswith(line)
+
+
+def test_lists_become_arrays():
+    record = Record(time=[0, 1, 2], torque=[0, 1, 2], speed=[0.0, 1.0, 2.0], valid=[1, 0, 1])
+    assert record.torque.dtype == float and record.period == 1.0
+    assert record.valid.tolist() == [True, False, True] and record.valid.dtype == bool

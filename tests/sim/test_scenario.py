@@ -1,6 +1,9 @@
 """Scenarios: what a TOML means, its identity, and its truth over time."""
 
+import copy
+import operator
 import os
+import pickle
 import subprocess
 import sys
 
@@ -295,3 +298,27 @@ def test_what_the_linear_model_does_not_describe(text):
 def test_words_are_no_part_of_the_identity():
     words = 'group = "steps"\ndifficulty = "easy"'
     assert parse_scenario(words + STEP).hash == parse_scenario(STEP).hash
+
+
+@pytest.mark.parametrize("table", ["parameters", "told"])
+def test_tables_of_numbers_cannot_change_below_the_hash(table):
+    scenario = parse_scenario(BARE + "parameters.J_m = 2e-3\ntold.J_g = 1.1\n")
+    values, before = getattr(scenario, table), scenario.hash
+    for change in (
+        lambda: values.__setitem__("k_a", 1.0),
+        lambda: values.update(k_a=1.0),
+        lambda: values.setdefault("k_a", 1.0),
+        lambda: operator.ior(values, {"k_a": 1.0}),
+        lambda: values.pop(next(iter(values))),
+        values.popitem,
+        values.clear,
+    ):
+        with pytest.raises(TypeError, match="a scenario cannot change"):
+            change()
+    assert (
+        parse_scenario(scenario.to_toml()).hash
+        == before
+        == pickle.loads(pickle.dumps(scenario)).hash
+    )
+    assert getattr(pickle.loads(pickle.dumps(scenario)), table) == values
+    assert getattr(copy.deepcopy(scenario), table) == values

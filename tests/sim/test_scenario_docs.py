@@ -15,12 +15,14 @@ from flexaxis.sim.scenario import Scenario, parse_scenario
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
-ROWS = {
-    key: [cell.strip(" `") for cell in row.split("|")]
+CELLS = [
+    (key, [cell.strip(" `") for cell in row.split("|")])
     for row in PAGE.splitlines()
     if row.startswith("| `")
     for key in re.findall(r"`([^`]+)`", row.split("|")[1])
-}
+]
+ROWS = dict(CELLS)
+AT_THE_TOP = dict(reversed(CELLS))  # where an excitation has a key of the same name
 
 
 def leaves(table: type[BaseModel], prefix: str = ""):
@@ -40,10 +42,15 @@ def leaves(table: type[BaseModel], prefix: str = ""):
 
 
 @pytest.mark.parametrize(
-    ("key", "field"), [*leaves(Scenario), *leaves(Multisine)], ids=lambda value: str(value)[:20]
+    ("rows", "key", "field"),
+    [
+        *((AT_THE_TOP, *leaf) for leaf in leaves(Scenario)),
+        *((ROWS, *leaf) for leaf in leaves(Multisine)),
+    ],
+    ids=lambda value: "" if isinstance(value, dict) else str(value)[:20],
 )
-def test_every_key_is_explained_with_its_default(key, field):
-    default = ROWS[key][3]
+def test_every_key_is_explained_with_its_default(rows, key, field):
+    default = rows[key][3]
     if field.is_required() or field.default is None:
         assert default == "–"
     elif key in ("low", "high"):

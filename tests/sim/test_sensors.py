@@ -30,7 +30,7 @@ def white(purpose):
 
 
 def read(*sensors, signal="angle"):
-    return reading(sensors, signal, white)(ANGLE)
+    return reading(sensors, signal, white, period=0.005)(ANGLE)
 
 
 def test_without_sensors_the_truth_is_read():
@@ -67,8 +67,16 @@ def test_increments_add_up_to_the_angle_and_start_at_zero():
 def test_delay_shifts_and_begins_at_rest():
     late = read(DelayConfig(measurement=3))
     assert not late[:3].any() and np.array_equal(late[3:], ANGLE[:-3])
-    short = reading([DelayConfig(measurement=5)], "angle", white)(ANGLE[:2])
-    assert not short.any() and short.shape == (2, 2)
+
+
+@pytest.mark.parametrize("samples", range(1, 13))
+@pytest.mark.parametrize("piece", [1, 3, 12])
+def test_delay_of_a_signal_shorter_and_longer_than_it(samples, piece):
+    late = reading([DelayConfig(measurement=5)], "angle", white, period=0.005)
+    ends = range(0, samples, piece)
+    found = np.concatenate([late(ANGLE[k : min(k + piece, samples)]) for k in ends])
+    expected = np.vstack([np.zeros((5, 2)), ANGLE])[:samples]
+    assert np.array_equal(found, expected)
 
 
 @pytest.mark.parametrize("signal", ["angle", "speed"])
@@ -93,7 +101,7 @@ def test_a_signal_meets_delay_noise_encoder_and_filter_in_turn(signal):
 @pytest.mark.parametrize("signal", ["angle", "speed"])
 @pytest.mark.parametrize("size", [1, 2, 7])
 def test_a_sample_at_a_time_gives_the_same_bits(signal, size):
-    one = reading(ALL, signal, white)
+    one = reading(ALL, signal, white, period=0.005)
     pieces = [one(ANGLE[k : k + size]) for k in range(0, len(ANGLE), size)]
     assert np.concatenate(pieces).tobytes() == read(*ALL, signal=signal).tobytes()
 
@@ -104,9 +112,9 @@ class Gain(Config):
     exact: ClassVar[bool] = False
     factor: float
 
-    def stage(self, signal, white):
+    def stage(self, signal, white, period):
         """Return the multiplication."""
-        del signal, white
+        del signal, white, period
         return lambda values: self.factor * values
 
     def in_words(self):

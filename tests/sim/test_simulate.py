@@ -75,7 +75,7 @@ def test_torque_is_the_textbook_loop_on_reference_and_angle(sensors, make):
     scenario = make(sensors + step("f_m"), duration=3.0)
     (record,) = simulate(scenario, [5])
     rng = stream(scenario.key, 5, "excitation")
-    reference = scenario.excitation.reference(scenario.times, rng)
+    reference = scenario.excitation.reference(scenario.grid, rng)
     T, a = scenario.period, np.exp(-scenario.period / 0.0005)
     before = speed = integral = 0.0
     for k in range(scenario.samples):
@@ -155,7 +155,7 @@ def test_measured_feedback_sees_exactly_the_recorded_angle(make):
     )
     (record,) = simulate(scenario, [0])
     rng = stream(scenario.key, 0, "excitation")
-    error = scenario.excitation.reference(scenario.times, rng) - record.angle
+    error = scenario.excitation.reference(scenario.grid, rng) - record.angle
     T, a = scenario.period, np.exp(-scenario.period / 0.0005)
     speed = integral = before = 0.0
     for k in range(scenario.samples):

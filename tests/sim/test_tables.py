@@ -72,7 +72,7 @@ class _Words(Config):
 class Whole(_Words):
     """A sensor as it should be."""
 
-    def stage(self, signal, white):
+    def stage(self, signal, white, period):
         """Return nothing of use."""
 
 
@@ -90,7 +90,7 @@ class NoSubsteps(_Words):
 class NoWords(Config):
     """A sensor without words and without `exact`."""
 
-    def stage(self, signal, white):
+    def stage(self, signal, white, period):
         """Return nothing of use."""
 
 
@@ -99,7 +99,7 @@ class AKey(Config):
 
     exact: bool = False
 
-    def stage(self, signal, white):
+    def stage(self, signal, white, period):
         """Return nothing of use."""
 
     def in_words(self):

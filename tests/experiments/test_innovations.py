@@ -1,0 +1,174 @@
+"""Size and colour of innovations: against numbers that are known, and through a whole run."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.scoring.innovations import nis, whiteness
+
+LAGS = 20
+
+
+def claims(epsilon, variance=1.0):
+    return np.column_stack([epsilon, np.broadcast_to(variance, np.shape(epsilon))])
+
+
+def white(n, seed=0):
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+def test_nis_is_the_squared_innovation_over_its_claim():
+    assert nis(claims([1.0, -2.0, 3.0], [1.0, 4.0, 3.0])) == pytest.approx((1 + 1 + 3) / 3)
+    assert nis(claims(3 * white(100_000), 9.0)) == pytest.approx(1.0, rel=0.02)
+    assert nis(claims(white(100_000), 0.25)) == pytest.approx(4.0, rel=0.02)
+
+
+def test_gaps_and_claims_of_nothing_are_left_out():
+    nan = np.nan
+    assert nis(claims([1.0, nan, 3.0, 5.0], [1.0, 1.0, nan, 0.0])) == 1.0
+    assert nis(claims([nan, nan])) is None and nis(claims([1.0], [0.0])) is None
+    assert nis(np.empty((0, 2))) is None
+    assert whiteness(claims(np.full(100, nan)), LAGS) is None
+    assert whiteness(claims(np.zeros(100)), LAGS) is None
+    assert whiteness(claims(white(10)), LAGS) is None, "shorter than its lags"
+
+
+def test_whiteness_is_the_statistic_of_ljung_and_box():
+    z = white(500, seed=3)
+    rho = np.array([z[lag:] @ z[:-lag] for lag in range(1, LAGS + 1)]) / (z @ z)
+    Q = 500 * 502 * np.sum(rho**2 / (500 - np.arange(1, LAGS + 1)))
+    assert whiteness(claims(z), LAGS) == pytest.approx(Q / LAGS, rel=1e-12)
+    assert whiteness(claims(7 * z, 49.0), LAGS) == pytest.approx(Q / LAGS, rel=1e-12)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.3])
+def test_of_white_innovations_it_is_chi_square_over_its_degrees(missing):
+    rng, found = np.random.default_rng(1), []
+    for seed in range(2000):
+        z = white(600, seed)
+        z[rng.random(600) < missing] = np.nan
+        found.append(whiteness(claims(z), LAGS))
+    # a mean of 2000 with standard deviation √(2/20), three of which are .02
+    assert np.mean(found) == pytest.approx(1.0, abs=0.025)
+    assert np.mean(np.array(found) > chi2(LAGS).ppf(0.95) / LAGS) == pytest.approx(0.05, abs=0.02)
+
+
+def test_colour_and_a_mean_are_seen():
+    z = white(2000)
+    for coloured in (z[1:] + 0.3 * z[:-1], z + 0.3, np.cumsum(z)):
+        assert whiteness(claims(coloured), LAGS) > 5
+
+
+class Told:
+    """It says nothing of θ, and of its innovations what a number of the sample makes of them.
+
+    ε is ±2 in turn, S is 4 up to the fault and 1 from there, and the first 100 are far too large.
+    """
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.f_m, self.k, self.period = nominal["f_m"], 0, period
+
+    def step(self, u, y):
+        raise AssertionError("it has a run")
+
+    def run(self, u, y, valid=None):
+        k = self.k + np.arange(len(u))
+        self.k += len(u)
+        variance = np.where(
+            k * self.period < 6.0 - 1e-9, 4.0, 1.0
+        )  # the fault of `short` is at 6 s
+        epsilon = np.where(k < 100, 1e6, 2.0) * (-1.0) ** k
+        self.innovations = np.column_stack([epsilon, variance])
+        return np.full((len(u), 1), self.f_m)
+
+
+class Claiming(Told):
+    """It claims a covariance too, for which a run is stopped at the fault and goes on."""
+
+    covariance = np.eye(1)
+
+
+class Silent(Told):
+    def run(self, u, y, valid=None):
+        return np.full((len(u), 1), self.f_m)
+
+
+class Short(Told):
+    def run(self, u, y, valid=None):
+        theta = super().run(u, y, valid)
+        self.innovations = self.innovations[1:]
+        return theta
+
+
+class Words(Silent):
+    innovations = "none of your business"
+
+
+def row_of(scenario, name):
+    (((row,),),) = Bench([scenario]).runs([scenario], [f"{Path(__file__)}:{name}"], [0]).values()
+    return row
+
+
+@pytest.mark.parametrize("name", ["Told", "Claiming"])
+def test_they_are_taken_before_the_fault_of_all_the_run(short, name):
+    """Both pieces of the run count: with the last one only, S would be 1."""
+    row = row_of(short, name)
+    assert row["nis"] == pytest.approx(1.0, rel=1e-12)
+    # alternating signs have r_l = (−1)^l; of n in a row (n+2)/n Σ(n−l) over the lags
+    n = 1000
+    expected = (n + 2) / n * np.mean(n - np.arange(1, LAGS + 1))
+    assert row["whiteness"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_without_a_fault_they_are_those_at_the_end(short):
+    quiet = short.override({"fault": []})  # the last half of 8 s: samples 800 to 1599
+    assert row_of(quiet, "Told")["nis"] == pytest.approx((400 * 1 + 400 * 4) / 800)
+
+
+def test_lags_are_a_time_and_not_a_number_of_samples(short):
+    fine = short.override({"period": 0.0025})
+    n, lags = 2000, 40
+    expected = (n + 2) / n * np.mean(n - np.arange(1, lags + 1))
+    assert row_of(fine, "Told")["whiteness"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_pause_is_not_spanned(short):
+    """Pairs on two sides of a pause are not neighbours."""
+    paused = short.override({"excitation.pause": [[4.0, 4.5]], "burn_in": 2.0})
+    n, gap = 700, 100
+    pairs = n - 2 * np.arange(1, LAGS + 1)
+    assert gap > LAGS
+    expected = (n + 2) / n * np.mean(pairs)
+    assert row_of(paused, "Told")["whiteness"] == pytest.approx(expected, rel=1e-9)
+
+
+def test_who_shows_none_is_not_judged(short):
+    row = row_of(short, "Silent")
+    assert row["nis"] is None and row["whiteness"] is None
+
+
+@pytest.mark.parametrize("name", ["Short", "Words"])
+def test_innovations_of_another_shape_are_refused(short, name):
+    with pytest.raises(EstimatorError, match=r"`innovations` of the shape .*; \(1600, 2\) is need"):
+        row_of(short, name)
+
+
+def test_they_are_pooled_and_shown(short_toml, tmp_path, capsys):
+    folder = tmp_path / "run"
+    told = f"{Path(__file__)}:Told"
+    words = ["run", str(short_toml), "--estimator", told, "--seeds", "3", "-o", str(folder)]
+    assert main([*words, "--jobs", "1"]) == 0
+    capsys.readouterr()
+    (row,) = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["rows"]
+    assert row["nis"] == pytest.approx(1.0) and row["nis_interval"] is None
+    assert row["whiteness"] > 100
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "NIS" in page and "whiteness" in page
