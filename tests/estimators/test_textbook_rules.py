@@ -34,13 +34,7 @@ def compare(signals, name, rule, *, corrected=False, **options):
 
 
 def make(name, axis, **options):
-    given = {
-        "identify": NAMES,
-        "P0": P0,
-        "forgetting": LAMBDA,
-        "robust": 0.0,
-        "ceiling": np.inf,
-    } | options
+    given = {"identify": NAMES, "P0": P0, "forgetting": LAMBDA} | LITERAL | options
     return REGISTRY[name].factory(axis, 0.005, **given)
 
 
