@@ -122,15 +122,20 @@ def test_any_wrong_start_is_left_without_an_alarm(name, start):
     "name", [name for name in MOVING if "forgetting" in REGISTRY[name].options]
 )
 def test_what_is_forgotten_in_a_second_hangs_on_no_rate(name):
-    """Share of a small jump of f_m that is followed after a second, with little noise."""
+    """
+    Share of a small jump of f_m that is followed after a second, with little noise.
+
+    Not at 5 ms, where a tuned factor may stand for another time constant.
+    """
     shares = []
-    for period in (0.002, 0.005, 0.01):
+    for period in (0.002, 0.01):
         options = {"period": period, "sigma": 0.02, "factor": 1.2}
         run = stepped("n1", 11.0, at=10.0, seed=0, **options)
-        theta = run_estimator(make(name, period=period, onsets=(run.samples(10.0),)), run.u, run.y)
+        given = {"forgetting": 1 - period, "onsets": (run.samples(10.0),)}  # 1 s, tuned nowhere
+        theta = run_estimator(make(name, period=period, **given), run.u, run.y)
         before, after = run.theta[[0, -1], 2]
         shares.append((theta[-1, 2] - before) / (after - before))
-    assert np.ptp(shares) < 0.15
+    assert np.ptp(shares) < 0.1
 
 
 # Disturbances

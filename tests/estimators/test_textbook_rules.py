@@ -33,7 +33,13 @@ def compare(signals, name, rule, *, corrected=False, **options):
 
 
 def make(name, axis, **options):
-    given = {"identify": NAMES, "P0": P0, "forgetting": LAMBDA, "robust": 0.0, "ceiling": np.inf} | options
+    given = {
+        "identify": NAMES,
+        "P0": P0,
+        "forgetting": LAMBDA,
+        "robust": 0.0,
+        "ceiling": np.inf,
+    } | options
     return REGISTRY[name].factory(axis, 0.005, **given)
 
 
