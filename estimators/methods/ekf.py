@@ -10,10 +10,11 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.sampling.compiler import compile_loop, jit
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.recursion.level import bound, judge, level, show
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
+from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,10 @@ def joint_ekf(
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
-    noise: float = 0.1,
-    period: float = 0.005,
+    period: float,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -36,7 +39,12 @@ def joint_ekf(
     θ[k+1] = θ[k] + w, cov w = W; x[k+1] = f(x[k], θ[k], u[k]), exact for a held u; y = h(x) + e,
     var e = σ². The textbook filter of L. Ljung, *Asymptotic behavior of the extended Kalman filter
     as a parameter estimator for linear systems*, IEEE Trans. AC 24 (1979). Unlike the
-    prediction-error method it corrects the state as well, and knows σ.
+    prediction-error method it corrects the state as well. The variance of θ_i stays below
+    θ_i(0)², to which its row and column are scaled down. A sample that lies alone beyond 100 of
+    its standard deviations is not used, and each after it counts as one of that size.
+
+    P is claimed for θ that walks as W says. While θ stands still instead, in slow adaptation, the
+    error has half that variance; after a jump, which W does not know, P is far too small.
 
     Parameters
     ----------
@@ -47,13 +55,16 @@ def joint_ekf(
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
-        Covariance of θ(0); x(0) = 0 is certain.
+        Covariance of θ(0).
     drift : (p,) or (p, p) array_like
         W, what the covariance of θ gains in every sample.
-    noise : float
-        σ, standard deviation of the measured output [rad/s].
     period : float
         Sampling period T [s].
+    noise : float, optional
+        σ, standard deviation of y in its unit; else R = σ² is learnt from the innovations, see
+        `flexaxis.estimators.recursion.level`.
+    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
+        State at the first sample and its covariance; zero, and certain, by default.
     bounds : (lower, upper), optional
         Box on which θ is projected after every update; 0.1 to 10 times θ(0) by default.
     output : {"speed", "increment"}
@@ -64,81 +75,86 @@ def joint_ekf(
     EstimatorError
         If an option cannot be used.
     """
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
+        noise=noise,
+        x0=x0,
         bounds=bounds,
         output=output,
     )
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, noise)
+    tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
     return CompiledFilter(
         ekf_loop(pattern), tuning, start, design, partial(_read, len(design.theta0))
     )
 
 
-def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
+def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["theta"][0, :p], state["P"][0, :p, :p]
 
 
-def walking(
-    model: Model,
-    *,
-    identify: Sequence[str],
-    theta0: ArrayLike | None,
-    P0: ArrayLike,
-    drift: ArrayLike,
-    noise: float,
-    period: float,
-    bounds: tuple[ArrayLike, ArrayLike] | None,
-    output: str,
-) -> Design:
-    """Check the options of `joint_ekf`, which explains them, and fill in defaults."""
-    if not (np.isfinite(noise) and noise > 0):
-        raise EstimatorError(f"noise is {noise}; give the standard deviation of y, above 0")
-    return make_design(
-        model,
-        identify=identify,
-        theta0=theta0,
-        P0=P0,
-        period=period,
-        forgetting=None,
-        drift=drift,
-        regularization=0.0,
-        bounds=bounds,
-        output=output,
+def state_covariance(design: Design, value: ArrayLike | None) -> Array:
+    """
+    Return the covariance of x(0) (n, n) from that or its diagonal, checked; zero by default.
+
+    States that are zero at the start of every sample need not be given; they come last.
+    """
+    n, given = design.model.n, design.model.n - len(design.model.reset)
+    P = np.zeros((n, n))
+    if value is not None:
+        P[:given, :given] = _semidefinite("x0_covariance", value, given)
+    return P
+
+
+def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
+    """Return a symmetric matrix (n, n) without negative eigenvalues, from that or its diagonal."""
+    matrix = np.array(value, float)
+    if matrix.shape == (n,):
+        matrix = np.diag(matrix)
+    if matrix.shape != (n, n) or not np.all(np.isfinite(matrix)):
+        raise EstimatorError(
+            f"{name} is {value!r}; give finite values, ({n},) or ({n}, {n}), for {n} states"
+        )
+    certain = np.diag(matrix) == 0
+    scale = np.sqrt(np.where(certain, 1.0, abs(np.diag(matrix))))
+    correlation = matrix / np.outer(scale, scale)  # judged free of units
+    if (
+        not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
+        or np.linalg.eigvalsh(correlation)[0] < -1e-9
+    ):
+        raise EstimatorError(f"{name} must be symmetric and not negative; given: {matrix.tolist()}")
+    return (matrix + matrix.T) / 2
+
+
+def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Record, Record]:
+    """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
+    p, n, m = len(design.theta0), pattern.n, pattern.p
+    tuning, start = on_lanes(design, pattern)
+    blocks, P = design.model.blocks(design.theta0), np.zeros((m, m))
+    P[:p, :p], P[p:, p:] = design.P0, covariance
+    X = start["X"][0]
+    X[:n, 1 + p : 1 + m] = np.eye(n)
+    X[n, 1 : 1 + p], X[n, 1 + p : 1 + m] = blocks[1:, n, :n] @ design.x0, blocks[0, n, :n]
+    limits = record(
+        drift=design.drift,
+        ceiling=design.theta0**2,  # of the variance of θ
+        lower=design.lower,
+        upper=design.upper,
     )
-
-
-def ekf_records(
-    design: Design, pattern: Pattern, noise: float
-) -> tuple[NDArray[np.void], NDArray[np.void]]:
-    """Return tuning and start of the filter, as records for the compiled loop."""
-    _, coefficients = split(design.model)
-    order, substeps = plan(design.model, design.lower, design.upper, design.period)
-    row, column, _ = np.array(pattern.entries).T
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
-
-    tuning = np.zeros(1, ekf_tuning_type(pattern))
-    tuning["coefficients"] = coefficients * scale[[entry for entry, *_ in pattern.terms]]
-    tuning["weights"] = 1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1))
-    tuning["order"], tuning["substeps"] = order, substeps
-    tuning["drift"], tuning["variance"] = design.drift, noise**2
-    tuning["lower"], tuning["upper"] = design.lower, design.upper
-
-    p = len(design.theta0)
-    start = np.zeros(1, ekf_state_type(pattern))
-    start["theta"] = 1.0  # what pads θ must have an inverse
-    start["theta"][0, :p] = design.theta0
-    start["P"][0, :p, :p] = design.P0
-    start["M"][0, :, : 1 + p] = (design.model.blocks(design.theta0)[:, row, column] * scale).T
-    start["X"][0, : pattern.n, 1 + p : 1 + pattern.p] = np.eye(pattern.n)
-    return tuning, start
+    work = record(
+        P=P,  # of ξ = [θ; x]
+        GP=np.zeros((n, m)),
+        Ph=np.zeros(m),
+        gain=np.zeros(m),
+        spread=0.0,  # hᵀPh
+    )
+    known, level_start = level(design)
+    return joined(tuning, limits, known), joined(start, work, level_start)
 
 
 def with_state(pattern: Pattern) -> Pattern:
@@ -154,77 +170,27 @@ def with_state(pattern: Pattern) -> Pattern:
     )
 
 
-def ekf_tuning_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of what stays as it is while a filter runs."""
-    p = pattern.p - pattern.n
-    return np.dtype(
-        [
-            ("coefficients", float, (len(pattern.terms),)),
-            ("weights", float, (MAX_ORDER,)),  # 1/1!, 1/2!, …
-            ("order", int),
-            ("substeps", int),
-            ("drift", float, (p, p)),
-            ("variance", float),
-            ("lower", float, (p,)),
-            ("upper", float, (p,)),
-        ],
-        align=True,
-    )
-
-
-def ekf_state_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of the state of a filter."""
-    m, n, lanes = pattern.p, pattern.n, pattern.lanes
-    return np.dtype(
-        [
-            ("theta", float, (m,)),
-            ("P", float, (m, m)),  # of ξ = [θ; x]
-            ("M", float, (len(pattern.entries), lanes)),
-            ("X", float, (n + 1, lanes)),  # x and y, and derivatives by ξ of the sample before
-            ("GP", float, (n, m)),
-            ("Ph", float, (m,)),
-            ("gain", float, (m,)),
-        ],
-        align=True,
-    )
-
-
 @lru_cache
 def ekf_loop(pattern: Pattern) -> Callable:
-    """
-    Return the compiled loop for models of this pattern.
-
-    Returns
-    -------
-    callable
-        ``run(tuning, state, u, y, valid, estimates)``, as that of
-        `flexaxis.estimators.recursion.kernel.rpem_loop`.
-    """
-    flat = pattern.flat()
-
-    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
-        tuning, state = tunings[0], states[0]
-        n, p = len(state["GP"]), estimates.shape[1]
-        for k in range(len(u)):
-            correct(tuning, state, y[k], valid[k])
-            evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-            start_sample(state["X"], n, p)
-            advance(
-                flat,
-                state["M"],
-                state["X"],
-                u[k],
-                tuning["weights"],
-                tuning["order"],
-                tuning["substeps"],
-            )
-            for i in range(p):
-                estimates[k, i] = state["theta"][i]
-
-    return compile_loop(run, flat, ekf_tuning_type(pattern), ekf_state_type(pattern))
+    """Return the compiled loop for models of this pattern."""
+    return sample_loop(pattern, _take, "an extended Kalman filter")
 
 
-@jit
+@inlined
+def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
+    tuning, state = tunings[0], states[0]
+    look(state)
+    used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
+    correct(tuning, state, used, state["noise"])
+    start_sample(state["X"], len(state["GP"]), estimates.shape[1])
+    for i in range(estimates.shape[1]):
+        estimates[k, i] = state["theta"][i]
+    show(state, trace[k])
+    return False
+
+
+@inlined
 def start_sample(X, n, p):
     """Set the derivatives by ξ at the start of a sample: ∂x/∂θ = 0, ∂x/∂x = I."""
     for i in range(n):
@@ -232,36 +198,46 @@ def start_sample(X, n, p):
             X[i, j] = 1.0 if j == 1 + p + i else 0.0
 
 
-@jit
-def correct(tuning, state, y, valid):
+@inlined
+def look(state):
+    """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
+    P, X, Ph = state["P"], state["X"], state["Ph"]
+    m = len(P)
+    state["spread"] = 0.0
+    for i in range(m):
+        Ph[i] = 0.0
+        for j in range(m):
+            Ph[i] += P[i, j] * X[-1, 1 + j]
+        state["spread"] += Ph[i] * X[-1, 1 + i]
+
+
+@inlined
+def correct(tuning, state, y, noise):
     """
-    Take P over the last sample, and ξ and P through the measurement, in one step.
+    Take P over the last sample, and ξ and P through the measurement unless that is NaN.
 
     With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
-    S = hᵀPh + σ², K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
+    S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
     P, X, GP, Ph, gain = state["P"], state["X"], state["GP"], state["Ph"], state["gain"]
     theta, n, p = state["theta"], len(GP), len(tuning["lower"])
     m = p + n
-    S = tuning["variance"]
-    for i in range(m):
-        Ph[i] = 0.0
-        for j in range(m):
-            Ph[i] += P[i, j] * X[n, 1 + j]
-        S += Ph[i] * X[n, 1 + i]
     for i in range(n):
-        total = 0.0
         for j in range(m):
-            total += X[i, 1 + j] * Ph[j]
             GP[i, j] = 0.0
             for q in range(m):
                 GP[i, j] += X[i, 1 + q] * P[q, j]
-        gain[p + i] = total / S
-    for i in range(p):
-        gain[i] = Ph[i] / S
     transport(P, GP, X, tuning["drift"], n, p)
-    if valid:
+    if not np.isnan(y):
+        S = state["spread"] + noise
         innovation = y - X[n, 0]
+        for i in range(n):
+            total = 0.0
+            for j in range(m):
+                total += X[i, 1 + j] * Ph[j]
+            gain[p + i] = total / S
+        for i in range(p):
+            gain[i] = Ph[i] / S
         for i in range(m):
             for j in range(i + 1):
                 P[i, j] -= S * gain[i] * gain[j]
@@ -270,10 +246,11 @@ def correct(tuning, state, y, valid):
             X[i, 0] += gain[p + i] * innovation
         for i in range(p):
             theta[i] += gain[i] * innovation
+    bound(P, tuning["ceiling"])
     project(theta, tuning["lower"], tuning["upper"])
 
 
-@jit
+@inlined
 def project(theta, lower, upper):
     """Put the first of θ back into the box."""
     for i in range(len(lower)):
@@ -283,7 +260,7 @@ def project(theta, lower, upper):
             theta[i] = upper[i]
 
 
-@jit
+@inlined
 def transport(P, GP, X, W, n, p):  # noqa: PLR0917
     """P ← F P Fᵀ + W with F = [I 0; G], given G P; one triangle, mirrored."""
     for i in range(n):

@@ -10,18 +10,18 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.ekf import (
     correct,
     ekf_records,
-    ekf_state_type,
-    ekf_tuning_type,
+    look,
     start_sample,
-    walking,
+    state_covariance,
     with_state,
 )
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import finite_vector
+from flexaxis.estimators.recursion.design import finite_vector, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.kernel import grown, widened
-from flexaxis.estimators.sampling.compiler import compile_loop, jit
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.recursion.level import judge, show
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.records import Record, joined, record
+from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
@@ -39,8 +39,10 @@ def joint_imm(
     jump: ArrayLike,
     rate: float = 1e-3,
     hold: float = 0.05,
-    noise: float = 0.1,
-    period: float = 0.005,
+    period: float,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -54,13 +56,14 @@ def joint_imm(
         μ_j ← c_j Λ_j / Σ,  c_j = Σ_i Π_ij μ_i,  μ_i|j = Π_ij μ_i/c_j,
         ξ⁰_j = Σ_i μ_i|j ξ_i,  P⁰_j = Σ_i μ_i|j [P_i + (ξ_i−ξ⁰_j)(ξ_i−ξ⁰_j)ᵀ],
 
-    and mode j goes on from ξ⁰_j, P⁰_j. Estimate and covariance are those of the mixture. H. A. P.
-    Blom and Y. Bar-Shalom, *The interacting multiple model algorithm for systems with Markovian
-    switching coefficients*, IEEE Trans. AC 33 (1988) 780–783.
+    and mode j goes on from ξ⁰_j, P⁰_j. Estimate, covariance and innovation are those of the
+    mixture, and one R is learnt for all modes. H. A. P. Blom and Y. Bar-Shalom, *The interacting
+    multiple model algorithm for systems with Markovian switching coefficients*, IEEE Trans. AC 33
+    (1988) 780–783.
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, noise, period, bounds, output
+    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
         As for `flexaxis.estimators.methods.ekf.joint_ekf`; ``drift`` is that of the quiet mode.
     jump : (p,) array_like
         Variance that θ_i gains in every sample while it jumps.
@@ -74,31 +77,45 @@ def joint_imm(
     EstimatorError
         If an option cannot be used.
     """
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
+        noise=noise,
+        x0=x0,
         bounds=bounds,
         output=output,
     )
     p = len(design.theta0)
-    if not (0 < rate * period < 1 and hold > period):
+    if not (0 < rate * period < 1 and period < hold < np.inf):
         raise EstimatorError(
             f"rate is {rate} and hold {hold}; a jump comes less than once and lasts more than one "
             f"sample of {period} s"
         )
+    variances = finite_vector("jump", jump, p)
+    if not (variances >= 0).all():
+        raise EstimatorError(f"jump is {jump!r}; give variances that are not negative")
     pattern = with_state(split(design.model)[0])
-    tuning, start = ekf_records(design, pattern, noise)
-    tuning = np.repeat(widened(tuning, _tuning_type(pattern)), 1 + p)
-    tuning["stay"] = 1 - period / hold
+    tuning, start = ekf_records(design, pattern, state_covariance(design, x0_covariance))
+    tuning = np.repeat(joined(tuning, record(stay=1 - period / hold)), 1 + p)
     tuning["stay"][0] = 1 - rate * period
-    for i, variance in enumerate(finite_vector("jump", jump, p) / design.scale**2):
+    for i, variance in enumerate(variances / design.scale**2):
         tuning["drift"][1 + i, i, i] += variance
-    start = np.repeat(widened(start, _state_type(pattern)), 1 + p)
+    m = pattern.p  # θ and x
+    start = joined(
+        start,
+        record(
+            probability=0.0,
+            predicted=0.0,
+            logarithm=0.0,
+            mixed=np.zeros(m),
+            mixed_P=np.zeros((m, m)),
+        ),
+    )
+    start = np.repeat(start, 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
     return CompiledFilter(imm_loop(pattern), tuning, start, design, partial(_read, p))
 
@@ -108,7 +125,7 @@ def mode_probabilities(estimator: CompiledFilter) -> Array:
     return estimator.state["probability"].copy()
 
 
-def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
+def _read(p: int, state: Record) -> tuple[Array, Array]:
     weights, theta = state["predicted"], state["theta"][:, :p]  # both after mixing
     mean = weights @ theta
     apart = theta - mean
@@ -116,71 +133,60 @@ def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
     return mean, covariance + np.einsum("j,ja,jb->ab", weights, apart, apart)
 
 
-def _tuning_type(pattern: Pattern) -> np.dtype:
-    return grown(ekf_tuning_type(pattern), [("stay", float)])
-
-
-def _state_type(pattern: Pattern) -> np.dtype:
-    m = pattern.p  # θ and x
-    extra = [("probability", float), ("predicted", float), ("logarithm", float)]
-    return grown(
-        ekf_state_type(pattern), [*extra, ("mixed", float, (m,)), ("mixed_P", float, (m, m))]
-    )
-
-
 @lru_cache
 def imm_loop(pattern: Pattern) -> Callable:
     """
-    Return the compiled loop, as `flexaxis.estimators.methods.ekf.ekf_loop`.
+    Return the compiled loop for models of this pattern.
 
     Tuning and state have a record for each mode; the first is the quiet one.
     """
-    flat = pattern.flat()
-
-    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
-        n, p = len(states[0]["GP"]), estimates.shape[1]
-        for k in range(len(u)):
-            for j in range(len(states)):
-                listen(tunings[j], states[j], y[k], valid[k])
-                correct(tunings[j], states[j], y[k], valid[k])
-            weigh(states)
-            for i in range(p):
-                estimates[k, i] = 0.0
-                for j in range(len(states)):
-                    estimates[k, i] += states[j]["probability"] * states[j]["theta"][i]
-            mix(tunings, states, n, p)
-            for j in range(len(states)):
-                tuning, state = tunings[j], states[j]
-                evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-                start_sample(state["X"], n, p)
-                advance(
-                    flat,
-                    state["M"],
-                    state["X"],
-                    u[k],
-                    tuning["weights"],
-                    tuning["order"],
-                    tuning["substeps"],
-                )
-
-    return compile_loop(run, flat, _tuning_type(pattern), _state_type(pattern))
+    return sample_loop(pattern, _take, "interacting multiple models")
 
 
-@jit
-def listen(tuning, state, y, valid):
+@inlined
+def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
+    n, p = len(states[0]["GP"]), estimates.shape[1]
+    used = look_together(tunings[0], states, y[k], valid[k])
+    noise = states[0]["noise"]
+    for j in range(len(states)):
+        listen(states[j], used, noise)
+        correct(tunings[j], states[j], used, noise)
+    weigh(states)
+    for i in range(p):
+        estimates[k, i] = 0.0
+        for j in range(len(states)):
+            estimates[k, i] += states[j]["probability"] * states[j]["theta"][i]
+    mix(tunings, states, n, p)
+    for j in range(len(states)):
+        start_sample(states[j]["X"], n, p)
+    show(states[0], trace[k])
+    return False
+
+
+@inlined
+def look_together(tuning, states, y, valid):
+    """Judge the sample by the mixture's prediction and its variance, in the first record."""
+    mean, spread = 0.0, 0.0
+    for j in range(len(states)):
+        look(states[j])
+        mean += states[j]["predicted"] * states[j]["X"][-1, 0]
+    for j in range(len(states)):
+        apart = states[j]["X"][-1, 0] - mean
+        spread += states[j]["predicted"] * (states[j]["spread"] + apart**2)
+    return judge(tuning, states[0], y, valid, mean, spread)
+
+
+@inlined
+def listen(state, y, noise):
     """Keep log Λ of the innovation, before it is used."""
     state["logarithm"] = 0.0
-    if valid:
-        P, X = state["P"], state["X"]
-        n, m = len(state["GP"]), len(P)
-        S = tuning["variance"]
-        for i in range(m):
-            for j in range(m):
-                S += X[n, 1 + i] * P[i, j] * X[n, 1 + j]
-        state["logarithm"] = -0.5 * (np.log(S) + (y - X[n, 0]) ** 2 / S)
+    if not np.isnan(y):
+        S = state["spread"] + noise
+        state["logarithm"] = -0.5 * (np.log(S) + (y - state["X"][-1, 0]) ** 2 / S)
 
 
-@jit
+@inlined
 def weigh(states):
     """μ_j ← c_j Λ_j over their sum."""
     highest = -np.inf
@@ -195,7 +201,7 @@ def weigh(states):
         states[j]["probability"] /= total
 
 
-@jit
+@inlined
 def transition(tunings, i, j):
     """Return Π_ij: from quiet to any jump, from a jump to quiet only."""
     stay = tunings[i]["stay"]
@@ -206,7 +212,7 @@ def transition(tunings, i, j):
     return 1.0 - stay if j == 0 else 0.0
 
 
-@jit
+@inlined
 def mix(tunings, states, n, p):
     """Give every mode the ξ⁰ and P⁰ from which it goes on."""
     for j in range(len(states)):
@@ -226,7 +232,7 @@ def mix(tunings, states, n, p):
                 state["P"][a, b] = state["P"][b, a] = state["mixed_P"][a, b]
 
 
-@jit
+@inlined
 def blend(tunings, states, j, c, m, p):  # noqa: PLR0917
     """Write ξ⁰_j and the lower triangle of P⁰_j, beside what they are made from."""
     mixed, mixed_P = states[j]["mixed"], states[j]["mixed_P"]
@@ -245,7 +251,7 @@ def blend(tunings, states, j, c, m, p):  # noqa: PLR0917
                 mixed_P[a, b] += weight * (states[i]["P"][a, b] + apart * other)
 
 
-@jit
+@inlined
 def component(state, a, p):
     """Return ξ_a of [θ; x]."""
     return state["theta"][a] if a < p else state["X"][a - p, 0]

@@ -4,30 +4,31 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.methods.ekf import state_covariance
+from flexaxis.estimators.methods.window import horizon_loop
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
+from flexaxis.estimators.recursion.square_root import triangular_root
 from flexaxis.estimators.sampling.plan import plan
-from flexaxis.estimators.sampling.sampled import sample, terms
+from flexaxis.estimators.sampling.sampled import terms
 
 Array = NDArray[np.float64]
 
-_inlined = njit(inline="always", error_model="numpy")  # compiled once, with what calls it
-
 
 class Setting(NamedTuple):
-    """What stays as it is: the options of `moving_horizon`, and the box."""
+    """What stays as it is: the options of `moving_horizon`, and what θ̂ and its P may be."""
 
     forgetting: float
     every: int
     iterations: int
+    known: bool
     lower: Array
     upper: Array
+    ceiling: Array
 
 
 class Window(NamedTuple):
@@ -44,10 +45,20 @@ class Window(NamedTuple):
         ξ̂ at sample s.
     claimed : (p, p) array
         Covariance of θ̂.
+    half : (m, m) array
+        P^½, with the covariance PᵀP of ξ̂ for a noise variance of one, after the data.
+    D : (1+p, n+1, n+1) array
+        The model sampled at θ̂, as from `flexaxis.estimators.sampling.sampled.sample`.
+    x, Z : (n+1,) and (n+1, m) arrays
+        State and output at the last sample as predicted from ξ̂, and their sensitivities by ξ.
     taken : (2,) int array
         Samples so far, and those of them in the window.
     held : (1,) array
         Torque since the last sample.
+    level : (2,) array
+        R̂, 0 while it is not known, and 1 if the last sample was beyond `ODD` deviations.
+    shown : (3,) array
+        ŷ, innovation and its variance at the last sample.
     """
 
     u: Array
@@ -57,8 +68,14 @@ class Window(NamedTuple):
     root: Array
     xi: Array
     claimed: Array
+    half: Array
+    D: Array
+    x: Array
+    Z: Array
     taken: NDArray[np.int64]
     held: Array
+    level: Array
+    shown: Array
 
 
 def moving_horizon(
@@ -67,11 +84,14 @@ def moving_horizon(
     identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
-    period: float = 0.005,
-    forgetting: float = 0.995,
+    period: float,
+    forgetting: float | None = None,
     window: int = 200,
     every: int = 10,
     iterations: int = 2,
+    noise: float | None = None,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -90,7 +110,10 @@ def moving_horizon(
     246–258. The estimate stays as it is between two windows.
 
     Its claim is R̂ P (N+M/2)/(N+M), M = 1/(1−λ): the variance of a mean with the weight 1 in the
-    window and λ^k before it. R̂ is the mean square of the residual in the window.
+    window and λ^k before it. R̂ is the mean square of the residual at those samples of the window in
+    which the axis moves. R̂P̄ of θ_i stays below θ_i(0)², to which row and column are scaled down. A
+    sample that lies alone beyond 100 standard deviations of its prediction is not used, and each
+    after it counts as one of that size.
 
     Parameters
     ----------
@@ -102,6 +125,11 @@ def moving_horizon(
         Samples in a window, N, and from one to the next, of which N is a multiple.
     iterations : int
         Steps of Gauss and Newton in each.
+    noise : float, optional
+        σ of y, in its unit; R̂ = σ² then.
+    x0, x0_covariance : (n,), and (n,) or (n, n) array_like, optional
+        State at the first sample and its covariance, for a noise variance of one as P0; zero, and
+        certain, by default.
 
     Raises
     ------
@@ -115,32 +143,45 @@ def moving_horizon(
         P0=P0,
         period=period,
         forgetting=forgetting,
-        drift=None,
-        regularization=0.0,
         bounds=bounds,
         output=output,
+        noise=noise,
+        x0=x0,
     )
-    if not (every >= 1 and iterations >= 1 and window > every and window % every == 0):
+    _check_window(window, every, iterations)
+    order, substeps = plan(design.model, design.lower, design.upper, period)
+    setting = Setting(
+        design.forgetting,
+        int(every),
+        int(iterations),
+        design.noise > 0,
+        design.lower,
+        design.upper,
+        design.theta0**2,
+    )
+    tuning = terms(design.model, order, substeps, period), setting
+    start = _start(design, int(window), state_covariance(design, x0_covariance))
+    return CompiledFilter(horizon_loop, tuning, start, design, _read)
+
+
+def _check_window(window: float, every: float, iterations: float) -> None:
+    whole = all(np.isfinite(n) and n == int(n) for n in (window, every, iterations))
+    if not (whole and every >= 1 and iterations >= 1 and window > every and window % every == 0):
         raise EstimatorError(
             f"window is {window}, every {every}, iterations {iterations}; the window is a multiple "
-            "of every, such as 200 and 10, and there is one iteration at least"
+            "of every in whole samples, such as 200 and 10, and there is one iteration at least"
         )
-    order, substeps = plan(design.model, design.lower, design.upper, period)
-    setting = Setting(design.forgetting, int(every), int(iterations), design.lower, design.upper)
-    tuning = terms(design.model, order, substeps, period), setting
-    return CompiledFilter(_legacy, tuning, _start(design, int(window)), design, _read)
 
 
-def _legacy(tuning, state, u, y, valid, estimates, trace):
-    trace.fill(np.nan)
-    horizon_loop(tuning, state, u, y, valid, estimates)
-
-
-def _start(design: Design, window: int) -> Window:
-    p, n = len(design.theta0), design.model.n
+def _start(design: Design, window: int, covariance: Array) -> Window:
+    p, n, x = len(design.theta0), design.model.n, design.x0
     root = np.zeros((p + n, p + n))
     root[:p, :p] = np.linalg.cholesky(design.P0).T
-    xi = np.concatenate([design.theta0, np.zeros(n)])
+    root[p:, p:] = triangular_root(covariance)
+    xi = np.concatenate([design.theta0, x])
+    blocks = design.model.blocks(design.theta0)
+    Z = np.eye(n + 1, p + n, p)
+    Z[n, :p], Z[n, p:] = blocks[1:, n, :n] @ x, blocks[0, n, :n]
     return Window(
         u=np.zeros(window),
         y=np.zeros(window),
@@ -149,176 +190,16 @@ def _start(design: Design, window: int) -> Window:
         root=root,
         xi=xi.copy(),
         claimed=design.P0.copy(),
+        half=root.copy(),
+        D=np.zeros((1 + p, n + 1, n + 1)),
+        x=np.append(x, blocks[0, n, :n] @ x),
+        Z=Z,
         taken=np.zeros(2, np.int64),
         held=np.zeros(1),
+        level=np.array([design.noise**2, 0.0]),
+        shown=np.full(3, np.nan),
     )
 
 
 def _read(state: Window) -> tuple[Array, Array]:
     return state.xi[: len(state.claimed)], state.claimed
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def horizon_loop(tuning, state, u, y, valid, estimates):  # noqa: PLR0917
-    """Take N samples, as `flexaxis.estimators.recursion.kernel.rpem_loop`."""
-    terms, setting = tuning
-    for k in range(len(u)):
-        if state.taken[0] > 0:
-            j = state.taken[1]
-            state.u[j], state.y[j], state.present[j] = state.held[0], y[k], valid[k]
-            state.taken[1] += 1
-            if state.taken[0] % setting.every == 0:
-                _solve(terms, setting, state)
-        state.held[0] = u[k]
-        state.taken[0] += 1
-        for i in range(estimates.shape[1]):
-            estimates[k, i] = state.xi[i]
-
-
-@_inlined
-def _solve(terms, setting, state):
-    """Minimise over the window from where ξ is, and move it on if it is full."""
-    length = state.taken[1]
-    for iteration in range(setting.iterations + 1):
-        fitting = iteration < setting.iterations
-        if fitting or length == len(state.u):
-            stop = length if fitting else setting.every
-            H, g, x, Z, square = _run(terms, setting, state, stop)
-            half = _minimum(state, H, g)
-            if fitting:
-                _publish(setting, state, half, square)
-            else:
-                _move(setting, state, half, x, Z)
-
-
-@_inlined
-def _publish(setting, state, half, square):
-    """Take ξ̂, with θ̂ in the box, and its covariance."""
-    p, m = len(setting.lower), len(state.xi)
-    for i in range(m):
-        state.xi[i] = half[i, m]
-        if i < p:
-            if state.xi[i] < setting.lower[i]:  # not min and max, which would hide a NaN
-                state.xi[i] = setting.lower[i]
-            elif state.xi[i] > setting.upper[i]:
-                state.xi[i] = setting.upper[i]
-    reach = state.taken[1] * (1.0 - setting.forgetting)
-    share = square * (reach + 0.5) / (reach + 1.0)
-    for i in range(p):
-        for j in range(p):
-            state.claimed[i, j] = 0.0
-            for k in range(m):
-                state.claimed[i, j] += share * half[k, i] * half[k, j]
-
-
-@_inlined
-def _run(terms, setting, state, stop):
-    """
-    Predict the first samples of the window from ξ̂, with the sensitivities Z by ξ.
-
-    Returns
-    -------
-    H : (m, m) array
-        Σ φφᵀ, φ = ∂ŷ/∂ξ.
-    g : (m,) array
-        Σ φ (y − ŷ).
-    x, Z : (n+1,) and (n+1, m) arrays
-        State and output after them, and their sensitivities.
-    square : float
-        Mean square of y − ŷ.
-    """
-    p, m = len(setting.lower), len(state.xi)
-    n = m - p
-    D = sample(terms, state.xi[:p].copy(), np.arange(p))
-    H, g = np.zeros((m, m)), np.zeros(m)
-    x, Z = np.zeros(n + 1), np.zeros((n + 1, m))
-    x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
-    square, count = 0.0, 0
-    for i in range(n):
-        x[i] = state.xi[p + i]
-        Z[i, p + i] = 1.0
-    for k in range(stop):
-        x[n] = state.u[k]
-        for i in range(n + 1):
-            x_next[i] = 0.0
-            for a in range(m):
-                Z_next[i, a] = 0.0
-            for j in range(n + 1):
-                x_next[i] += D[0, i, j] * x[j]
-                for a in range(p):
-                    Z_next[i, a] += D[1 + a, i, j] * x[j]
-                if j < n:
-                    for a in range(m):
-                        Z_next[i, a] += D[0, i, j] * Z[j, a]
-        x, x_next = x_next, x
-        Z, Z_next = Z_next, Z
-        if state.present[k]:
-            residual = state.y[k] - x[n]
-            square += residual**2
-            count += 1
-            for i in range(m):
-                g[i] += Z[n, i] * residual
-                for j in range(m):
-                    H[i, j] += Z[n, i] * Z[n, j]
-    return H, g, x, Z, square / max(count, 1)
-
-
-@_inlined
-def _minimum(state, H, g):
-    """
-    Return half = [C⁻¹S ξ] (m, m+1): a root of the covariance after the data, and the minimum.
-
-    The sum of squares is taken as linear in ξ. With ξ = ξ̄ + Sᵀz the arrival cost is |z|², so that
-    P̄ needs no inverse: A z = S (g + H (ξ̂ − ξ̄)), A = I + S H Sᵀ = C Cᵀ.
-    """
-    S, m = state.root, len(g)
-    A, half, HS = np.zeros((m, m)), np.zeros((m, m + 1)), np.zeros((m, m))
-    for i in range(m):
-        total = g[i]
-        for j in range(m):
-            total += H[i, j] * (state.xi[j] - state.mean[j])
-            for k in range(m):
-                HS[i, j] += H[i, k] * S[j, k]
-        for j in range(m):
-            half[j, m] += S[j, i] * total
-    for i in range(m):
-        A[i, i] = 1.0
-        for j in range(m):
-            half[i, j] = S[i, j]
-            for k in range(m):
-                A[i, j] += S[i, k] * HS[k, j]
-    cholesky(A)
-    forward(A, half)
-    xi = state.mean.copy()
-    for i in range(m):  # Sᵀz = (C⁻¹S)ᵀ C⁻¹(…)
-        for k in range(m):
-            xi[i] += half[k, i] * half[k, m]
-    half[:, m] = xi
-    return half
-
-
-@_inlined
-def _move(setting, state, half, x, Z):
-    """Drop the oldest samples from the window, and take ξ̄ and S through them."""
-    p, m, every = len(setting.lower), len(state.xi), setting.every
-    growth = setting.forgetting ** (-0.5 * every)
-    array = np.zeros((m, m))
-    for i in range(m):  # F = [I 0; Z] takes a deviation through the samples
-        state.mean[i] = half[i, m] if i < p else x[i - p]
-        for j in range(m):
-            if i < p:
-                array[j, i] = growth * half[j, i]
-            else:
-                state.mean[i] += Z[i - p, j] * (half[j, m] - state.xi[j])
-                for k in range(m):
-                    array[j, i] += growth * half[j, k] * Z[i - p, k]
-    triangularize(array, m, m)
-    for i in range(m):
-        if i >= p:
-            state.xi[i] = x[i - p]
-        for j in range(m):
-            state.root[i, j] = array[i, j] if j >= i else 0.0
-    state.taken[1] -= every
-    for k in range(state.taken[1]):
-        state.u[k], state.y[k] = state.u[k + every], state.y[k + every]
-        state.present[k] = state.present[k + every]

@@ -135,9 +135,10 @@ def rpem_drift(
     from flexaxis.estimators.offline import priors
 
     model = model_of(nominal)
+    above_zero("period", period, "the sampling period in seconds")
     above_zero("scale", scale, "the factor on Δ")
     share = at_least_zero("regularization", regularization, "a share of the information in P(0)")
-    drift = scale * priors.default_drift(model, identify, period, noise=noise)
+    drift = scale * priors.default_drift(model, identify, period, torque=torque, output=output)
     recipe = partial(
         priors.nominal_P, model, identify=identify, period=period, drift=drift, output=output
     )

@@ -11,6 +11,7 @@ from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import (
     Design,
+    above_zero,
     forgetting_factor,
     make_design,
 )
@@ -35,6 +36,7 @@ def factor(
     name: str, forgetting: float | None, model: Model, period: float, identify: Sequence[str]
 ) -> float:
     """Return λ: as given, as tuned for this axis, or that of a time constant of 1 s."""
+    above_zero("period", period, "the sampling period in seconds")
     if forgetting is None:
         forgetting = tuned(name, model, period, identify)
     return forgetting_factor(forgetting, period)

@@ -1,18 +1,24 @@
 """Joint unscented Kalman filter for state and parameters, in square-root form."""
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.ekf import project, walking
+from flexaxis.estimators.methods.ekf import project, state_covariance
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.square_root import triangularize
-from flexaxis.estimators.sampling.compiler import compile_loop, jit
+from flexaxis.estimators.recursion.level import judge, level, show
+from flexaxis.estimators.recursion.records import Record, joined, record
+from flexaxis.estimators.recursion.square_root import (
+    bound_root,
+    triangular_root,
+    triangularize,
+)
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
 from flexaxis.estimators.sampling.plan import plan
 
@@ -26,9 +32,11 @@ def joint_ukf(
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
-    noise: float = 0.1,
+    period: float,
+    noise: float | None = None,
     spread: float = 1.0,
-    period: float = 0.005,
+    x0: ArrayLike | None = None,
+    x0_covariance: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,
     output: str = "speed",
 ) -> CompiledFilter:
@@ -51,7 +59,7 @@ def joint_ukf(
 
     Parameters
     ----------
-    model, identify, theta0, P0, drift, noise, period, bounds, output
+    model, identify, theta0, P0, drift, period, noise, x0, x0_covariance, bounds, output
         As for `flexaxis.estimators.methods.ekf.joint_ekf`.
     spread : float
         α in [0.52, 1.93], how far out the sigma points lie.
@@ -64,160 +72,157 @@ def joint_ukf(
     v0 = 4 - 1 / spread**2 - spread**2 if spread > 0 else -1.0
     if not v0 >= 0:
         raise EstimatorError(f"spread is {spread}; α must lie in [0.52, 1.93], for weights ≥ 0")
-    design = walking(
+    design = make_design(
         model,
         identify=identify,
         theta0=theta0,
         P0=P0,
         drift=drift,
-        noise=noise,
         period=period,
+        noise=noise,
+        x0=x0,
         bounds=bounds,
         output=output,
     )
     pattern, _ = split(design.model)
+    known, level_start = level(design)
+    tuning = joined(_tuning(design, pattern, spread, v0), known)
+    start = _start(design, pattern, spread, state_covariance(design, x0_covariance))
     return CompiledFilter(
-        ukf_loop(pattern),
-        _tuning(design, pattern, noise, spread, v0),
-        _start(design, pattern, spread),
-        design,
-        partial(_read, pattern.p),
+        ukf_loop, tuning, joined(start, level_start), design, partial(_read, pattern.p)
     )
 
 
-def _tuning(
-    design: Design, pattern: Pattern, noise: float, spread: float, v0: float
-) -> NDArray[np.void]:
+def _tuning(design: Design, pattern: Pattern, spread: float, v0: float) -> Record:
     _, coefficients = split(design.model)
     order, substeps = plan(design.model, design.lower, design.upper, design.period)
     row, column, _ = np.array(pattern.entries).T
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
     entry, *exponents = np.array(pattern.terms).T
     m = pattern.p + pattern.n
-    tuning = np.zeros(1, _tuning_type(pattern))
-    tuning["row"], tuning["column"] = row, column
-    tuning["entry"], tuning["exponent"] = entry, np.array(exponents).T
-    tuning["coefficient"] = coefficients * scale[entry]
-    tuning["keep"] = [state not in pattern.reset for state in range(pattern.n)]
-    tuning["reach"] = spread * np.sqrt(m)
     weights = np.full(2 * m, 1 / (2 * spread**2 * m))
-    tuning["mean"] = np.r_[1 - 1 / spread**2, weights]
-    tuning["root"] = np.sqrt(np.r_[v0, weights])
-    tuning["walk"][0, : pattern.p, 1 : 1 + pattern.p] = np.linalg.cholesky(design.drift).T
-    tuning["walk"][0, pattern.p, 0] = noise
-    tuning["order"], tuning["substeps"] = order, substeps
-    tuning["m"], tuning["p"] = m, pattern.p
-    tuning["lower"], tuning["upper"] = design.lower, design.upper
-    return tuning
+    return record(
+        row=row,
+        column=column,
+        entry=entry,  # that a term c·Πθ^e is part of
+        exponent=np.array(exponents).T,
+        coefficient=coefficients * _held(design, pattern, substeps)[entry],
+        # 0 for states that are zero when a sample begins
+        keep=np.array([float(state not in pattern.reset) for state in range(pattern.n)]),
+        reach=spread * np.sqrt(m),  # of the sigma points, in standard deviations
+        mean=np.r_[1 - 1 / spread**2, weights],  # weights w
+        root=np.sqrt(np.r_[v0, weights]),  # √v
+        walk=np.linalg.cholesky(design.drift).T,  # upper square root of W
+        order=order,
+        substeps=substeps,
+        m=m,  # sizes known only when it runs: else the compiler unrolls every loop
+        p=pattern.p,
+        lower=design.lower,
+        upper=design.upper,
+        ceiling=design.theta0**2,  # of the variance of θ
+    )
 
 
-def _start(design: Design, pattern: Pattern, spread: float) -> NDArray[np.void]:
-    p, m = pattern.p, pattern.p + pattern.n
+def _held(design: Design, pattern: Pattern, substeps: int) -> Array:
+    """Return T/s for the entries of A and B, and 1 for those of C, (entries,)."""
+    row = np.array(pattern.entries)[:, 0]
+    return np.where(row < pattern.n, design.period / substeps, 1.0)
+
+
+def _start(design: Design, pattern: Pattern, spread: float, covariance: Array) -> Record:
+    p, n, m = pattern.p, pattern.n, pattern.p + pattern.n
     row, column, _ = np.array(pattern.entries).T
-    S = np.linalg.cholesky(design.P0).T
-    reach = spread * np.sqrt(m) * np.vstack([S, np.zeros((pattern.n, p))])
+    S = np.zeros((m, m))
+    S[:p, :p], S[p:, p:] = np.linalg.cholesky(design.P0).T, triangular_root(covariance)
+    xi = np.concatenate([design.theta0, design.x0, [0.0]])
+    reach = spread * np.sqrt(m) * S
+    points = np.zeros((m + 1, 2 * m + 1))
+    points[:m] = (xi[:m] + np.vstack([np.zeros(m), reach, -reach])).T
+    inside = np.clip(points[:p].T, design.lower, design.upper)
+    points[m] = [
+        design.model.blocks(theta)[0, n, :n] @ x
+        for theta, x in zip(inside, points[p:m].T, strict=True)
+    ]
     _, substeps = plan(design.model, design.lower, design.upper, design.period)
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)
-    start = np.zeros(1, _state_type(pattern))
-    start["xi"][0, :p], start["S"][0, :p, :p] = design.theta0, S
-    start["points"][0, :p] = (design.theta0 + np.vstack([np.zeros(p), reach, -reach])).T
-    start["M"] = (design.model.blocks(design.theta0)[0, row, column] * scale)[:, None]
-    return start
+    entries = design.model.blocks(design.theta0)[0, row, column]
+    return record(
+        xi=xi,  # θ, x and, last, what y is expected to be
+        S=S,  # P = SᵀS, upper triangular
+        # [A B; C 0] at each sigma point
+        M=np.outer(entries * _held(design, pattern, substeps), np.ones(2 * m + 1)),
+        points=points,  # side by side: θ, x and y of each
+        power=np.zeros((n + 1, 2 * m + 1)),
+        next=np.zeros((n + 1, 2 * m + 1)),
+        array=np.zeros((2 * m + p + 2, 1 + m)),
+    )
 
 
-def _read(p: int, state: NDArray[np.void]) -> tuple[Array, Array]:
+def _read(p: int, state: Record) -> tuple[Array, Array]:
     S = state["S"][0, :, :p]
     return state["xi"][0, :p], S.T @ S
 
 
-def _tuning_type(pattern: Pattern) -> np.dtype:
-    p, m = pattern.p, pattern.p + pattern.n
-    entries, terms = len(pattern.entries), len(pattern.terms)
-    return np.dtype(
-        [
-            ("row", int, (entries,)),
-            ("column", int, (entries,)),
-            ("entry", int, (terms,)),  # that a term c·Πθ^e is part of
-            ("exponent", int, (terms, p)),
-            ("coefficient", float, (terms,)),
-            ("keep", float, (pattern.n,)),  # 0 for states that are zero when a sample begins
-            ("reach", float),  # of the sigma points, in standard deviations
-            ("mean", float, (2 * m + 1,)),  # weights w
-            ("root", float, (2 * m + 1,)),  # √v
-            ("walk", float, (p + 1, 1 + m)),  # upper square root of W for θ, and σ for y
-            ("order", int),
-            ("substeps", int),
-            ("m", int),  # sizes known only when it runs: else the compiler unrolls every loop
-            ("p", int),
-            ("lower", float, (p,)),
-            ("upper", float, (p,)),
-        ],
-        align=True,
-    )
+@compiled
+def ukf_loop(tunings, states, u, y, valid, estimates, trace):  # noqa: PLR0917
+    """Take samples, as `flexaxis.estimators.recursion.loop.sample_loop`."""
+    tuning, state = tunings[0], states[0]
+    for k in range(len(u)):
+        correct(tuning, state, y[k], valid[k])
+        draw(tuning, state)
+        evaluate(tuning, state)
+        propagate(tuning, state, u[k])
+        for i in range(estimates.shape[1]):
+            estimates[k, i] = state["xi"][i]
+        show(state, trace[k])
 
 
-def _state_type(pattern: Pattern) -> np.dtype:
-    n, p = pattern.n, pattern.p
-    m, points = n + p, 2 * (n + p) + 1
-    return np.dtype(
-        [
-            ("xi", float, (m + 1,)),  # θ, x and, last, what y is expected to be
-            ("S", float, (m, m)),  # P = SᵀS, upper triangular
-            ("M", float, (len(pattern.entries), points)),  # [A B; C 0] at each sigma point
-            ("points", float, (m + 1, points)),  # side by side: θ, x and y of each
-            ("power", float, (n + 1, points)),
-            ("next", float, (n + 1, points)),
-            ("array", float, (points + p + 1, 1 + m)),
-        ],
-        align=True,
-    )
-
-
-@lru_cache
-def ukf_loop(pattern: Pattern) -> Callable:
-    """Return the compiled loop, as `flexaxis.estimators.recursion.kernel.rpem_loop`."""
-
-    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
-        tuning, state = tunings[0], states[0]
-        for k in range(len(u)):
-            correct(tuning, state, y[k], valid[k])
-            draw(tuning, state)
-            evaluate(tuning, state)
-            propagate(tuning, state, u[k])
-            for i in range(estimates.shape[1]):
-                estimates[k, i] = state["xi"][i]
-
-    return compile_loop(run, pattern.flat(), _tuning_type(pattern), _state_type(pattern))
-
-
-@jit
+@inlined
 def correct(tuning, state, y, valid):
     """Take ξ̂ and S from the propagated points, and through the measurement."""
-    xi, S, A, Z = state["xi"], state["S"], state["array"], state["points"]
+    xi, S, A = state["xi"], state["S"], state["array"]
     m, p = tuning["m"], tuning["p"]
     points = 2 * m + 1
-    for i in range(m + 1):
-        mean = 0.0
-        for j in range(points):
-            mean += tuning["mean"][j] * Z[i, j]
-        for j in range(points):
-            A[j, (i + 1) % (m + 1)] = tuning["root"][j] * (Z[i, j] - mean)  # y comes first
-        for j in range(p + 1):
-            A[points + j, i] = tuning["walk"][j, i]
-        xi[i] = mean
-    if not valid:
+    spread = gather(tuning, state)
+    y = judge(tuning, state, y, valid, xi[m], spread)
+    use = not np.isnan(y)
+    A[points + p, 0] = np.sqrt(state["noise"])
+    if not use:
         for j in range(points):
             A[j, 0] = 0.0
     triangularize(A, points + p + 1, 1 + m)
     for i in range(m):
         for j in range(i, m):
             S[i, j] = A[1 + i, 1 + j]
-        if valid:
+        if use:
             xi[i] += A[0, 1 + i] * ((y - xi[m]) / A[0, 0])
+    bound_root(S, tuning["ceiling"], 1.0)
     project(xi, tuning["lower"], tuning["upper"])
 
 
-@jit
+@inlined
+def gather(tuning, state):
+    """Write ξ̂⁻, ŷ and the array of deviations and √W, y first; return the variance of ŷ."""
+    xi, A, Z = state["xi"], state["array"], state["points"]
+    m, p = tuning["m"], tuning["p"]
+    points = 2 * m + 1
+    spread = 0.0
+    for i in range(m + 1):
+        mean = 0.0
+        for j in range(points):
+            mean += tuning["mean"][j] * Z[i, j]
+        for j in range(points):
+            A[j, (i + 1) % (m + 1)] = tuning["root"][j] * (Z[i, j] - mean)
+        for j in range(p + 1):
+            A[points + j, i] = 0.0
+        xi[i] = mean
+    for j in range(points):
+        spread += A[j, 0] ** 2
+    for i in range(p):
+        for j in range(p):
+            A[points + i, 1 + j] = tuning["walk"][i, j]
+    return spread
+
+
+@inlined
 def draw(tuning, state):
     """Place the sigma points."""
     xi, S, Z = state["xi"], state["S"], state["points"]
@@ -230,7 +235,7 @@ def draw(tuning, state):
             Z[i, 1 + m + j] = xi[i] - step
 
 
-@jit
+@inlined
 def evaluate(tuning, state):
     """Write the entries of [A B; C 0] that depend on θ, at every point."""
     M, Z, entry = state["M"], state["points"], tuning["entry"]
@@ -247,7 +252,7 @@ def evaluate(tuning, state):
             M[entry[t], j] += value
 
 
-@jit
+@inlined
 def propagate(tuning, state, u):
     """Take every point over one sample, with u held, by the Taylor series of the exact step."""
     Z, V, W = state["points"], state["power"], state["next"]
@@ -272,7 +277,7 @@ def propagate(tuning, state, u):
                     Z[p + i, j] += V[i, j]
 
 
-@jit
+@inlined
 def multiply(tuning, M, V, W, n, points):  # noqa: PLR0917
     """W ← [A B; C 0] V, point by point."""
     for i in range(n + 1):

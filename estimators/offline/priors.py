@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.known import is_axis, moves_as, named_values
-from flexaxis.estimators.models.model import Model, Parametrization
+from flexaxis.estimators.models.model import Model, Parametrization, increment
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract
 from flexaxis.estimators.sampling.compiler import compiled
@@ -23,7 +23,10 @@ P_FORGETTING = {"k_T": 2.97e-4, "1/J_a": 5.19e-5, "f_m": 4.69e-6}  # times (1−
 P_DRIFT = {"k_T": 5.6e-5, "1/J_a": 7.7e-5, "f_m": 7.1e-5}  # for Δ of eq. (32)
 DRIFT = {"k_T": 5e-8, "1/J_a": 50e-8, "f_m": 500e-8}  # eq. (32)
 RELATIVE_DRIFT = 3.2e-6  # geometric mean of Δ_ii/θ_i² in (32)
-AXIS, PERIOD, NOISE = "n1", 0.005, 0.1  # where these hold: axis, T [s], σ [rad/s]
+# s, time constants T/√(Δ_ii Q_ii) of (32), with Q of the nominal reference, and their mean
+FOLLOWS = {"k_T": 4.5, "1/J_a": 0.68, "f_m": 0.056}
+FOLLOWS_MEAN = 0.56
+AXIS, PERIOD = "n1", 0.005  # where these hold: axis, T [s]
 
 
 def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: float) -> Array:
@@ -99,16 +102,25 @@ def nominal_P(
     if not len(np.asarray(u)):
         raise EstimatorError("u is empty; give the torque of some tens of seconds")
     # in relative parameters, as the design is
-    asked = design.model, design.theta0, np.asarray(u, float), design.period
-    psi = _remembered(_Asked(pickle.dumps(asked), asked))
+    psi = gradient_along(design.model, design.theta0, u, design.period)
     P = np.diag(_steady(psi, design))
     mean = _mean_diagonal(psi, P, design.forgetting, design.drift, design.regularization)
     return mean * design.scale**2
 
 
+def gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
+    """Return `gradient`, made once for the same axis and torque."""
+    asked = model, theta, np.asarray(u, float), period
+    return _remembered(_Asked(pickle.dumps(asked), asked))
+
+
+def _energy(psi: Array) -> Array:
+    return np.maximum(np.mean(psi**2, axis=0), np.finfo(float).tiny)
+
+
 def _steady(psi: Array, design: Design) -> Array:
     """Return about what P will be (p,), eq. (29) or (30) for one parameter each, to begin from."""
-    Q = np.maximum(np.mean(psi**2, axis=0), np.finfo(float).tiny)
+    Q = _energy(psi)
     forgotten = max(1 - design.forgetting, 1 / len(psi))
     return np.where(np.diag(design.drift) > 0, np.sqrt(np.diag(design.drift) / Q), forgotten / Q)
 
@@ -154,15 +166,20 @@ def _mean_diagonal(psi, P, forgetting, drift, regularization):
 
 
 def default_drift(
-    model: Model, identify: Sequence[str], period: float, *, noise: float | None = None
+    model: Model,
+    identify: Sequence[str],
+    period: float,
+    *,
+    torque: ArrayLike | None = None,
+    output: str = "speed",
 ) -> Array:
     """
     Return the diagonal of Δ.
 
-    On the nominal axis it is that of eq. (32); where a model moves as that axis does, in other
-    units, at another period or from another start, the same relative to θ; on any other axis, and
-    for parameters that (32) has not, 3.2e-6·θ² in 5 ms, the geometric mean of what (32) means
-    relative to the nominal values. All for a noise of 0.1 rad/s, if no other is said.
+    With a torque, Δ_ii = (T/τ_i)²/Q_ii, Q_ii the mean of ψ_i² along it: estimate i follows with
+    the time constant τ_i, whatever the units. τ_i are those that eq. (32) has on the nominal axis,
+    where a model moves as that axis does; else their geometric mean. Without, it is eq. (32) on
+    the nominal axis, and the same relative to θ on any other.
 
     Parameters
     ----------
@@ -170,15 +187,23 @@ def default_drift(
     identify : sequence of str
     period : float
         Sampling period T [s]: Δ is what a sample adds.
-    noise : float, optional
-        Standard deviation of the output, in its unit: P is in units of its square.
+    torque : (N,) array_like, optional
+        Torque of a nominal run.
+    output : {"speed", "increment"}
+        What y is.
     """
     theta = model.parametrize(identify).theta
-    unit = theta**2 * (period / PERIOD) / ((noise or NOISE) / NOISE) ** 2
+    alike = moves_as(model, AXIS)
+    if torque is not None:
+        chosen = increment(model, period) if output == "increment" else model
+        Q = _energy(gradient_along(chosen.parametrize(identify), theta, torque, period))
+        seconds = [FOLLOWS.get(n, FOLLOWS_MEAN) if alike else FOLLOWS_MEAN for n in identify]
+        return (period / np.array(seconds)) ** 2 / Q
     paper = np.array([DRIFT.get(name, np.nan) for name in identify])
-    if noise in {None, NOISE} and period == PERIOD and is_axis(model, AXIS, identify):
+    unit = theta**2 * (period / PERIOD) ** 2  # with which a time constant stays the same
+    if period == PERIOD and is_axis(model, AXIS, identify):
         known = paper  # as it stands there, wherever the estimates start
-    elif moves_as(model, AXIS):
+    elif alike:
         known = paper / named_values(AXIS, identify) ** 2 * unit
     else:
         known = np.full(len(theta), np.nan)

@@ -1,11 +1,12 @@
 """Triangular factors of covariances, in compiled code: the steps that square-root filters share."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import jit
+from flexaxis.estimators.sampling.compiler import inlined
 
 
-@jit
+@inlined
 def triangularize(A, rows, columns):
     """
     Make A (rows, columns), rows ≥ columns, upper triangular without a change of AᵀA (Householder).
@@ -37,7 +38,7 @@ def triangularize(A, rows, columns):
                 A[j, m] = -A[j, m]
 
 
-@jit
+@inlined
 def cholesky(A):
     """Put L with L Lᵀ = A into the lower triangle of A (m, m); NaN where A is not positive."""
     for i in range(len(A)):
@@ -48,7 +49,7 @@ def cholesky(A):
             A[i, j] = np.sqrt(total) if i == j else total / A[j, j]
 
 
-@jit
+@inlined
 def forward(L, B):
     """B ← L⁻¹ B for B (m, c) and the lower triangle of L (m, m)."""
     for c in range(B.shape[1]):
@@ -56,3 +57,22 @@ def forward(L, B):
             for k in range(i):
                 B[i, c] -= L[i, k] * B[k, c]
             B[i, c] /= L[i, i]
+
+
+@inlined
+def bound_root(S, ceiling, R):
+    """Scale the columns of S for which a variance of R SᵀS is above its ceiling (p,) down to it."""
+    for i in range(len(ceiling)):
+        variance = 0.0
+        for j in range(i + 1):
+            variance += R * S[j, i] ** 2
+        if variance > ceiling[i]:
+            factor = np.sqrt(ceiling[i] / variance)
+            for j in range(i + 1):
+                S[j, i] *= factor
+
+
+def triangular_root(P: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an upper triangular S with SᵀS = P, for P (m, m) that may be singular."""
+    values, vectors = np.linalg.eigh(P)
+    return np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)[1]

@@ -58,7 +58,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
     expected = textbook(
         by_hand, nominal, loop, N, P0=P0, W=W, sigma=0.1, increments=output == "increment"
     )
-    ekf = joint_ekf(three_mass(nominal), P0=P0, drift=W, noise=0.1, output=output, period=0.005)
+    ekf = joint_ekf(three_mass(nominal), P0=P0, drift=W, noise=0.1, period=T, output=output)
     y = loop.y if output == "speed" else loop.increment
     theta = ekf.run(loop.u[:N], y[:N])
     # central differences of step 1e-5 are good to some 1e-9
@@ -67,7 +67,7 @@ def test_against_the_textbook(nominal, loop, by_hand, output):
 
 def make(nominal, **options):
     theta0 = np.array([1.0, 1.25, 0.05])
-    given = {"P0": (0.2 * theta0) ** 2, "drift": (2e-4 * theta0) ** 2}
+    given = {"P0": (0.2 * theta0) ** 2, "drift": (2e-4 * theta0) ** 2, "period": T, "noise": 0.1}
     return joint_ekf(three_mass(nominal), **(given | options))
 
 
@@ -118,7 +118,7 @@ def test_other_parameters(nominal, loop):
     truth = np.array([nominal["J_m"], 1 / nominal["k_a"]])
     ekf = joint_ekf(
         three_mass(nominal), identify=names, theta0=1.1 * truth, P0=(0.1 * truth) ** 2,
-        drift=(5e-5 * truth) ** 2, period=0.005,
+        drift=(5e-5 * truth) ** 2, period=T, noise=0.1,
     )  # fmt: skip
     np.testing.assert_allclose(ekf.run(loop.u, loop.y)[-1], truth, rtol=0.01)
 

@@ -16,6 +16,8 @@ OPTIONS = {
     "jump": (0.02 * TRUTH) ** 2,
     "rate": 2.0,
     "hold": 0.1,
+    "period": T,
+    "noise": SIGMA,
 }
 
 
@@ -80,7 +82,7 @@ def test_against_the_textbook(nominal, simulated, by_hand):
     loop = simulated(0.5, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
     N = 80
     theta, claimed, mu = textbook(by_hand, nominal, loop, N)
-    ours = joint_imm(three_mass(nominal), **OPTIONS, noise=SIGMA)
+    ours = joint_imm(three_mass(nominal), **OPTIONS)
     # central differences of step 1e-5 are good to some 1e-9
     np.testing.assert_allclose(ours.run(loop.u[:N], loop.y[:N]), theta, rtol=1e-6)
     np.testing.assert_allclose(mode_probabilities(ours), mu, rtol=1e-5, atol=1e-9)
@@ -93,7 +95,9 @@ def test_against_the_textbook(nominal, simulated, by_hand):
 def test_modes_that_are_the_same_are_one_filter(nominal, loop):
     options = OPTIONS | {"jump": 1e-30 * TRUTH}
     mixed = joint_imm(three_mass(nominal), **options).run(loop.u[:2000], loop.y[:2000])
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=0.005)
+    single = joint_ekf(
+        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
+    )
     np.testing.assert_allclose(mixed, single.run(loop.u[:2000], loop.y[:2000]), rtol=1e-9)
 
 
@@ -101,7 +105,9 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
     loop = simulated(14.0, seed=2, faults={8.0: nominal | {"f_m": 0.075}})
     options = OPTIONS | {"drift": T * (0.002 * TRUTH) ** 2, "rate": 1e-3}
     imm = joint_imm(three_mass(nominal), **options)
-    single = joint_ekf(three_mass(nominal), P0=options["P0"], drift=options["drift"], period=0.005)
+    single = joint_ekf(
+        three_mass(nominal), P0=options["P0"], drift=options["drift"], period=T, noise=SIGMA
+    )
     before = imm.run(loop.u[:1600], loop.y[:1600])
     assert mode_probabilities(imm)[0] > 0.9
     seen, after = np.zeros(4), []
@@ -113,6 +119,22 @@ def test_a_jump_is_followed_and_named(nominal, simulated):
     alone = single.run(loop.u, loop.y)
     assert lag < 0.5 * abs(alone[1600:1700, 2] - 0.075).sum()
     assert before[1000:, 2].std() < 1.3 * alone[1000:1600, 2].std()
+
+
+def test_the_mixture_claims_the_spread_of_its_modes(nominal, simulated):
+    """ŷ and S of the mixture, by the records of its modes before the sample."""
+    loop = simulated(2.0, seed=1, faults={0.2: nominal | {"f_m": 0.2}})
+    imm, apart = joint_imm(three_mass(nominal), **OPTIONS), 0.0
+    for k in range(100):
+        weights, y = imm.state["predicted"].copy(), imm.state["X"][:, -1, 0].copy()
+        h, P = imm.state["X"][:, -1, 1:9].copy(), imm.state["P"].copy()
+        imm.step(loop.u[k], loop.y[k])
+        mean = weights @ y
+        S = SIGMA**2 + weights @ (np.einsum("ja,jab,jb->j", h, P, h) + (y - mean) ** 2)
+        np.testing.assert_allclose(imm.prediction, mean, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(imm.innovation_variance, S, rtol=1e-9)
+        apart = max(apart, weights @ (y - mean) ** 2 / S)
+    assert apart > 1e-4  # so that it mattered
 
 
 def test_a_gap_keeps_the_estimate_and_forgets_the_mode(nominal, loop):

@@ -35,6 +35,20 @@ def test_a_corrected_state_goes_no_further_than_its_parameters():
     )
 
 
+def test_a_state_that_is_given_is_where_it_starts(minute):
+    """In mid-motion, at the truth: what is predicted is what a filter from rest predicts."""
+    sure = {"P0": [1e-20] * 3}
+    from_rest = rpem(**sure)
+    from_rest.run(minute.u[:1000], minute.y[:1000])
+    x = from_rest.state["X"][0, :5, 0].copy()
+    late = rpem(x0=x, **sure)
+    given = minute.u[1000:1400], minute.y[1000:1400]
+    late.run(*given), from_rest.run(*given)
+    expected = from_rest.innovations[:, 0]
+    np.testing.assert_allclose(late.innovations[:, 0], expected, rtol=0, atol=1e-9)
+    assert np.std(late.innovations[:, 0]) == pytest.approx(0.1, rel=0.1)
+
+
 def test_an_innovation_claims_noise_and_what_is_not_known(minute):
     """R̂ + ψᵀ C ψ, with R̂ and the claimed covariance C of the sample before."""
     estimator = rpem()

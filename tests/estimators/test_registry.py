@@ -100,9 +100,16 @@ def test_the_paper_s_drift_is_that_of_its_axis_at_any_start(nominal):
         drift = default_drift(three_mass(values), names, 0.005)
         assert drift.tolist() == [500e-8, 50e-8, 5e-8]
     drift = default_drift(three_mass(nominal), names, 0.01)
-    np.testing.assert_allclose(drift, [2 * 500e-8, 2 * 50e-8, 2 * 5e-8], rtol=1e-12)
-    drift = default_drift(three_mass(nominal), names, 0.005, noise=0.2)
-    np.testing.assert_allclose(drift, [500e-8 / 4, 50e-8 / 4, 5e-8 / 4], rtol=1e-12)
+    np.testing.assert_allclose(drift, [4 * 500e-8, 4 * 50e-8, 4 * 5e-8], rtol=1e-12)
+
+
+def test_drift_follows_with_a_time_constant_along_a_torque(nominal, loop):
+    """Δ = (T/τ)²/Q, and τ of the nominal axis gives eq. (32) there."""
+    from flexaxis.estimators import three_mass
+
+    names = ("k_T", "1/J_a", "f_m")
+    drift = default_drift(three_mass(nominal), names, 0.005, torque=loop.u[:8000])
+    np.testing.assert_allclose(drift, [5e-8, 50e-8, 500e-8], rtol=0.1)
 
 
 def test_other_axes_drift_relative_to_their_values():

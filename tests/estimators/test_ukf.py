@@ -10,7 +10,7 @@ from flexaxis.estimators.methods.ukf import joint_ukf
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 T = 0.005
-TIGHT = {"P0": (0.1 * TRUTH) ** 2, "drift": (1e-3 * TRUTH) ** 2}
+TIGHT = {"P0": (0.1 * TRUTH) ** 2, "drift": (1e-3 * TRUTH) ** 2, "period": T, "noise": 0.1}
 
 
 def exact_step(by_hand, nominal, xi, u, *, increments):
@@ -94,7 +94,7 @@ def test_against_filterpy(nominal, loop, by_hand):
 
 def test_with_nearly_certain_parameters_both_are_the_kalman_filter(nominal, loop):
     """Near a known θ all is linear, and what is left goes with the deviation, 1e-4, squared."""
-    small = {"P0": (1e-4 * TRUTH) ** 2, "drift": (1e-6 * TRUTH) ** 2}
+    small = {"P0": (1e-4 * TRUTH) ** 2, "drift": (1e-6 * TRUTH) ** 2, "period": T, "noise": 0.1}
     unscented = joint_ukf(three_mass(nominal), **small)
     extended = joint_ekf(three_mass(nominal), **small)
     a, b = (f.run(loop.u[:1000], loop.y[:1000]) / TRUTH - 1 for f in (unscented, extended))

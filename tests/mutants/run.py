@@ -72,10 +72,13 @@ def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
             text = path.read_text(encoding="utf-8")
             path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
         words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *killers]
-        done = subprocess.run(
-            words, cwd=ROOT, env=environment(place), capture_output=True, text=True, check=False,
-            timeout=LONGEST,
-        )  # fmt: skip
+        try:
+            done = subprocess.run(
+                words, cwd=ROOT, env=environment(place), capture_output=True, text=True,
+                check=False, timeout=LONGEST,
+            )  # fmt: skip
+        except subprocess.TimeoutExpired:
+            return f"no end of {killers[0]} in {LONGEST} s"
     if done.returncode == 0:
         return None
     lines = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]

@@ -1,0 +1,155 @@
+"""
+The noise variance of y in a Kalman filter: as given, or learnt from the innovations as it runs.
+
+With e = y − ŷ, claimed to have the variance S = hᵀPh + R, a step of expectation-maximisation takes
+R to hᵀPh R/S + e² R²/S²: a sample in which the uncertainty of ξ hides the noise says little (R. H.
+Shumway and D. S. Stoffer, *An approach to time series smoothing and forecasting using the EM
+algorithm*, J. Time Series Analysis 3 (1982), in recursive form). R is a mean of these.
+
+A parameter that has changed looks like noise to it. But what comes from that is smooth, and gone
+from a third difference: a second mean takes (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20 for e² (T.
+Gasser, L. Sroka and C. Jennen-Steinmetz, *Residual variance and residual pattern in nonlinear
+regression*, Biometrika 73 (1986), for the second). R is the smaller of both. Where they differ by
+far, it is learnt more slowly.
+
+All is relative to what the filter has seen, so that units of y do not matter.
+"""
+
+from math import erf, exp, pi, sqrt
+
+import numpy as np
+
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.sampling.compiler import inlined
+
+MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
+KNOWN = 50.0  # samples from which on R can judge a sample; its deviation is √(2/50) = 20 %
+CLIP = 3.0  # standard deviations beyond which an innovation counts as one of that size for R
+CONSISTENCY = (
+    erf(CLIP / sqrt(2)) * (1 - CLIP**2) + CLIP**2 - CLIP * sqrt(2 / pi) * exp(-(CLIP**2) / 2)
+)  # E min(z², CLIP²) of a normal z: what clipping leaves of the variance
+SURE = 2.0  # times the mean over the last KNOWN, above which R falls to it: 7 of its deviations
+SMOOTH = 0.25  # squared differences over squares, of white noise 1 ± .2, below which it is a model
+# that is wrong, from which R is learnt more slowly
+SLOWER = 10.0  # times the memory
+ODD = 100.0  # standard deviations beyond which a sample that stands alone is not used: no noise
+# reaches that. A fault that does lasts; from its second sample on it counts as one of that size
+FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
+MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
+
+
+def level(design: Design) -> tuple[Record, Record]:
+    """Return what `judge` needs of tuning and state; σ is learnt where the design has none."""
+    tuning = record(known=float(design.noise > 0), memory=max(MEMORY / design.period, KNOWN))
+    state = record(
+        prediction=np.nan,
+        innovation=np.nan,
+        innovation_variance=np.nan,
+        noise=design.noise**2,  # R, 0 while nothing is known of it
+        levels=np.zeros(4),  # means of squares and of squared differences, and over the last KNOWN
+        samples=0.0,  # that they are the means of
+        past=np.zeros(3),  # innovations before, the last one first
+        run=0.0,  # samples in a row that were used
+        odd=0.0,  # 1 where the last sample was beyond ODD
+    )
+    return tuning, state
+
+
+@inlined
+def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
+    """
+    Keep the innovation and learn R from it; return y as it is to be used, or NaN if it is not.
+
+    ``spread`` is hᵀPh. Nothing is used before something moves if R has to be learnt: then ξ is not
+    yet seen either, and R starts from the first sample as e² + hᵀPh, all that is not known of y.
+    """
+    noise = state["noise"]
+    S = spread + noise
+    state["prediction"], state["innovation"] = prediction, np.nan
+    state["innovation_variance"] = S if noise > 0.0 else np.nan
+    if not valid:
+        state["run"] = 0.0
+        return np.nan
+    e = y - prediction
+    state["innovation"] = e
+    if noise <= 0.0:
+        if prediction == 0.0:
+            return np.nan
+        begin(state, e**2 + spread)
+        return y
+    limit, alone = ODD * np.sqrt(S), state["odd"] == 0.0
+    state["odd"] = 1.0 if abs(e) > limit else 0.0
+    if state["odd"] > 0.0:
+        if alone:
+            state["run"] = 0.0
+            return np.nan
+        e = limit if e > 0.0 else -limit
+    rough = roughness(state["past"], e)
+    state["run"] += 1.0
+    if tuning["known"] == 0.0 and prediction**2 > MOVING**2 * noise:
+        learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
+        state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
+    return prediction + e
+
+
+@inlined
+def begin(state, square):
+    """Start R from a first sample."""
+    state["noise"], state["samples"] = square, 1.0
+    for i in range(4):
+        state["levels"][i] = square
+
+
+@inlined
+def roughness(past, e):
+    """Return (e − 3e₁ + 3e₂ − e₃)²/20 with the three innovations before, and keep the last ones."""
+    rough = (e - 3.0 * past[0] + 3.0 * past[1] - past[2]) ** 2 / 20.0
+    past[2], past[1], past[0] = past[1], past[0], e
+    return rough
+
+
+@inlined
+def learn(tuning, state, spread, square, rough):
+    """Take squares of the innovation and of its difference into R."""
+    R, levels = state["noise"], state["levels"]
+    S = spread + R
+    share = R / S
+    rest, scale = spread * share, share**2
+    if (
+        state["samples"] < KNOWN
+    ):  # R is kept on the high side, so that no sample is believed too much
+        scale = 1.0
+    count = state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
+    levels[2] += (rest + scale * square - levels[2]) / min(count, KNOWN)
+    if rough >= 0.0:  # not NaN, as after a gap
+        levels[3] += (rest + scale * rough - levels[3]) / min(count, KNOWN)
+    if count > KNOWN:
+        square = min(square, CLIP**2 * S) / CONSISTENCY
+        rough = min(rough, CLIP**2 * S) / CONSISTENCY
+        if levels[3] < SMOOTH * levels[2]:
+            count *= SLOWER
+    levels[0] += (rest + scale * square - levels[0]) / count
+    if rough >= 0.0:
+        levels[1] += (rest + scale * rough - levels[1]) / count
+    for i in range(2):
+        levels[i] = min(levels[i], SURE * levels[2])
+    state["noise"] = min(levels[0], levels[1])
+
+
+@inlined
+def bound(P, ceiling):
+    """Scale rows and columns of P (m, m) whose variance is above its ceiling (p,) down to it."""
+    for i in range(len(ceiling)):
+        if P[i, i] > ceiling[i]:
+            factor = np.sqrt(ceiling[i] / P[i, i])
+            for j in range(len(P)):
+                P[i, j] *= factor
+                P[j, i] *= factor
+
+
+@inlined
+def show(state, row):
+    """Write ŷ, innovation and its variance (3,), as `recursion.loop` wants them of a sample."""
+    row[0], row[1] = state["prediction"], state["innovation"]
+    row[2] = state["innovation_variance"]

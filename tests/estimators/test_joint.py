@@ -1,0 +1,510 @@
+"""What the joint filters and the moving horizon have in common: rest, units, rates, claims."""
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexaxis.estimators import EstimatorError, three_mass
+from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.methods.imm import joint_imm
+from flexaxis.estimators.methods.moving_horizon import moving_horizon
+from flexaxis.estimators.methods.ukf import joint_ukf
+from flexaxis.estimators.registry import REGISTRY
+
+JOINT = ["ekf", "ukf", "imm"]
+ALL = [*JOINT, "moving-horizon"]
+TRUTH = np.array([1.0, 1.25, 0.05])
+T = 0.005
+
+
+def make(name, nominal, *, start=1.0, period=T, **options):
+    """A registered estimator that starts off the truth."""
+    off = {"k_T": start, "J_a": 1 / start, "f_m": start}
+    told = {key: value * off.get(key, 1.0) for key, value in nominal.items()}
+    return REGISTRY[name].factory(told, period, **options)
+
+
+def encoder(loop, *, counts=65536):
+    """Increments of an angle that is rounded."""
+    step = 2 * np.pi / counts
+    angle = np.round(loop.angle / step) * step
+    return np.diff(angle, prepend=angle[0]) / T
+
+
+# Rest, gaps, outliers
+
+
+def rest(simulated, samples):
+    loop = simulated(60.0, seed=3)
+    return np.r_[np.zeros(samples), loop.u], np.r_[np.zeros(samples), loop.y], None
+
+
+def pause(simulated):
+    loop = simulated(110.0, seed=4, pause=(30.0, 50.0))
+    return loop.u, loop.y, None
+
+
+def gap(simulated):
+    loop = simulated(590.0, seed=5)
+    valid = np.ones(len(loop.u), bool)
+    valid[6000:106000] = False
+    return loop.u, np.where(valid, loop.y, 1e6), valid
+
+
+def outliers(simulated, number):
+    loop = simulated(90.0, seed=6)
+    y = loop.y.copy()
+    y[6000 : 6000 + number] = 1e9
+    return loop.u, y, None
+
+
+TROUBLES = {
+    "a minute of zeros": lambda simulated: rest(simulated, 12_000),
+    "13 minutes of zeros": lambda simulated: rest(simulated, 156_000),
+    "a pause": pause,
+    "a gap": gap,
+    "an outlier": lambda simulated: outliers(simulated, 1),
+    "a burst": lambda simulated: outliers(simulated, 3),
+}
+
+
+@pytest.fixture(scope="module")
+def trouble(simulated):
+    return lru_cache(lambda kind: TROUBLES[kind](simulated))
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(
+            kind, marks=[pytest.mark.slow] if kind in {"13 minutes of zeros", "a gap"} else []
+        )
+        for kind in TROUBLES
+    ],
+)
+@pytest.mark.parametrize("name", ALL)
+def test_a_minute_after_trouble_all_is_well(nominal, trouble, name, kind):
+    u, y, valid = trouble(kind)
+    filter_ = make(name, nominal, start=1.2)
+    theta = filter_.run(u, y, valid)
+    assert np.isfinite(theta).all() and np.isfinite(filter_.covariance).all()
+    np.testing.assert_allclose(theta[-200:], np.tile(TRUTH, (200, 1)), rtol=0.02)
+    assert 0.085 < deviation(filter_) < 0.115  # of 0.1; the horizon's is of 200 samples
+
+
+def deviation(filter_):
+    """σ̂ of a filter."""
+    state = filter_.state
+    return np.sqrt(state.level[0] if hasattr(state, "level") else state["noise"][0])
+
+
+def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
+    filter_ = make("moving-horizon", nominal)
+    before = filter_.state.root.copy()
+    filter_.run(np.zeros(12_000), np.zeros(12_000))
+    np.testing.assert_allclose(filter_.state.root, before, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
+    """Its increments are exactly zero there: σ̂ would fall by a factor in every second."""
+    loop = simulated(110.0, seed=7, pause=(30.0, 50.0), sigma=0.0)
+    filter_ = make(name, nominal, output="increment")
+    y, known = encoder(loop), []
+    for part in range(0, len(y), 400):
+        filter_.run(loop.u[part : part + 400], y[part : part + 400])
+        known.append(deviation(filter_))
+    # 0.0078, from the rounding; the filters take the smaller of two means of 400 samples
+    assert min(known[12:]) > 0.4 * 0.0078 and max(known[12:]) < 2 * 0.0078
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_gap_has_no_innovation(nominal, loop, name):
+    filter_ = make(name, nominal)
+    filter_.run(loop.u[:1003], loop.y[:1003])
+    theta = filter_.theta
+    filter_.step(loop.u[1003], None)
+    assert np.isnan(filter_.innovation) and np.isfinite(filter_.prediction)
+    np.testing.assert_allclose(filter_.theta, theta, rtol=1e-9)
+
+
+# The noise level
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("sigma", [0.01, 0.1, 0.5])
+def test_the_noise_is_found(nominal, simulated, name, sigma):
+    filter_ = make(name, nominal, start=1.2)
+    found = []
+    for seed in range(4):
+        loop = simulated(20.0, seed=seed, sigma=sigma)
+        filter_.reset()
+        filter_.run(loop.u, loop.y)
+        found.append(deviation(filter_))
+    # of four runs with 200 samples or more: 2.5 %; the smaller of two means is 1 % low
+    np.testing.assert_allclose(np.mean(found), sigma, rtol=0.08)
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_a_fault_is_not_taken_for_noise(nominal, simulated, name):
+    """Its residual is 20 times the noise for seconds; R of the textbook would end there."""
+    loop = simulated(25.0, seed=8, faults={20.0: nominal | {"f_m": 0.075}})
+    filter_ = make(name, nominal)
+    filter_.run(loop.u[:4000], loop.y[:4000])
+    for k in range(4000, 5000):
+        filter_.step(loop.u[k], loop.y[k])
+        assert 0.09 < deviation(filter_) < 0.12
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_a_prediction_that_is_better_than_its_claim_leaves_the_noise(nominal, simulated, name):
+    """θ stands still where it is told to walk by a half in a second: e² is a third of S."""
+    loop = simulated(20.0, seed=14)
+    filter_ = make(name, nominal, walk=0.5)
+    filter_.run(loop.u, loop.y)
+    e, variance = filter_.innovations[2000:].T
+    assert np.mean(e**2 / variance) < 0.6
+    assert 0.08 < deviation(filter_) < 0.13
+
+
+@pytest.mark.parametrize("name", ["ekf", "ukf"])
+def test_what_comes_from_parameters_that_walk_is_no_noise(nominal, loop, by_hand, name):
+    y, _ = walking_axis(by_hand, nominal, np.random.default_rng(0), loop.u[:4000], 0.05)
+    filter_ = make(name, nominal, walk=0.05, spread=0.01)
+    filter_.run(loop.u[:4000], y)
+    assert np.std(filter_.innovations[1000:, 0]) > 0.12
+    assert 0.09 < deviation(filter_) < 0.11
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_noise_is_known_soon_though_the_start_was_rough(nominal, simulated, name):
+    """R begins at some 10 000 times what it is; a mean over 2 s takes 20 s from there."""
+    loop = simulated(7.0, seed=15, sigma=0.01)
+    filter_ = make(name, nominal, start=1.2)
+    filter_.run(loop.u, loop.y)
+    assert deviation(filter_) < 0.014
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_noise_that_grows_is_followed(nominal, simulated, name):
+    loop = simulated(30.0, seed=9)
+    more = np.random.default_rng(0).standard_normal(len(loop.u)) * 0.5
+    more[: len(more) // 2] = 0.0
+    filter_ = make(name, nominal)
+    filter_.run(loop.u, loop.y + more)
+    assert 0.45 < deviation(filter_) < 0.57  # √(.1² + .5²) = .51
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_with_its_noise_found_a_filter_is_as_fast_as_with_it_given(nominal, simulated, name):
+    """Through an encoder of 16 bits; 0.1 in place of 0.0078 takes the EKF six times as long."""
+    loop = simulated(15.0, seed=10, sigma=0.0, faults={10.0: nominal | {"f_m": 0.075}})
+    y, lag = encoder(loop), {}
+    for noise in (None, 0.0078):
+        filter_ = make(name, nominal, output="increment", noise=noise)
+        theta = filter_.run(loop.u, y)
+        lag[noise] = T * abs(theta[2000:, 2] - 0.075).sum() / 0.025
+    assert lag[None] < 1.3 * lag[0.0078]
+
+
+# What is claimed
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_innovations_are_what_they_are_claimed_to_be(nominal, loop, name):
+    filter_ = make(name, nominal)
+    filter_.run(loop.u[:4000], loop.y[:4000])
+    filter_.run(loop.u[4000:], loop.y[4000:])
+    e, variance = filter_.innovations.T
+    # 8000 samples: mean of e²/S known to 1.6 %; the joint filters' R is 1 to 2 % low
+    np.testing.assert_allclose(np.mean(e**2 / variance), 1.0, atol=0.06)
+    white = e / np.sqrt(variance)
+    for delay in (1, 2, 5, 20):
+        assert abs(np.mean(white[delay:] * white[:-delay])) < 0.04  # 3.5 standard deviations
+    assert filter_.innovation == pytest.approx(loop.y[-1] - filter_.prediction, rel=1e-12)
+    assert filter_.innovation_variance == variance[-1]
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_steps_are_the_run(nominal, loop, name):
+    filter_ = make(name, nominal)
+    whole = filter_.run(loop.u[:300], loop.y[:300])
+    seen = filter_.innovations
+    filter_.reset()
+    for k in range(300):
+        np.testing.assert_array_equal(filter_.step(loop.u[k], loop.y[k]), whole[k])
+        np.testing.assert_array_equal(filter_.innovations[0], seen[k])
+
+
+def walking_axis(by_hand, nominal, rng, u, walk):
+    """y of an axis whose θ walks, and θ; a step of the walk in every tenth sample."""
+    theta, x = TRUTH.copy(), np.zeros(6)
+    y, true = np.empty(len(u)), np.empty((len(u), 3))
+    for k, torque in enumerate(u):
+        if k % 10 == 0:
+            theta = theta + walk * TRUTH * np.sqrt(10 * T) * rng.standard_normal(3)
+            A, B = by_hand(nominal | {"k_T": theta[0], "J_a": 1 / theta[1], "f_m": theta[2]})
+            step = expm(np.block([[A, B[:, None]], [np.zeros((1, 7))]]) * T)[:6]
+        y[k], true[k] = x[2] + 0.1 * rng.standard_normal(), theta
+        x = step @ np.r_[x, torque]
+    return y, true
+
+
+def test_an_axis_that_walks_as_it_is_told_to_is_where_the_filter_says(nominal, loop, by_hand):
+    """Mean of (θ̂−θ)ᵀP⁻¹(θ̂−θ) is p; of an axis that stands still it is p/2."""
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        u = loop.u[400 * seed : 400 * seed + 4000]
+        y, true = walking_axis(by_hand, nominal, rng, u, 0.005)
+        filter_ = make("ekf", nominal, walk=0.005, spread=0.01)
+        for k in range(0, 4000, 200):
+            filter_.run(u[k : k + 200], y[k : k + 200])
+            apart = filter_.theta - true[k + 199]
+            if k >= 1000:
+                found.append(apart @ np.linalg.solve(filter_.covariance, apart))
+    # 12 runs of 15 s, correlated over half a second: some 300 values of variance 6
+    np.testing.assert_allclose(np.mean(found), 3.0, rtol=0.15)
+
+
+# Units and rates
+
+
+def in_other_units(model, change):
+    """The same physics written in another unit."""
+    nominal = dict(model.nominal)
+    if change == "y in mrad/s":
+        return replace(model, C=[f"1000*({entry})" for entry in model.C]), nominal
+    name = {"f_m in mN m s/rad": "f_m", "J_a in g m²": "J_a"}[change]
+    nominal[name] *= 1000
+    small = re.compile(rf"\b{name}\b")
+
+    def written(entry):
+        return small.sub(f"({name}/1000)", entry)
+
+    return replace(
+        model, A=[[written(e) for e in row] for row in model.A], B=[written(e) for e in model.B],
+        nominal=nominal,
+    ), nominal  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize(
+    "change", ["f_m in mN m s/rad", "J_a in g m²", "y in mrad/s", "k_T negative"]
+)
+def test_units_do_not_matter(nominal, simulated, name, change):
+    loop = simulated(8.0, seed=11, faults={4.0: nominal | {"f_m": 0.075}})
+    told = nominal | {"f_m": 0.06}
+    u, y = loop.u, loop.y
+    if change == "k_T negative":
+        model, u = three_mass(told | {"k_T": -told["k_T"]}), -u
+    else:
+        model, _ = in_other_units(three_mass(told), change)
+        y = y * 1000 if change == "y in mrad/s" else y
+    scale = model.parametrize(TRUTH_NAMES).theta / three_mass(told).parametrize(TRUTH_NAMES).theta
+    torque = {"torque": u} if name == "moving-horizon" else {}
+    usual = {"torque": loop.u} if name == "moving-horizon" else {}
+    ours = REGISTRY[name].factory(model, T, **torque)
+    expected = REGISTRY[name].factory(three_mass(told), T, **usual)
+    theta = ours.run(u, y)
+    np.testing.assert_allclose(theta / scale, expected.run(loop.u, loop.y), rtol=1e-6)
+    claim = expected.covariance * np.outer(scale, scale)
+    np.testing.assert_allclose(ours.covariance, claim, rtol=1e-4)
+
+
+TRUTH_NAMES = ("k_T", "1/J_a", "f_m")
+
+
+def driven(by_hand, nominal, period, seconds):
+    """u and y of an axis in open loop, under lines from 0.1 to 30 Hz, at some sampling rate."""
+    rng = np.random.default_rng(12)
+    lines = np.zeros(round(10 / period) // 2 + 1, complex)
+    lines[1:301] = np.exp(2j * np.pi * rng.random(300))
+    wave = np.fft.irfft(lines)
+    u = np.resize(0.5 * wave / wave.std(), round(seconds / period))
+    A, B = by_hand(nominal)
+    step = expm(np.block([[A, B[:, None]], [np.zeros((1, 7))]]) * period)[:6]
+    x, y = np.zeros(6), np.empty(len(u))
+    for k, torque in enumerate(u):
+        y[k] = x[2]
+        x = step @ np.r_[x, torque]
+    return u, y + 0.1 * rng.standard_normal(len(u))
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.005, 0.01])
+@pytest.mark.parametrize("name", ALL)
+def test_every_rate(nominal, by_hand, name, period):
+    u, y = driven(by_hand, nominal, period, 40.0)
+    torque = {"torque": u} if name == "moving-horizon" else {}
+    filter_ = make(name, nominal, start=1.2, period=period, **torque)
+    theta = filter_.run(u, y)
+    assert np.isfinite(theta).all()
+    np.testing.assert_allclose(theta[-1], TRUTH, rtol=0.01)
+    half = len(u) // 2
+    e, variance = filter_.innovations[half:].T
+    np.testing.assert_allclose(np.mean(e**2 / variance), 1.0, atol=0.08)
+
+
+# x(0), and the ceiling
+
+
+def build(name, model, **options):
+    """The class itself, with θ practically known."""
+    small = (1e-7 * TRUTH) ** 2
+    if name == "moving-horizon":
+        return moving_horizon(model, P0=small, period=T, forgetting=1.0, **options)
+    kind = {"ekf": joint_ekf, "ukf": joint_ukf, "imm": joint_imm}[name]
+    jump = {"jump": 1e-20 * TRUTH} if name == "imm" else {}
+    drift = (1e-12 * TRUTH) ** 2
+    return kind(model, P0=small, drift=drift, period=T, **jump, **options)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_state_that_is_given_is_where_it_starts(nominal, by_hand, name):
+    """With θ known, ŷ is that of a Kalman filter for x alone, written out."""
+    rng, N, sigma = np.random.default_rng(13), 400, 0.1
+    A, B = (part[:5] for part in by_hand(nominal))
+    step = expm(np.block([[A[:, :5], B[:, None]], [np.zeros((1, 6))]]) * T)[:5]
+    root = rng.standard_normal((5, 5)) * np.array([2e-3, 2e-3, 3.0, 0.03, 0.03])[:, None]
+    x0 = np.array([1e-3, -1e-3, 4.0, 0.02, -0.01])
+    u, y = rng.standard_normal(N), np.empty(N)
+    x = x0 + root @ rng.standard_normal(5)
+    for k in range(N):
+        y[k] = x[2] + sigma * rng.standard_normal()
+        x = step @ np.r_[x, u[k]]
+    units = sigma**2 if name == "moving-horizon" else 1.0  # its P(0) is for a variance of one
+    filter_ = build(
+        name, three_mass(nominal), noise=sigma, x0=x0, x0_covariance=root @ root.T / units,
+        **({"window": 40, "every": 1, "iterations": 1} if name == "moving-horizon" else {}),
+    )  # fmt: skip
+    filter_.run(u, y)
+    x, P, expected = x0, root @ root.T, np.empty((N, 2))
+    for k in range(N):
+        S = P[2, 2] + sigma**2
+        expected[k] = y[k] - x[2], S
+        if name != "moving-horizon" or k > 0:  # which looks at y from its second sample on
+            x, P = x + P[:, 2] * (y[k] - x[2]) / S, P - np.outer(P[:, 2], P[2]) / S
+        x, P = step @ np.r_[x, u[k]], step[:, :5] @ P @ step[:, :5].T
+    np.testing.assert_allclose(filter_.innovations[:, 0], expected[:, 0], rtol=0, atol=2e-5)
+    np.testing.assert_allclose(filter_.innovations[:, 1], expected[:, 1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_state_need_not_name_what_a_sample_resets(nominal, loop, name):
+    options = {"output": "increment", "x0": np.zeros(5), "x0_covariance": np.full(5, 1e-6)}
+    theta = build(name, three_mass(nominal), **options).run(loop.u[:500], loop.increment[:500])
+    assert np.isfinite(theta).all()
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_no_parameter_is_less_certain_than_by_its_size(nominal, loop, name):
+    """The walk alone would take it to 2 θ(0) in the gap; correlations are those before."""
+    filter_ = make(name, nominal, walk=0.4)
+    filter_.run(loop.u[:2000], loop.y[:2000])
+    filter_.run(np.zeros(5000), np.zeros(5000), np.zeros(5000, bool))
+    spread = np.sqrt(np.diag(filter_.covariance)) / TRUTH
+    np.testing.assert_allclose(spread, 1.0, rtol=0.01)
+    assert np.linalg.eigvalsh(filter_.covariance / np.outer(TRUTH, TRUTH))[0] > 0
+
+
+def test_the_horizon_forgets_no_further_than_that(nominal, loop):
+    filter_ = make("moving-horizon", nominal)
+    filter_.run(loop.u[:2000], loop.y[:2000])
+    filter_.run(np.zeros(5000), np.zeros(5000), np.zeros(5000, bool))
+    P = filter_.state.level[0] * filter_.state.root.T @ filter_.state.root
+    np.testing.assert_allclose(np.diag(P)[:3], 1.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_until_it_acts_the_ceiling_is_not_there(nominal, loop, name):
+    bounded, free = make(name, nominal), make(name, nominal)
+    if name == "moving-horizon":
+        terms, setting = free._tuning
+        free._tuning = terms, setting._replace(ceiling=np.full(3, np.inf))
+    else:
+        free._tuning = free._tuning.copy()
+        free._tuning["ceiling"] = np.inf
+    expected = free.run(loop.u[:3000], loop.y[:3000])
+    np.testing.assert_array_equal(bounded.run(loop.u[:3000], loop.y[:3000]), expected)
+
+
+# Options
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"noise": -1.0}, "noise is -1.0"),
+        ({"noise": np.nan}, "noise is nan"),
+        ({"x0": [1.0]}, "x0 is"),
+        ({"x0": np.full(5, np.nan)}, "x0 is"),
+        ({"x0_covariance": [1.0]}, "x0_covariance is"),
+        ({"x0_covariance": np.full(5, -1.0)}, "x0_covariance must be"),
+        ({"x0_covariance": np.full(5, np.inf)}, "x0_covariance is"),
+        ({"x0_covariance": np.arange(25.0).reshape(5, 5)}, "x0_covariance must be"),
+    ],
+)
+def test_wrong_options(nominal, name, options, words):
+    with pytest.raises(EstimatorError, match=words):
+        build(name, three_mass(nominal), **options)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("ekf", {"walk": np.inf}, "walk is inf"),
+        ("ekf", {"walk": 0.0}, "walk is 0.0"),
+        ("ukf", {"spread": np.nan}, "spread is nan"),
+        ("imm", {"jump": -0.1}, "jump is -0.1"),
+        ("imm", {"jump": np.nan}, "jump is nan"),
+        ("imm", {"hold": 0.0}, "hold is 0.0"),
+        ("imm", {"hold": np.inf}, "hold is inf"),
+        ("imm", {"rate": -1.0}, "rate is -1.0"),
+        ("imm", {"rate": np.nan}, "rate is nan"),
+        ("moving-horizon", {"window": 10.72}, "window is 10.72"),
+        ("moving-horizon", {"window": 0.05}, "window is 0.05"),
+        ("moving-horizon", {"every": 0.0}, "every is 0.0"),
+        ("moving-horizon", {"every": np.nan}, "every is nan"),
+        ("moving-horizon", {"every": 1e-4}, "every is 0.0001"),
+        ("moving-horizon", {"window": np.inf}, "window is inf"),
+    ],
+)
+def test_wrong_settings(nominal, name, options, words):
+    with pytest.raises(EstimatorError, match=words):
+        make(name, nominal, **options)
+
+
+def test_a_jump_does_not_depend_on_the_rate(nominal):
+    """What θ gains while a mode holds has one variance, however many samples that takes."""
+    gained = [
+        make("imm", nominal, period=period, jump=0.2, hold=0.05)._tuning["drift"][1, 0, 0]
+        * 0.05 / period
+        for period in (0.001, 0.005, 0.01)
+    ]  # fmt: skip
+    np.testing.assert_allclose(gained, 0.2**2, rtol=1e-3)
+    walked = [
+        make("ekf", nominal, period=period, walk=0.01)._tuning["drift"][0, 0, 0] / period
+        for period in (0.001, 0.005, 0.01)
+    ]
+    np.testing.assert_allclose(walked, 0.01**2)  # a second's
+
+
+@pytest.mark.parametrize("period", [0.001, 0.003, 0.005, 0.01])
+def test_a_window_is_in_seconds(nominal, period):
+    options = {"P0": [1e-4] * 3, "window": 0.6, "every": 0.03}
+    filter_ = make("moving-horizon", nominal, period=period, **options)
+    assert len(filter_.state.u) * period == pytest.approx(0.6)
+    _, setting = filter_._tuning
+    assert setting.every * period == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_the_memory_of_the_noise_is_in_seconds(nominal, name):
+    for period in (0.001, 0.002, 0.005, 0.01):
+        memory = make(name, nominal, period=period)._tuning["memory"][0]
+        assert memory * period == pytest.approx(2.0)
