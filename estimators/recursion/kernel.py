@@ -203,11 +203,3 @@ def filter_records(
     state["M"][0, :, : len(blocks)] = (blocks[:, row, column] * scale).T
     state["epsilon"], state["noise"] = np.nan, 1.0
     return tuning, state
-
-
-def widened(record, kind: np.dtype):
-    """Return a record with more fields, zero as yet."""
-    wide = np.zeros(1, kind)
-    for name in record.dtype.names or ():
-        wide[name] = record[name]
-    return wide
