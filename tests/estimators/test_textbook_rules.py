@@ -8,6 +8,7 @@ from acceptance.textbook import Cusum, Variable, directional, efra, textbook, ve
 from flexaxis.estimators.registry import REGISTRY
 
 LAMBDA = 0.995
+LITERAL = {"robust": 0.0, "ceiling": np.inf}  # as in the papers, which know of neither
 P0 = np.array([2.97e-4, 5.19e-5, 4.69e-6])
 START = 1.05
 RELATIVE_P0 = P0 / theta_of(scaled(AXES["n1"], START)) ** 2
@@ -33,13 +34,7 @@ def compare(signals, name, rule, *, corrected=False, **options):
 
 
 def make(name, axis, **options):
-    given = {
-        "identify": NAMES,
-        "P0": P0,
-        "forgetting": LAMBDA,
-        "robust": 0.0,
-        "ceiling": np.inf,
-    } | options
+    given = {"identify": NAMES, "P0": P0, "forgetting": LAMBDA} | LITERAL | options
     return REGISTRY[name].factory(axis, 0.005, **given)
 
 
