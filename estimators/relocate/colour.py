@@ -150,19 +150,18 @@ def write_colour(correlations, share, colour):
     """
     order = len(colour) - 1
     total = correlations[0] * (1.0 + order * share) + 1e-9
-    before = np.zeros(len(colour))
     remains = total
     for m in range(order):
         rest = correlations[m + 1]
         for i in range(m):
-            rest -= before[i] * correlations[m - i]
+            rest -= colour[i] * correlations[m - i]
         reflection = rest / remains
-        for i in range(m):
-            colour[i] = before[i] - reflection * before[m - 1 - i]
+        for i in range((m + 1) // 2):
+            first, last = colour[i], colour[m - 1 - i]
+            colour[i] = first - reflection * last
+            colour[m - 1 - i] = last - reflection * first
         colour[m] = reflection
         remains *= 1.0 - reflection**2
-        for i in range(m + 1):
-            before[i] = colour[i]
     colour[order] = remains / total
 
 
