@@ -19,7 +19,7 @@ model = three_mass(scenario.nominal.as_dict()).parametrize(names)
 # %% The gradient over time
 # psi says how much the predicted speed moves when a parameter does. A parameter with a small psi
 # can only be estimated slowly, or noisily.
-y_hat, psi = predict(model, model.theta, record.torque)
+y_hat, psi = predict(model, model.theta, record.torque, period=0.005)
 time_average = np.mean(psi[-4000:] ** 2, axis=0)  # two whole periods, 20 s, in steady state
 for name, power in zip(names, time_average, strict=True):
     print(f"mean square of psi for {name:6s} {power:8.1f}")
@@ -28,22 +28,22 @@ for name, power in zip(names, time_average, strict=True):
 # Never trust a gradient that you have not differenced.
 step = 1e-5 * model.theta[2]
 only_f_m = np.array([0, 0, step])
-up = predict(model, model.theta + only_f_m, record.torque)[0]
-down = predict(model, model.theta - only_f_m, record.torque)[0]
+up = predict(model, model.theta + only_f_m, record.torque, period=0.005)[0]
+down = predict(model, model.theta - only_f_m, record.torque, period=0.005)[0]
 error = np.abs((up - down) / (2 * step) - psi[:, 2]).max() / np.abs(psi[:, 2]).max()
 print(f"psi of f_m against a central difference: {error:.1e}")
 
 # %% The same number from the spectrum
 # Equation (28): each line of the torque, times how strongly it moves the output at that frequency.
-omega, power = line_spectrum(record.torque[-4000:])
-from_spectrum = np.diag(information(model, model.theta, omega, power))
+omega, power = line_spectrum(record.torque[-4000:], period=0.005)
+from_spectrum = np.diag(information(model, model.theta, omega, power, period=0.005))
 ratio = time_average / from_spectrum
 print("time average over sum of (28):", ratio.round(4))
 
 # %% Where it comes from
 # Question 1: which frequencies tell us about J_a, and which about friction?
 # Question 2: the excitation costs wear. Which band would you drop if only f_m mattered?
-_, slopes = frequency_response(model, model.theta, omega)
+_, slopes = frequency_response(model, model.theta, omega, period=0.005)
 share = np.cumsum(np.abs(slopes) ** 2 * power[:, None], axis=0)
 share /= share[-1]
 for i, name in enumerate(names):

@@ -24,7 +24,9 @@ model = axis.parametrize(names)
 nominal, onset = model.theta, round(30 / T)
 
 quiet = slice(2000, 6000)  # two periods of the excitation, before the fault
-Q = information(model, nominal, *line_spectrum(records[0].torque[quiet]))
+Q = information(
+    model, nominal, *line_spectrum(records[0].torque[quiet], period=0.005), period=0.005
+)
 
 # %% Experiment
 # Friction grows by half at 30 s. Before it we measure how noisy the estimate is, after it how late.

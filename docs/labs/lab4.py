@@ -20,7 +20,9 @@ records = simulate(scenario, SEEDS)
 axis = three_mass(scenario.nominal.as_dict())
 model = axis.parametrize(names)
 onset = 2000
-Q = information(model, model.theta, *line_spectrum(records[0].torque[:onset]))
+Q = information(
+    model, model.theta, *line_spectrum(records[0].torque[:onset], period=0.005), period=0.005
+)
 print("diagonal of Q:", np.diag(Q).round(1))
 correlation = Q[0, 2] / np.sqrt(Q[0, 0] * Q[2, 2])
 print(f"correlation of k_T and f_m: {correlation:.2f}")
@@ -31,10 +33,10 @@ print(f"correlation of k_T and f_m: {correlation:.2f}")
 # and what to that of k_T?
 def experiment(tau):
     """Return time, predicted and measured error of f_m (1000,) after the fault, and its noise."""
-    Delta = drift_for([2.0, 2.0, tau], Q)
+    Delta = drift_for([2.0, 2.0, tau], Q, period=0.005)
     P = steady_P(Q, drift=Delta)
     after = T * np.arange(1000)
-    predicted = tracking_error(P, Q, after)[:, 2, 2]
+    predicted = tracking_error(P, Q, after, period=0.005)[:, 2, 2]
     runs = []
     for record in records:
         rpem = Rpem(axis, P0=P, drift=Delta, period=0.005)

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexaxis.estimators.recursion.level import FINEST, KNOWN, MOVING, ODD
 from flexaxis.estimators.recursion.square_root import bound_root, cholesky, forward, triangularize
-from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 from flexaxis.estimators.sampling.sampled import sample
 
 
@@ -51,7 +51,7 @@ def _sample(terms, state, p):
                 state.D[a, i, j] = D[a, i, j]
 
 
-@compiled
+@inlined
 def _put(x, Z, state):
     """Keep a prediction and its sensitivities."""
     for i in range(len(x)):
@@ -60,7 +60,7 @@ def _put(x, Z, state):
             state.Z[i, j] = Z[i, j]
 
 
-@compiled
+@inlined
 def _predict(state):
     """Take the prediction one sample on, under the torque that was held."""
     x, Z = np.zeros(len(state.x)), np.zeros(state.Z.shape)
@@ -68,7 +68,7 @@ def _predict(state):
     _put(x, Z, state)
 
 
-@compiled
+@inlined
 def _judge(state, y, valid):
     """Keep the innovation and its variance; return y as it is to be used, or NaN if it is not."""
     m, last = len(state.xi), len(state.x) - 1
@@ -155,7 +155,7 @@ def _run(setting, state, stop):
     n, D, H, g = m - p, state.D, np.zeros((m, m)), np.zeros(m)
     x, Z = np.zeros(n + 1), np.zeros((n + 1, m))
     x_next, Z_next = np.zeros(n + 1), np.zeros((n + 1, m))
-    square, count = 0.0, 0
+    square, count, least = 0.0, 0, MOVING**2 * state.level[0]
     for i in range(n):
         x[i] = state.xi[p + i]
         Z[i, p + i] = 1.0
@@ -165,7 +165,7 @@ def _run(setting, state, stop):
         Z, Z_next = Z_next, Z
         if state.present[k]:
             residual = state.y[k] - x[n]
-            if x[n] ** 2 > MOVING**2 * state.level[0]:
+            if x[n] ** 2 > least:
                 square += residual**2 + (FINEST * x[n]) ** 2
                 count += 1
             for i in range(m):
@@ -179,7 +179,7 @@ def _run(setting, state, stop):
     return H, g
 
 
-@compiled
+@inlined
 def _forward(D, x, Z, x_next, Z_next, u):  # noqa: PLR0917
     """Take state, output (n+1,) and their sensitivities by ξ (n+1, m) over one sample."""
     p, n, m = len(D) - 1, len(x) - 1, Z.shape[1]

@@ -48,7 +48,7 @@ def steady_P(
 
 
 def drift_for(
-    time_constants: ArrayLike, Q: ArrayLike, *, period: float = 0.005, coupled: bool = False
+    time_constants: ArrayLike, Q: ArrayLike, *, period: float, coupled: bool = False
 ) -> Array:
     """
     Return the Δ (p, p) that lets every estimate follow with the time constant wanted.
@@ -82,7 +82,7 @@ def drift_for(
     return inverse / np.outer(samples, samples)
 
 
-def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: float = 0.005) -> Array:
+def tracking_error(P: ArrayLike, Q: ArrayLike, times: ArrayLike, *, period: float) -> Array:
     """
     Return what is left of an initial error after some times, E θ̃(t) = exp(−P Q t/T) θ̃(0).
 

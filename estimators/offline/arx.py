@@ -46,7 +46,7 @@ class Arx:
         return freqz(self.b, self.a, worN=np.asarray(omega, float) * self.period)[1]
 
 
-def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float = 0.005) -> Arx:
+def fit_arx(u: ArrayLike, y: ArrayLike, *, order: int, period: float) -> Arx:
     """
     Fit an ARX model of some order n by least squares.
 

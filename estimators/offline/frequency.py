@@ -11,7 +11,7 @@ ComplexArray = NDArray[np.complex128]
 
 
 def frequency_response(
-    model: Parametrization, theta: ArrayLike, omega: ArrayLike, *, period: float = 0.005
+    model: Parametrization, theta: ArrayLike, omega: ArrayLike, *, period: float
 ) -> tuple[ComplexArray, ComplexArray]:
     """
     Return G (M,) and G_θ (M, p) of the sampled model at e^{iωT}, eq. (25)–(27).
@@ -34,7 +34,7 @@ def frequency_response(
     return response[:, -1], response[:, :-1]
 
 
-def line_spectrum(u: ArrayLike, *, period: float = 0.005) -> tuple[Array, Array]:
+def line_spectrum(u: ArrayLike, *, period: float) -> tuple[Array, Array]:
     """
     Return the frequencies ω (M,) [rad/s] and the mean squares (M,) of the DFT lines of a signal.
 
@@ -60,7 +60,7 @@ def information(
     omega: ArrayLike,
     power: ArrayLike,
     *,
-    period: float = 0.005,
+    period: float,
 ) -> Array:
     """
     Return Q = E ψψᵀ (p, p) of a torque from its spectrum; the diagonal is eq. (28).

@@ -86,7 +86,7 @@ def output_error(
     *,
     identify: Sequence[str],
     start: ArrayLike | None = None,
-    period: float = 0.005,
+    period: float,
     output: str = "speed",
     valid: ArrayLike | None = None,
     bounds: tuple[ArrayLike, ArrayLike] | None = None,

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 def predict(
-    model: Parametrization, theta: ArrayLike, u: ArrayLike, *, period: float = 0.005
+    model: Parametrization, theta: ArrayLike, u: ArrayLike, *, period: float
 ) -> tuple[Array, Array]:
     """
     Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), from rest; eq. (15)–(23).

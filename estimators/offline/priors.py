@@ -58,7 +58,7 @@ def nominal_P(
     u: ArrayLike,
     *,
     identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
-    period: float = 0.005,
+    period: float,
     forgetting: float | None = None,
     drift: ArrayLike | None = None,
     regularization: ArrayLike = 0.0,

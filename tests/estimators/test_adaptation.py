@@ -72,16 +72,16 @@ def test_covariance_solves_the_lyapunov_equation():
 def test_uncorrelated_parameters_get_their_time_constants():
     wanted = np.array([2.0, 0.5, 1.0])
     diagonal = np.diag(np.diag(Q))
-    P = steady_P(diagonal, drift=drift_for(wanted, diagonal))
+    P = steady_P(diagonal, drift=drift_for(wanted, diagonal, period=0.005))
     np.testing.assert_allclose(P @ diagonal, np.diag(0.005 / wanted), atol=1e-15)
-    left = tracking_error(P, diagonal, [1.0])[0]
+    left = tracking_error(P, diagonal, [1.0], period=0.005)[0]
     np.testing.assert_allclose(left, np.diag(np.exp(-1.0 / wanted)), atol=1e-12)
 
 
 def test_correlated_ones_get_a_common_one_from_the_coupled_drift():
-    P = steady_P(Q, drift=drift_for(np.ones(3), Q, coupled=True))
+    P = steady_P(Q, drift=drift_for(np.ones(3), Q, coupled=True, period=0.005))
     np.testing.assert_allclose(P @ Q, 0.005 * np.eye(3), atol=1e-12)
-    diagonal = drift_for(np.ones(3), Q)
+    diagonal = drift_for(np.ones(3), Q, period=0.005)
     np.testing.assert_allclose(diagonal, np.diag(0.005**2 / np.diag(Q)))
     slowed = steady_P(Q, drift=diagonal)
     assert np.linalg.eigvals(slowed @ Q).real.min() < 0.9 * 0.005
@@ -89,14 +89,14 @@ def test_correlated_ones_get_a_common_one_from_the_coupled_drift():
 
 def test_error_decays_as_predicted():
     """The mean of recursions in the test, without noise."""
-    drift = drift_for([0.5], [[4.0]])[0, 0]  # 100 samples
+    drift = drift_for([0.5], [[4.0]], period=0.005)[0, 0]  # 100 samples
     P = steady_P([[4.0]], drift=[drift])[0, 0]
     update = lambda p: P if p is None else p + drift  # noqa: E731
     runs = [
         regression(update, 201, theta0=1.0, noise=0.0, rng=np.random.default_rng(seed))
         for seed in range(100)
     ]
-    predicted = tracking_error([[P]], [[4.0]], [0.5, 1.0])[:, 0, 0]
+    predicted = tracking_error([[P]], [[4.0]], [0.5, 1.0], period=0.005)[:, 0, 0]
     np.testing.assert_allclose(predicted, np.exp([-1, -2]))
     # of 100 runs: spread of a product of 100 random factors 1−Pψ², some 15 % each
     np.testing.assert_allclose(np.mean(runs, axis=0)[[99, 199]], predicted, rtol=0.08)
@@ -104,7 +104,7 @@ def test_error_decays_as_predicted():
 
 def test_a_time_constant_is_longer_than_a_sample():
     with pytest.raises(EstimatorError, match="longer than a sample"):
-        drift_for([1.0, 0.004, 1.0], Q)
+        drift_for([1.0, 0.004, 1.0], Q, period=0.005)
 
 
 def test_P_can_be_reset(nominal, simulated):

@@ -15,18 +15,18 @@ def test_response_is_that_of_python_control(nominal, by_hand):
     A, B = by_hand(nominal)
     sampled = control.c2d(control.ss(A[:5, :5], B[:5, None], [0, 0, 1, 0, 0], 0), 0.005, "zoh")
     model = three_mass(nominal).parametrize(NAMES)
-    response, _ = frequency_response(model, model.theta, OMEGA)
+    response, _ = frequency_response(model, model.theta, OMEGA, period=0.005)
     expected = np.squeeze(control.frequency_response(sampled, OMEGA).complex)
     np.testing.assert_allclose(response, expected, rtol=1e-8)
 
 
 def test_slope_is_the_derivative_of_the_response(nominal):
     model = three_mass(nominal).parametrize(NAMES)
-    _, slopes = frequency_response(model, model.theta, OMEGA)
+    _, slopes = frequency_response(model, model.theta, OMEGA, period=0.005)
     for i in range(3):
         step = np.eye(3)[i] * 1e-5 * model.theta[i]
-        above, _ = frequency_response(model, model.theta + step, OMEGA)
-        below, _ = frequency_response(model, model.theta - step, OMEGA)
+        above, _ = frequency_response(model, model.theta + step, OMEGA, period=0.005)
+        below, _ = frequency_response(model, model.theta - step, OMEGA, period=0.005)
         expected = (above - below) / (2 * step[i])
         # a central difference: truncation 1e-10 × sharpness², rounding 1e-11
         assert np.abs(slopes[:, i] - expected).max() < 1e-6 * np.abs(expected).max()
@@ -34,13 +34,15 @@ def test_slope_is_the_derivative_of_the_response(nominal):
 
 def test_k_T_scales_the_response(nominal):
     model = three_mass(nominal).parametrize(["k_T"])
-    response, slopes = frequency_response(model, [2.0], OMEGA)
+    response, slopes = frequency_response(model, [2.0], OMEGA, period=0.005)
     np.testing.assert_allclose(slopes[:, 0], response / 2.0, rtol=1e-10)
 
 
 def test_lines_of_a_sum_of_sinusoids():
     t = np.arange(2000) * 0.005
-    omega, power = line_spectrum(1.0 + 3 * np.cos(2 * np.pi * 2 * t) + (-1.0) ** np.arange(2000))
+    omega, power = line_spectrum(
+        1.0 + 3 * np.cos(2 * np.pi * 2 * t) + (-1.0) ** np.arange(2000), period=0.005
+    )
     lines = np.flatnonzero(power > 1e-12)
     np.testing.assert_allclose(omega[lines], 2 * np.pi * np.array([0, 2, 100]))
     np.testing.assert_allclose(power[lines], [1, 4.5, 1])  # Nyquist and mean count once
@@ -49,7 +51,7 @@ def test_lines_of_a_sum_of_sinusoids():
 def test_mean_squares_add_up():
     for samples in (1000, 1001):
         u = np.random.default_rng(samples).standard_normal(samples)
-        np.testing.assert_allclose(line_spectrum(u)[1].sum(), np.mean(u**2))
+        np.testing.assert_allclose(line_spectrum(u, period=0.005)[1].sum(), np.mean(u**2))
 
 
 def test_information_is_the_time_average(nominal):
@@ -59,7 +61,7 @@ def test_information_is_the_time_average(nominal):
     lines[1:60] = np.exp(2j * np.pi * rng.random(59))
     period = np.fft.irfft(lines)
     model = three_mass(nominal).parametrize(NAMES)
-    _, psi = predict(model, model.theta, np.tile(period, 20))
-    Q = information(model, model.theta, *line_spectrum(period))
+    _, psi = predict(model, model.theta, np.tile(period, 20), period=0.005)
+    Q = information(model, model.theta, *line_spectrum(period, period=0.005), period=0.005)
     # what is left of the transient after 36 s is far below
     np.testing.assert_allclose(psi[-400:].T @ psi[-400:] / 400, Q, rtol=1e-6, atol=1e-9)

@@ -33,8 +33,8 @@ def test_covariance_is_that_of_linear_regression(nominal, loop):
     slopes = []
     for i in range(3):
         step = np.eye(3)[i] * 1e-5 * THETA[i]
-        above, _ = predict(model, found.theta + step, loop.u)
-        below, _ = predict(model, found.theta - step, loop.u)
+        above, _ = predict(model, found.theta + step, loop.u, period=0.005)
+        below, _ = predict(model, found.theta - step, loop.u, period=0.005)
         slopes.append((above - below) / (2 * step[i]))
     psi = np.array(slopes).T
     np.testing.assert_allclose(found.covariance, 0.01 * np.linalg.inv(psi.T @ psi), rtol=0.05)
@@ -66,7 +66,7 @@ def test_says_so_at_a_bound_and_when_it_gives_up(nominal, loop):
 
 def test_names_the_scale_that_the_data_leave_open(nominal, loop):
     free = [name for name in three_mass(nominal).parameters if name != "r"]
-    found = output_error(three_mass(nominal), loop.u, loop.y, identify=free)
+    found = output_error(three_mass(nominal), loop.u, loop.y, identify=free, period=0.005)
     assert found.condition > 1e10
     # the same relative change of all of them
     np.testing.assert_allclose(found.weakest, 1 / np.sqrt(len(free)), rtol=1e-3)
@@ -78,7 +78,7 @@ def test_all_but_the_scale_is_found(nominal, loop):
     model = three_mass(nominal)
     free = [name for name in model.parameters if name not in ("r", "k_T")]
     truth = model.parametrize(free).theta
-    found = output_error(model, loop.u, loop.y, identify=free, start=1.2 * truth)
+    found = output_error(model, loop.u, loop.y, identify=free, start=1.2 * truth, period=0.005)
     assert np.all(np.abs(found.theta - truth) < 4 * found.standard_deviations)
     # friction of gear and arm hardly shows behind a gear of 1/118
     assert "f_g +1.0 %, f_a +" in found.identifiability
@@ -90,7 +90,13 @@ def test_missing_samples_do_not_count(nominal, loop):
     valid[3000:5000] = False
     spoilt = np.where(valid, loop.y, 1e3)
     found = output_error(
-        three_mass(nominal), loop.u, spoilt, identify=NAMES, start=1.1 * THETA, valid=valid
+        three_mass(nominal),
+        loop.u,
+        spoilt,
+        identify=NAMES,
+        start=1.1 * THETA,
+        valid=valid,
+        period=0.005,
     )
     np.testing.assert_allclose(found.theta, THETA, rtol=0.003)
 
@@ -103,6 +109,7 @@ def test_increments_too(nominal, loop):
         identify=NAMES,
         start=1.1 * THETA,
         output="increment",
+        period=0.005,
     )
     np.testing.assert_allclose(found.theta, THETA, rtol=1e-9)  # no noise on the angle
 

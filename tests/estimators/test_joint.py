@@ -102,6 +102,13 @@ def deviation(filter_):
     return np.sqrt(state.level[0] if hasattr(state, "level") else state["noise"][0])
 
 
+def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
+    filter_ = make("moving-horizon", nominal)
+    before = filter_.state.root.copy()
+    filter_.run(np.zeros(12_000), np.zeros(12_000))
+    np.testing.assert_allclose(filter_.state.root, before, rtol=1e-9)
+
+
 @pytest.mark.parametrize("name", ALL)
 def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
     """Its increments are exactly zero there: σ̂ would fall by a factor in every second."""
@@ -154,14 +161,14 @@ def test_a_fault_is_not_taken_for_noise(nominal, simulated, name):
 
 
 @pytest.mark.parametrize("name", JOINT)
-def test_noise_stays_though_the_prediction_is_more_certain_than_it_knows(nominal, simulated, name):
-    """Started on the truth, but told little of it: e² is a small part of what it could be."""
-    loop = simulated(4.0, seed=14)
-    filter_ = make(name, nominal, spread=0.5)
-    filter_.run(loop.u[:100], loop.y[:100])
-    for k in range(100, 500):
-        filter_.step(loop.u[k], loop.y[k])
-        assert deviation(filter_) > 0.085
+def test_a_prediction_that_is_better_than_its_claim_leaves_the_noise(nominal, simulated, name):
+    """θ stands still where it is told to walk by a half in a second: e² is a third of S."""
+    loop = simulated(20.0, seed=14)
+    filter_ = make(name, nominal, walk=0.5)
+    filter_.run(loop.u, loop.y)
+    e, variance = filter_.innovations[2000:].T
+    assert np.mean(e**2 / variance) < 0.6
+    assert 0.08 < deviation(filter_) < 0.13
 
 
 @pytest.mark.parametrize("name", ["ekf", "ukf"])
@@ -485,3 +492,19 @@ def test_a_jump_does_not_depend_on_the_rate(nominal):
         for period in (0.001, 0.005, 0.01)
     ]
     np.testing.assert_allclose(walked, 0.01**2)  # a second's
+
+
+@pytest.mark.parametrize("period", [0.001, 0.003, 0.005, 0.01])
+def test_a_window_is_in_seconds(nominal, period):
+    options = {"P0": [1e-4] * 3, "window": 0.6, "every": 0.03}
+    filter_ = make("moving-horizon", nominal, period=period, **options)
+    assert len(filter_.state.u) * period == pytest.approx(0.6)
+    _, setting = filter_._tuning
+    assert setting.every * period == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_the_memory_of_the_noise_is_in_seconds(nominal, name):
+    for period in (0.001, 0.002, 0.005, 0.01):
+        memory = make(name, nominal, period=period)._tuning["memory"][0]
+        assert memory * period == pytest.approx(2.0)

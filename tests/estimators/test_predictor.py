@@ -11,13 +11,13 @@ T = 0.005
 def test_prediction_is_the_speed_of_the_axis(nominal, loop):
     """The loop of conftest has A and B written out by hand; only rounding may differ."""
     model = three_mass(nominal).parametrize(["k_T"])
-    predicted, _ = predict(model, model.theta, loop.u)
+    predicted, _ = predict(model, model.theta, loop.u, period=0.005)
     np.testing.assert_allclose(predicted, loop.clean, atol=1e-9)
 
 
 def test_a_torque_acts_from_the_next_sample_on(nominal):
     model = three_mass(nominal).parametrize(["k_T"])
-    predicted, _ = predict(model, model.theta, [1.0, 0.0, 0.0])
+    predicted, _ = predict(model, model.theta, [1.0, 0.0, 0.0], period=0.005)
     assert predicted[0] == 0
     # the motor alone, for a sample: k_T T/J_m, less what friction and spring take
     assert 0.75 < predicted[1] / (T / nominal["J_m"]) < 1
@@ -25,7 +25,7 @@ def test_a_torque_acts_from_the_next_sample_on(nominal):
 
 def test_increments_are_differences_of_the_angle(nominal, loop):
     model = increment(three_mass(nominal), T).parametrize(["f_m"])
-    predicted, _ = predict(model, model.theta, loop.u)
+    predicted, _ = predict(model, model.theta, loop.u, period=0.005)
     np.testing.assert_allclose(predicted, loop.increment, atol=1e-8)
 
 
@@ -33,11 +33,11 @@ def test_psi_is_the_slope_of_the_prediction(nominal, loop):
     for base in (three_mass(nominal), increment(three_mass(nominal), T)):
         names = ("1/J_a", "f_m", "k_g", "r")
         model, u = base.parametrize(names), loop.u[:1000]
-        _, psi = predict(model, model.theta, u)
+        _, psi = predict(model, model.theta, u, period=0.005)
         for i, value in enumerate(model.theta):
             step = np.eye(len(names))[i] * 1e-5 * value
-            above, _ = predict(model, model.theta + step, u)
-            below, _ = predict(model, model.theta - step, u)
+            above, _ = predict(model, model.theta + step, u, period=0.005)
+            below, _ = predict(model, model.theta - step, u, period=0.005)
             slope = (above - below) / (2 * step[i])
             # a central difference: truncation 1e-8 (the resonances are sharp), rounding 1e-11
             assert np.abs(psi[:, i] - slope).max() < 1e-6 * np.abs(slope).max()

@@ -191,7 +191,7 @@ def test_without_regularisation_a_pause_winds_up():
     session.axis.excitation = "off"
     session.advance(15 * RATE)
     plain, regularised = session.racers
-    assert plain.P.max() > 1.0
+    assert plain.P.max() > 500 * 2.97e-4  # up to its ceiling, a deviation of 3 %
     assert np.all(np.diag(regularised.P) <= 2.97e-4 / 0.01 * (1 + 1e-9))
 
 
