@@ -136,6 +136,8 @@ def form(P, psi, gain):
     total = 0.0
     for i in range(len(psi)):
         gain[i] = 0.0
+        if P[i, i] == 0.0:  # then so is the row: a parameter that is not estimated now
+            continue
         for j in range(len(psi)):
             gain[i] += P[i, j] * psi[j]
         total += psi[i] * gain[i]
@@ -161,6 +163,8 @@ def carry(claim, gain, weight, spread, scale):
     """Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, with K = Pψ/(1+ψᵀPψ), Σψ and 1 + ψᵀΣψ given."""
     for i in range(len(gain)):
         a = gain[i] * weight
+        if a == 0.0 and spread[i] == 0.0:
+            continue
         for j in range(i + 1):
             b = gain[j] * weight
             claim[i, j] += scale * a * b - a * spread[j] - spread[i] * b

@@ -1,234 +1,255 @@
-"""The recent past of a filter and an alarm on its residual, in the compiled loop of `relocate`."""
+"""
+The recent past of a filter, in its compiled loop and as arrays.
 
-from collections.abc import Callable
+The ring keeps the whole record of the filter after each measurement, so that to go back to a sample
+is to copy its row. Samples are counted from the first that the filter ever took; only this module
+knows that the ring closes.
+"""
+
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.recursion.kernel import (
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.measurement import (
     correct_state,
-    grown,
+    learn,
     measure,
     predict,
-    state_type,
-    tuning_type,
+    publish,
 )
-from flexaxis.estimators.sampling.compiler import compile_loop, jit
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.recursion.records import Record, joined, record
+from flexaxis.estimators.relocate.colour import NORMAL, listen, listening, resting
+from flexaxis.estimators.relocate.replay import Replayed
+from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
 from flexaxis.estimators.sampling.pattern import Pattern
 
-LENGTH = 1024  # samples remembered
-COLOUR_MEMORY = 2000.0  # samples of which the correlations of the residual are the mean
-WATCHES = 2  # alarms side by side
-ORDER = 4  # of the autoregressive model of the residual
+Array = NDArray[np.float64]
+
+MEMORY = 5.12  # s
+REPLAYED = ("theta", "P", "claim", "epsilon", "scale")  # fields of a row that a replay gives
 
 
-def watched_tuning_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of `tuning_type` and the settings of the alarm."""
-    return grown(tuning_type(pattern), [("threshold", float), ("growth", float, (WATCHES,))])
+@dataclass(frozen=True)
+class Stretch:
+    """
+    A copy of what was known after each of N samples in a row; nothing changes it any more.
+
+    Attributes
+    ----------
+    first : int
+        The first sample, counted from the start of the filter.
+    rows : (N,) array of records
+        The filter after the measurement of each.
+    """
+
+    first: int
+    rows: Record
+
+    def at(self, sample: int) -> np.void:
+        """Return the filter after a sample."""
+        return self.rows[sample - self.first]
+
+    @property
+    def theta(self) -> Array:
+        """All parameters, (N, p)."""
+        return np.ascontiguousarray(self.rows["theta"])
+
+    @property
+    def x(self) -> Array:
+        """State, (N, n)."""
+        return np.ascontiguousarray(self.rows["X"][:, :-1, 0])
 
 
-def watched_state_type(pattern: Pattern) -> np.dtype:
-    """Return the record type of `state_type`, the alarm and the past after each measurement."""
-    p, lanes = pattern.p, pattern.lanes
-    return grown(
-        state_type(pattern),
-        [
-            ("count", int),  # samples taken
-            ("stop", int),  # count at which to stop and look
-            ("armed", int),
-            ("evidence", float, (WATCHES,)),  # that the residual has grown [nats]
-            ("quiet", int, (WATCHES,)),  # last sample at which there was none
-            ("learning", int),  # whether the colour of the residual is learnt
-            ("lags", float, (ORDER,)),  # last residuals over their deviation, latest first
-            ("correlations", float, (ORDER + 1,)),  # of them, by lag
-            ("colour", float, (ORDER + 1,)),  # as from `colour`
-            ("last", float),  # whitened residual
-            ("correlation", float),  # of one with the next
-            ("past_u", float, (LENGTH,)),
-            ("past_y", float, (LENGTH,)),
-            ("past_valid", np.uint8, (LENGTH,)),
-            ("past_theta", float, (LENGTH, p)),
-            ("past_P", float, (LENGTH, p, p)),
-            ("past_X", float, (LENGTH, pattern.n + 1, lanes)),
-            ("past_noise", float, (LENGTH,)),
-            ("past_scale", float, (LENGTH,)),  # 1 + ψᵀPψ
-            ("past_epsilon", float, (LENGTH,)),
-            ("past_repeated", float, (LENGTH,)),
-            ("past_correlations", float, (LENGTH, ORDER + 1)),
-            ("past_colour", float, (LENGTH, ORDER + 1)),
-        ],
-    )
+class Memory:
+    """
+    A filter that remembers, and can be given another past.
 
+    Parameters
+    ----------
+    pattern : Pattern
+        Of the model.
+    tuning, state : (1,) records
+        Of a filter on lanes with `flexaxis.estimators.recursion.measurement.measured`.
+    alarm : float
+        Evidence that raises an alarm [nats].
+    period : float
+        Sampling period [s].
+    """
 
-def widened(record: NDArray[np.void], kind: np.dtype) -> NDArray[np.void]:
-    """Return a record with more fields, zero as yet."""
-    wide = np.zeros(1, kind)
-    for name in record.dtype.names or ():
-        wide[name] = record[name]
-    return wide
+    def __init__(
+        self, pattern: Pattern, tuning: Record, state: Record, *, alarm: float, period: float
+    ) -> None:
+        parts = listening(alarm, period)
+        place = record(count=0, stop=-1, u=0.0, y=0.0, valid=0)
+        self._tuning = joined(tuning, parts[0])
+        self._begin = joined(state, parts[1], place)
+        self._period, self._length = period, round(MEMORY / period)
+        self._loop = remembering_loop(pattern)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._states = self._begin.copy()
+        self._ring = np.zeros(self._length, self._begin.dtype)
+
+    @property
+    def state(self) -> np.void:
+        """The filter, ready for the next measurement."""
+        return self._states[0]
+
+    @property
+    def count(self) -> int:
+        """Samples taken."""
+        return int(self.state["count"])
+
+    @property
+    def first(self) -> int:
+        """First sample that is remembered."""
+        return max(self.count - self._length, 0)
+
+    @property
+    def ringing(self) -> bool:
+        """Whether there is enough evidence for an alarm."""
+        return bool(np.any(self.state["evidence"] > self._tuning["threshold"]))
+
+    def unlearn(self, row: np.void) -> None:
+        """Take for normal what was so at an earlier sample, and neither learn nor listen."""
+        for name in NORMAL:
+            self.state[name] = row[name]
+        self.state["armed"] = self.state["learning"] = 0
+
+    def accept(self, recent: float, *, noise: bool) -> None:
+        """Take the residual of the last seconds for normal: its variance, and learn its colour."""
+        first = self.count - round(recent / self._period)
+        squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
+        measured = squares[~np.isnan(squares)]
+        if noise and len(measured):
+            self.state["noise"] = np.mean(measured)
+        for name in NORMAL:
+            if name != "power":
+                self.state[name] = self._begin[name][0]
+
+    def arm(self) -> None:
+        """Listen and learn again, from now on."""
+        self.state["armed"] = self.state["learning"] = 1
+        self.state["evidence"], self.state["silent"] = 0.0, self.count
+
+    def run(
+        self, u: Array, y: Array, present: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> int:
+        """Take samples until an alarm goes off or the count reaches ``stop``; return how many."""
+        return self._loop(self._tuning, self._states, u, y, present, estimates, trace, self._ring)
+
+    def beginning(self, count: int) -> np.void:
+        """Return the filter as it was before the first sample, but for the count."""
+        row = self._begin.copy()
+        row["count"] = count
+        return row[0]
+
+    def stretch(self, first: int) -> Stretch:
+        """Return what is known of each sample from one on."""
+        first = max(first, self.first)
+        rows = self._ring[self._places(first)]
+        rows.flags.writeable = False
+        return Stretch(first, rows)
+
+    def read(self, name: str, first: int) -> Array:
+        """Return one field from a sample on; zero where nothing is remembered."""
+        values = self._ring[name][self._places(first)]
+        values[: max(self.first - first, 0)] = 0
+        return values
+
+    def signals(self, first: int) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return u from a sample on, and y, and whether it was measured, from one sample later."""
+        y, valid = self.read("y", first + 1), self.read("valid", first + 1)
+        return self.read("u", first), y, valid > 0
+
+    def rewrite(self, row: np.void, replayed: Replayed) -> None:
+        """
+        Make the past since a sample, and the present, what another filter makes of the data.
+
+        Parameters
+        ----------
+        row : record
+            What was known at that sample, before the other filter differs.
+        replayed : Replayed
+            The other filter at each later sample, and one sample ahead.
+        """
+        places, state = self._places(int(row["count"])), self.state
+        lanes, last = replayed.X.shape[1], self._ring["epsilon"][places[-1]]
+        for name in REPLAYED:
+            self._ring[name][places] = getattr(replayed, name)[:-1]
+        self._ring["X"][places, :, :lanes] = replayed.X[:-1].transpose(0, 2, 1)
+        self._ring["psi"][places] = replayed.X[:-1, 1:, -1]
+        before = np.array([row])
+        relearn(self._tuning, self._ring, places, replayed.spread, before, self._states)
+        # what the other filter left out is left out for good, but for the last sample, of which it
+        # is not known yet whether it is an outlier
+        self._ring["valid"][places[:-1]] = ~np.isnan(replayed.epsilon[:-2])
+        if np.isnan(replayed.epsilon[-2]):
+            self._ring["epsilon"][places[-1]] = last
+        state["theta"], state["P"] = replayed.theta[-1], replayed.P[-1]
+        state["claim"], state["X"][:, :lanes] = replayed.claim[-1], replayed.X[-1].T
+
+    def _places(self, first: int) -> NDArray[np.int64]:
+        return np.arange(first, self.count) % self._length
 
 
 @lru_cache
-def watched_loop(pattern: Pattern) -> Callable:
+def remembering_loop(pattern: Pattern) -> Compiled:
     """
-    Return the compiled loop: `rpem_loop` with state correction, a memory and an alarm.
+    Return the compiled loop: a filter with forgetting and state correction, memory and alarm.
 
-    Returns
-    -------
-    callable
-        ``run(tuning, state, u, y, valid, estimates)``; stops after the sample at which the alarm
-        goes off, or at which ``count`` reaches ``stop``.
+    ``run(tunings, states, u, y, valid, estimates, trace, ring)`` stops after the sample at which
+    the alarm goes off, or at which ``count`` reaches ``stop``.
     """
-    flat = pattern.flat()
-
-    def run(tunings, states, u, y, valid, estimates):  # noqa: PLR0917
-        tuning, state = tunings[0], states[0]
-        for k in range(len(u)):
-            scale = uncertainty(state)
-            noise = state["noise"]
-            measure(tuning, state, y[k], valid[k])
-            correct_state(state)
-            ringing = listen(tuning, state, noise * scale)
-            remember(state, u[k], y[k], valid[k], scale)
-            predict(tuning, state)
-            evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-            advance(
-                flat,
-                state["M"],
-                state["X"],
-                u[k],
-                tuning["weights"],
-                tuning["order"],
-                tuning["substeps"],
-            )
-            for i in range(estimates.shape[1]):
-                estimates[k, i] = state["theta"][i]
-            if ringing or state["count"] == state["stop"]:
-                break
-
-    return compile_loop(run, flat, watched_tuning_type(pattern), watched_state_type(pattern))
+    return sample_loop(pattern, remember, "relocate")
 
 
-@jit
-def uncertainty(state):
-    """Return 1 + ψᵀPψ, by which the variance of the residual exceeds that of the noise."""
-    X, P = state["X"], state["P"]
-    scale = 1.0
-    for i in range(len(P)):
-        for j in range(len(P)):
-            scale += X[-1, 1 + i] * P[i, j] * X[-1, 1 + j]
-    return scale
-
-
-@jit
-def listen(tuning, state, variance):
-    """
-    Add one residual to the evidence that its variance has grown; return whether that suffices.
-
-    CUSUM of the likelihood ratio of variance ``growth`` times what it was, against what it was
-    (E. S. Page, Biometrika 41, 1954), on the whitened residual. One residual counts no more than
-    four deviations, so that a single outlier raises no alarm.
-    """
-    if np.isnan(state["epsilon"]):
-        return False
-    residual = min(max(state["epsilon"] / np.sqrt(variance), -4.0), 4.0)
-    expected = 0.0
-    for i in range(ORDER):
-        expected += state["colour"][i] * state["lags"][i]
-    white = (residual - expected) / np.sqrt(state["colour"][ORDER])
-    white = min(max(white, -4.0), 4.0)
-    learn(state, residual, white)
-    if not state["armed"]:
-        return False
-    ringing = False
-    for i in range(WATCHES):
-        growth = tuning["growth"][i]
-        gained = (white**2 * (1.0 - 1.0 / growth) - np.log(growth)) / 2.0
-        state["evidence"][i] += gained / repetition(state["correlation"])
-        if state["evidence"][i] <= 0.0:
-            state["evidence"][i] = 0.0
-            state["quiet"][i] = state["count"]
-        ringing |= state["evidence"][i] > tuning["threshold"]
-    return ringing
-
-
-@jit
-def learn(state, residual, white):
-    """Take one residual into the running correlations, and from them the colour."""
-    lags, correlations = state["lags"], state["correlations"]
-    if state["learning"]:
-        share = 1.0 / min(state["count"] + 1.0, COLOUR_MEMORY)
-        correlations[0] += share * (residual**2 - correlations[0])
-        for i in range(ORDER):
-            correlations[1 + i] += share * (residual * lags[i] - correlations[1 + i])
-        state["correlation"] += share * (white * state["last"] - state["correlation"])
-        write_colour(correlations, share, state["colour"])
-    state["last"] = white
-    for i in range(ORDER - 1, 0, -1):
-        lags[i] = lags[i - 1]
-    lags[0] = residual
-
-
-@jit
-def write_colour(correlations, share, colour):
-    """
-    Write the autoregressive model of a process with these correlations.
-
-    The Levinson recursion (J. Durbin, Rev. Inst. Int. Stat. 28, 1960); ``colour[:-1]`` weighs the
-    last residuals to predict the next one, latest first, and ``colour[-1]`` is the variance of what
-    remains over that of the residual. A white floor, small once many samples have been seen,
-    keeps chance correlations of the first samples out.
-    """
-    order = len(colour) - 1
-    total = correlations[0] * (1.0 + order * share) + 1e-9
-    before = np.zeros(len(colour))
-    remains = total
-    for m in range(order):
-        rest = correlations[m + 1]
-        for i in range(m):
-            rest -= before[i] * correlations[m - i]
-        reflection = rest / remains
-        for i in range(m):
-            colour[i] = before[i] - reflection * before[m - 1 - i]
-        colour[m] = reflection
-        remains *= 1.0 - reflection**2
-        for i in range(m + 1):
-            before[i] = colour[i]
-    colour[order] = remains / total
-
-
-@jit
-def repetition(correlation):
-    """
-    Return how many correlated residuals tell as much as a single white one.
-
-    (1+ρ)/(1−ρ), the integral of the autocorrelation of an AR(1) process. Without it unmodelled
-    dynamics, which repeat themselves from sample to sample, would pass for overwhelming evidence.
-    """
-    bounded = min(max(correlation, 0.0), 0.99)
-    return (1.0 + bounded) / (1.0 - bounded)
-
-
-@jit
-def remember(state, u, y, valid, scale):
-    """Write what is known after the measurement of this sample into the ring."""
-    j = state["count"] % len(state["past_u"])
-    p = len(state["theta"])
-    state["past_u"][j], state["past_y"][j], state["past_valid"][j] = u, y, int(valid)
-    state["past_noise"][j], state["past_scale"][j] = state["noise"], scale
-    state["past_epsilon"][j] = state["epsilon"] if valid else 0.0
-    state["past_repeated"][j] = repetition(state["correlation"])
-    for i in range(len(state["correlations"])):
-        state["past_correlations"][j, i] = state["correlations"][i]
-        state["past_colour"][j, i] = state["colour"][i]
-    for i in range(p):
-        state["past_theta"][j, i] = state["theta"][i]
-        for m in range(p):
-            state["past_P"][j, i, m] = state["P"][i, m]
-    X = state["X"]
-    for i in range(X.shape[0]):
-        for m in range(X.shape[1]):
-            state["past_X"][j, i, m] = X[i, m]
+@inlined
+def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: PLR0917
+    """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
+    tuning, state = tunings[0], states[0]
+    measure(tuning, state, y[k], valid[k])
+    correct_state(state)
+    ringing = listen(tuning, state, y[k])
+    state["u"], state["y"], state["valid"] = u[k], y[k], int(valid[k])
     state["count"] += 1
+    ring[(state["count"] - 1) % len(ring)] = state
+    if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
+        predict(tuning, state)
+    publish(state, k, estimates, trace)
+    return ringing or state["count"] == state["stop"]
+
+
+@compiled
+def relearn(tunings, ring, places, spread, before, states):  # noqa: PLR0917
+    """Learn noise and colour again from the residuals at some places of the ring, in order."""
+    tuning, earlier = tunings[0], before[0]
+    for k in range(len(places)):
+        row = ring[places[k]]
+        hand_on(earlier, row)
+        row["armed"], row["learning"], row["quiet"] = 0, 1, row["noise"]
+        if not np.isnan(row["epsilon"]):
+            listen(tuning, row, row["y"])
+            learn(tuning, row, row["epsilon"] ** 2 / spread[k])
+        earlier = row
+    hand_on(earlier, states[0])
+
+
+@inlined
+def hand_on(earlier, later):
+    """Copy what is known of noise and colour."""
+    for i in range(len(later["lags"])):
+        later["lags"][i] = earlier["lags"][i]
+    for i in range(len(later["colour"])):
+        later["colour"][i] = earlier["colour"][i]
+        later["model"][i] = earlier["model"][i]
+        later["correlations"][i] = earlier["correlations"][i]
+    later["noise"], later["samples"] = earlier["noise"], earlier["samples"]
+    later["heard"], later["power"] = earlier["heard"], earlier["power"]
+    later["unforeseen"], later["plain"] = earlier["unforeseen"], earlier["plain"]
+    later["white"], later["correlation"] = earlier["white"], earlier["correlation"]

@@ -8,12 +8,12 @@ pass forwards, for ψ and z, and one backwards, for their sums with c A^m (the a
 """
 
 import numpy as np
-from numba import njit
 
+from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import move, sample
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
     """
     Return the best time of a change of each parameter, its size, and what it gains.
@@ -49,16 +49,25 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
     D = sample(terms, theta, np.arange(len(theta)))
     z, psi, epsilon = _forwards(D, x, u, y, present)
     N, p, n = len(u), len(theta), len(x)
-    A, c = D[0, :n, :n].copy(), D[0, n, :n].copy()
+    A, At, c = np.empty((n, n)), np.empty((n, n)), np.empty(n)
+    for i in range(n):
+        c[i] = D[0, n, i]
+        for j in range(n):
+            A[i, j] = At[j, i] = D[0, i, j]
     a, b, W = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))  # sums with c A^m
-    next_a, next_b, next_W, half = a.copy(), b.copy(), W.copy(), W.copy()
+    next_a, next_b, next_W, half = (
+        np.empty((1, n)),
+        np.empty((p, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+    )
     slope, square = np.zeros(p), np.zeros(p)
     onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
     for k in range(N - 1, -1, -1):
         _product(a, A, next_a)
         _product(b, A, next_b)
         _product(W, A, half)
-        _product(half.T, A, next_W)  # W is symmetric, so this is AᵀWA
+        _product(At, half, next_W)
         a, next_a, b, next_b, W, next_W = next_a, a, next_b, b, next_W, W
         for j in range(n if present[k] else 0):
             a[0, j] += c[j] * epsilon[k]
@@ -83,7 +92,7 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
     return onset, change, gain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _forwards(D, x, u, y, present):
     """Return sensitivities z before each sample, and ψ and ε after it, zero in gaps."""
     N, p, n = len(u), len(D) - 1, len(x)
@@ -105,7 +114,7 @@ def _forwards(D, x, u, y, present):
     return z, psi, epsilon
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _product(F, G, H):
     """H ← F G, faster than a call of BLAS for matrices so small."""
     for i in range(F.shape[0]):

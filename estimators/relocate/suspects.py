@@ -21,28 +21,26 @@ def with_suspects(narrow: Design, model: Model, suspects: Sequence[str]) -> Desi
         Of the identified parameters, which come first in the new one.
     model : Model
     suspects : sequence of str
-        Further parameters; one that is identified already is left out.
+        Further parameters. One that is identified already is left out, and so is one whose nominal
+        value is zero: it has no relative change.
     """
     p, names = len(narrow.theta0), narrow.model.names
     known = {name.removeprefix("1/") for name in names}
-    others = [name for name in suspects if name not in known]
+    others = [name for name in suspects if name not in known and model.nominal.get(name) != 0]
     chosen = increment(model, narrow.period) if narrow.output == "increment" else model
     wide = chosen.parametrize([*names, *others])
-    rest = wide.theta[p:]
-    others_scale = np.r_[narrow.scale, rest]
-    wide = wide.relative(others_scale)
-    rest = np.ones(len(rest))
     P = np.zeros((len(wide.theta),) * 2)
     P[:p, :p] = narrow.P0
+    scale = np.r_[narrow.scale, wide.theta[p:]]
+    rest = np.ones(len(others))
     return replace(
         narrow,
-        model=wide,
-        scale=others_scale,
-        x0=narrow.x0,
-        regularization=np.zeros(len(P)),
+        model=wide.relative(scale),
+        scale=scale,
         theta0=np.r_[narrow.theta0, rest],
         P0=P,
         drift=np.zeros_like(P),
+        regularization=np.zeros(len(P)),
         lower=np.r_[narrow.lower, SUSPECT_BOX[0] * rest],
         upper=np.r_[narrow.upper, SUSPECT_BOX[1] * rest],
     )

@@ -14,7 +14,7 @@ from flexaxis.estimators.methods.oracle_reset import OracleReset
 from flexaxis.estimators.methods.paper import rpem_forgetting
 from flexaxis.estimators.methods.rules.variable import variable_forgetting
 from flexaxis.estimators.methods.ukf import unscented
-from flexaxis.estimators.relocate.refit import Past, explain
+from flexaxis.estimators.relocate.fit import Past, explain
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms
 

@@ -9,10 +9,10 @@ Cramér–Rao bound. Levenberg–Marquardt, and Laplace's approximation of the e
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.sampled import move, sample
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.sampled import Terms, move, sample
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Past(NamedTuple):
     present : (N,) bool array
         Where y is measured.
     epsilon : (m + ORDER,) array
-        Residual of the filter, from ``ORDER`` samples earlier on.
+        Residual of the filter, from ``ORDER`` samples before the first on; zero where y is missing.
     colour : (ORDER,) array
         Weights of the last residuals in the prediction of the next, latest first.
     variance : float
@@ -79,14 +79,22 @@ class Change(NamedTuple):
     unexplained: float
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
+def explain(  # noqa: PLR0917
+    terms: Terms,
+    past: Past,
+    active: NDArray[np.int64],
+    lower: Array,
+    upper: Array,
+    spread: float,
+    guess: int,
+    theta: Array,
+) -> Change:
     """
     Fit a change of some parameters, and its time, to the past; all others stay as they were.
 
     Parameters
     ----------
-    terms : flexaxis.estimators.sampling.sampled.Terms
+    terms : Terms
         The model with all parameters.
     past : Past
     active : (q,) int array
@@ -99,25 +107,30 @@ def explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: P
         Sample of the past to start from.
     theta : (p,) array
         Parameters after the change to start from.
-
-    Returns
-    -------
-    Change
     """
+    return Change(*_explain(terms, past, active, lower, upper, spread, guess, theta))
+
+
+@compiled
+def _explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
     best, latest = guess, len(past.theta) - 1
-    evidence, misfit = -np.inf, 0.0
-    for direction in (0, -1, 1):
-        for _ in range(TRIALS if direction else 1):
-            if not 0 <= best + direction <= latest:
+    after, evidence, misfit = _at(terms, past, active, lower, upper, spread, best, theta)
+    for direction in (-1, 1):
+        for _ in range(TRIALS):
+            onset = best + direction
+            if onset < 0 or onset > latest:
                 break
-            found = _at(terms, past, active, lower, upper, spread, best + direction, theta)
-            if direction and found[1] <= evidence:
+            found, odds, left = _at(terms, past, active, lower, upper, spread, onset, after)
+            if odds <= evidence:
                 break
-            best, (theta, evidence, misfit) = best + direction, found
-    return Change(best, theta, evidence, misfit / max(np.sum(past.present[best:]), 1))
+            best, after, evidence, misfit = onset, found, odds, left
+    measured = 0
+    for k in range(best, len(past.present)):
+        measured += past.present[k]
+    return best, after, evidence, misfit / max(measured, 1)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR0917
     """Fit a change at a known sample; return θ, evidence and misfit Σε²/σ²."""
     before = past.theta[onset]
@@ -135,25 +148,28 @@ def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR09
         active,
         lower,
         upper,
-        spread * np.abs(before),
+        spread,
     )
     return theta, past.likelihood[onset] + evidence, misfit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _refit(  # noqa: PLR0917
     terms, before, start, x, u, y, present, epsilon, colour, variance, active, lower, upper, spread
 ):
-    q = len(active)
-    theta = before.copy()
-    for i in active:
-        theta[i] = start[i]
+    p, q = len(before), len(active)
+    theta, deviation = np.empty(p), np.empty(q)
+    for i in range(p):
+        theta[i] = before[i]
+    for a in range(q):
+        theta[active[a]] = start[active[a]]
+        deviation[a] = spread * abs(before[active[a]])
     trial, step, damping = theta, np.zeros(q), 1e-3
     for tries in range(1 + (ITERATIONS if q else 0)):
-        fit, H_trial, g_trial = _normal_equations(
+        fit, H_trial, g_trial = normal_equations(
             terms, trial, x, u, y, present, epsilon, colour, variance, active
         )
-        tried = fit + _prior(trial, before, active, spread, H_trial, g_trial)
+        tried = fit + _prior(trial, before, active, deviation, H_trial, g_trial)
         if not tries:
             misfit, cost, H, g = fit, tried, H_trial, g_trial
         elif tried < cost:
@@ -164,68 +180,94 @@ def _refit(  # noqa: PLR0917
                 break
         else:
             damping *= 10
-            if damping > WIDEST or np.dot(step, g) < CONVERGED:
+            if damping > WIDEST or _product(step, g) < CONVERGED:
                 break
-        damped = H.copy()
-        for a in range(q):
-            damped[a, a] += damping * H[a, a]
-        step = g.copy()
-        _solve(damped, step)
-        trial = theta.copy()
-        for a in range(q):
-            i = active[a]
-            trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
-    evidence = -cost / 2
+        _solve(H, g, damping, step)
+        trial = _moved(theta, step, active, lower, upper)
+    logarithm = 0.0
     if q:
-        scaled = H.copy()
+        logarithm = _solve(H, g, 0.0, step)
         for a in range(q):
-            for b in range(q):
-                scaled[a, b] *= spread[active[a]] * spread[active[b]]
-        evidence -= _solve(scaled, g) / 2
-    return theta, evidence, misfit
+            logarithm += 2 * np.log(deviation[a])
+    return theta, -(cost + logarithm) / 2, misfit
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _solve(H, x):
+@compiled
+def _product(a, b):
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def _moved(theta, step, active, lower, upper):
+    """Return θ with a step of some parameters, inside the box."""
+    trial = np.empty(len(theta))
+    for i in range(len(theta)):
+        trial[i] = theta[i]
+    for a in range(len(step)):
+        i = active[a]
+        trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
+    return trial
+
+
+@compiled
+def _solve(H, g, damping, x):
     """
-    Solve H x = b for positive definite H, both overwritten; return log |H|.
+    Write x that solves (H + damping diag H) x = g for positive definite H; return log |…|.
 
     Cholesky's factorisation; LAPACK's takes ten seconds more to compile.
     """
-    logarithm = 0.0
-    for i in range(len(x)):
-        for j in range(i):
+    n = len(g)
+    L, logarithm = np.empty((n, n)), 0.0
+    for i in range(n):
+        x[i] = g[i]
+        for j in range(i + 1):
+            L[i, j] = H[i, j] * (1.0 + damping) if i == j else H[i, j]
             for m in range(j):
-                H[i, j] -= H[i, m] * H[j, m]
-            H[i, j] /= H[j, j]
-            H[i, i] -= H[i, j] ** 2
-            x[i] -= H[i, j] * x[j]
-        H[i, i] = np.sqrt(H[i, i])
-        x[i] /= H[i, i]
-        logarithm += 2 * np.log(H[i, i])
-    for i in range(len(x) - 1, -1, -1):
-        for j in range(i + 1, len(x)):
-            x[i] -= H[j, i] * x[j]
-        x[i] /= H[i, i]
+                L[i, j] -= L[i, m] * L[j, m]
+            if j < i:
+                L[i, j] /= L[j, j]
+                x[i] -= L[i, j] * x[j]
+        L[i, i] = np.sqrt(L[i, i])
+        x[i] /= L[i, i]
+        logarithm += 2 * np.log(L[i, i])
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            x[i] -= L[j, i] * x[j]
+        x[i] /= L[i, i]
     return logarithm
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _prior(theta, before, active, spread, H, g):  # noqa: PLR0917
+@compiled
+def _prior(theta, before, active, deviation, H, g):  # noqa: PLR0917
     """Add what is known of the change before the data to cost, curvature and slope."""
     cost = 0.0
     for a in range(len(active)):
         i = active[a]
-        moved = (theta[i] - before[i]) / spread[i]
+        moved = (theta[i] - before[i]) / deviation[a]
         cost += moved**2
-        H[a, a] += 1 / spread[i] ** 2
-        g[a] -= moved / spread[i]
+        H[a, a] += 1 / deviation[a] ** 2
+        g[a] -= moved / deviation[a]
     return cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
-    """Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over the stretch, of whitened ε and ψ."""
+@compiled
+def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
+    """
+    Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over a stretch, of whitened ε and ψ.
+
+    Parameters
+    ----------
+    terms, theta, active
+        As for `explain`.
+    x : (n,) array
+        State before the stretch, which does not depend on θ.
+    u, y, present : (N,) arrays
+    epsilon, colour, variance
+        As in `Past`, the residuals right before the stretch.
+    """
     D = sample(terms, theta, active)
     n, q, order = terms.n, len(active), len(colour)
     X = np.zeros((1 + q, n + 1))
@@ -257,59 +299,8 @@ def _normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance,
             for b in range(a + 1):
                 H[a, b] += white[1 + a] * white[1 + b]
     for a in range(q):
-        for b in range(a):
+        g[a] /= variance
+        for b in range(a + 1):
+            H[a, b] /= variance
             H[b, a] = H[a, b]
-    return misfit / variance, H / variance, g / variance
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def replay(terms, theta, X, P, u, y, present, forgetting):  # noqa: PLR0917
-    """
-    Run least squares around a fixed θ over a stretch: the filter as if it had known θ all along.
-
-    Parameters
-    ----------
-    terms : Terms
-    theta : (p,) array
-        What the model is linearised at.
-    X : (1+p, n+1) array
-        State, and its sensitivities, at the start; overwritten by those at the end.
-    P : (p, p) array
-        At the start, for a noise variance of one; overwritten.
-    u, y, present
-        As in `Past`.
-    forgetting : float
-        λ.
-
-    Returns
-    -------
-    (p,) array
-        What the data add to θ, eq. (5)–(9) with ε = y − ŷ(θ) − ψᵀδ; zero where P is.
-    """
-    p = len(theta)
-    D = sample(terms, theta, np.arange(p))
-    n = terms.n
-    moved = np.empty_like(X)
-    ahead = X
-    delta, gain = np.zeros(p), np.empty(p)
-    for k in range(len(u)):
-        move(D, ahead, moved, u[k])
-        ahead, moved = moved, ahead
-        P /= forgetting
-        if present[k]:
-            s, epsilon = 1.0, y[k] - ahead[0, n]
-            for i in range(p):
-                gain[i] = 0.0
-                for j in range(p):
-                    gain[i] += P[i, j] * ahead[1 + j, n]
-                s += gain[i] * ahead[1 + i, n]
-                epsilon -= ahead[1 + i, n] * delta[i]
-            for i in range(p):
-                delta[i] += gain[i] * epsilon / s
-                for j in range(i + 1):
-                    P[i, j] -= gain[i] * gain[j] / s
-                    P[j, i] = P[i, j]
-    for a in range(1 + p):
-        for i in range(n + 1):
-            X[a, i] = ahead[a, i]
-    return delta
+    return misfit / variance, H, g

@@ -1,17 +1,13 @@
-"""Relocate, until it brings its own entry."""
+"""`relocate` in the registry."""
 
 from collections.abc import Sequence
-from functools import partial
-from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
-from flexaxis.estimators.methods.start import Nominal, initial_P, model_of
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
 from flexaxis.estimators.models.axes import PAPER
-
-if TYPE_CHECKING:
-    from flexaxis.estimators.relocate.filter import Relocate
+from flexaxis.estimators.relocate.filter import Relocate
 
 
 def relocate(
@@ -22,42 +18,38 @@ def relocate(
     output: str = "speed",
     P0: ArrayLike | None = None,
     torque: ArrayLike | None = None,
-    forgetting: float = 0.995,
+    forgetting: float | None = None,
     alarm: float = 10.0,
     gain: float = 14.0,
-) -> "Relocate":
+    noise: float | None = None,
+) -> Relocate:
     """
     Make the filter that detects, rewinds and refits; every parameter but r is a suspect.
 
     Parameters
     ----------
+    forgetting : float, optional
+        λ of a sample.
     alarm, gain : float
         Evidence at which the residual is looked into, and that a change needs [nats].
+    noise : float, optional
+        Standard deviation of y, in its unit; estimated from the residual by default.
     """
-    from flexaxis.estimators.offline import priors
-    from flexaxis.estimators.relocate.filter import Relocate
-
     model = model_of(nominal)
-    recipe = partial(
-        priors.nominal_P,
-        model,
-        identify=identify,
-        period=period,
-        forgetting=forgetting,
-        output=output,
-    )
+    weight = factor("relocate", forgetting, model, period, identify)
     return Relocate(
         model,
         identify=identify,
         suspects=[name for name in model.parameters if name != "r"],
-        P0=initial_P(
-            P0, torque, recipe, priors.stored_P(model, identify, period, forgetting=forgetting)
+        P0=forgetting_P(
+            P0, torque, model, identify, period=period, forgetting=weight, output=output
         ),
         period=period,
-        forgetting=forgetting,
+        forgetting=weight,
         alarm=alarm,
         gain=gain,
         output=output,
+        noise=noise,
     )
 
 
@@ -66,9 +58,9 @@ ENTRIES = (
         "relocate",
         "detects a jump, rewinds to it and refits whichever physical parameter explains it",
         relocate,
-        "forgetting",
-        0.995,
-        ("#882255", "*"),
-        30,
+        knob="forgetting",
+        default=0.995,
+        look=("#882255", "*"),
+        rank=30,
     ),
 )

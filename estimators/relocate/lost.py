@@ -1,0 +1,121 @@
+"""Whether a filter is lost altogether, and where it should be then."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.search import Evaluated, Search
+from flexaxis.estimators.sampling.sampled import Terms
+
+Array = NDArray[np.float64]
+
+CHECK = 4.0  # s between two looks, and of the past that is searched
+# Of the mean square of y left unexplained, and of that share what could be foretold and so is no
+# noise. Friction and play leave up to 0.01 and half of it; a local minimum 0.005 to 0.6, and 0.6
+# to 0.95 of it: what is suspicious is worth a search, what is absurd is worth telling.
+SUSPICIOUS = 0.002, 0.5
+ABSURD = 0.1, 0.8
+BETTER = 0.25  # of the mean square of the residual, that other parameters have to leave
+UNKNOWN = 1.0  # s after which a wrong state has been forgotten
+
+
+@dataclass(frozen=True)
+class Found:
+    """
+    What came of a search.
+
+    Attributes
+    ----------
+    first : int
+        Sample before the stretch that was searched.
+    better : Evaluated or None
+        Parameters that explain it much better than those of the filter; None if there are none.
+    """
+
+    first: int
+    better: Evaluated | None
+
+
+class Lookout:
+    """
+    Looks from time to time whether parameters of now leave most of the output unexplained.
+
+    Then it searches all over the box, one evaluation a sample.
+
+    Parameters
+    ----------
+    terms : Terms
+        The model with all parameters.
+    box : (lower, upper), each (p,)
+    identified : int
+        How many of the parameters, the first, are identified.
+    period : float
+        Sampling period [s].
+    """
+
+    def __init__(
+        self, terms: Terms, box: tuple[Array, Array], *, identified: int, period: float
+    ) -> None:
+        self._terms, self._box, self._identified = terms, box, identified
+        self._check, self._unknown = round(CHECK / period), round(UNKNOWN / period)
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._search: Search | None = None
+        self._first = 0  # sample before what is searched
+        self._next = self._wait = self._check  # count of the next search, samples between two
+        self._said = False
+
+    def due(self, count: int) -> int:
+        """Return the count at which to look next."""
+        return count + 1 if self._search else count - count % self._check + self._check
+
+    def look(self, memory: Memory) -> Found | None:
+        """Do what is due at this sample; return what came of a search that has ended."""
+        if self._search is not None:
+            self._search.advance()
+            return self._end(memory, self._search.best) if self._search.done else None
+        if memory.count % self._check == 0:
+            if not left(memory.state, SUSPICIOUS):
+                self._said, self._wait, self._next = False, self._check, memory.count
+            elif memory.count >= self._next:
+                self._begin(memory)
+        return None
+
+    def _begin(self, memory: Memory) -> None:
+        """Search the last seconds; of the state before them, only that of the start is known."""
+        self._first = first = memory.count - self._check
+        u, y, present = memory.signals(first)
+        if first:
+            present[: self._unknown] = False
+        self._search = Search(
+            self._terms,
+            memory.state["theta"].copy(),
+            self._box,
+            identified=self._identified,
+            x=memory.stretch(first).x[0],
+            signals=(u[:-1].copy(), y, present),
+        )
+
+    def _end(self, memory: Memory, best: Evaluated | None) -> Found | None:
+        """Judge what was found by what the filter leaves of the same samples; say so once."""
+        self._search = None
+        own = np.nan_to_num(memory.read("epsilon", self._first + self._unknown))
+        if best is not None and best.square < BETTER * np.mean(own**2):
+            return Found(self._first, best)
+        self._wait *= 2  # nothing near here: look ever less often
+        self._next = memory.count + self._wait
+        if self._said or not left(memory.state, ABSURD):
+            return None
+        self._said = True
+        return Found(self._first, None)
+
+
+def left(state: np.void, limits: tuple[float, float]) -> bool:
+    """Whether more than this share of y is left unexplained, and more than that of it no noise."""
+    share, foretold = limits
+    unexplained = state["noise"] > share * state["power"]
+    return bool(unexplained and 1 - state["model"][-1] > foretold)

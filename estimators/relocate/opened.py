@@ -1,0 +1,72 @@
+"""An alarm that is being looked into: what was known before it, and what has come of it so far."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.relocate.colour import repetition
+from flexaxis.estimators.relocate.explain import Normal, Ranking
+from flexaxis.estimators.relocate.memory import Memory, Stretch
+from flexaxis.estimators.relocate.policy import TAKEN_BACK, dubious
+
+LOOK_BACK = 1.0  # s before an alarm in which its first sign may lie
+AHEAD = 0.3  # s before the first sign in which the change is looked for
+
+
+@dataclass(frozen=True)
+class Opened:
+    """
+    An alarm that is being looked into.
+
+    Attributes
+    ----------
+    alarm : int
+        Sample.
+    before : Stretch
+        What was known at each sample at which the change may have happened; no rewind alters it.
+    normal : Normal
+        What the residual was like before the first sign.
+    repeated, dubious : float
+        As of `flexaxis.estimators.relocate.policy.Case`.
+    onset : int
+        Time of the hypothesis in use; before one is, that of the first sign.
+    ranking : Ranking or None
+        Of the last look.
+    accepted : int or None
+        Hypothesis in use; `TAKEN_BACK` after one was.
+    """
+
+    alarm: int
+    before: Stretch
+    normal: Normal
+    repeated: float
+    dubious: float
+    onset: int
+    ranking: Ranking | None = None
+    accepted: int | None = None
+
+    @property
+    def active(self) -> NDArray[np.int64]:
+        """Parameters that changed, by the hypothesis in use."""
+        if self.ranking is None or self.accepted in {None, TAKEN_BACK}:
+            return np.arange(0)
+        return self.ranking.explanations[self.accepted].active  # type: ignore[index]
+
+
+def opened(memory: Memory, period: float) -> Opened:
+    """Return the case of an alarm at the last sample; what is normal is no more learnt."""
+    alarm = memory.count - 1
+    silent = int(memory.state["silent"][np.argmax(memory.state["evidence"])])
+    sign = min(max(silent, alarm - round(LOOK_BACK / period), memory.first), alarm)
+    before = memory.stretch(max(sign - round(AHEAD / period), 0))
+    row = before.at(sign)
+    memory.unlearn(row)
+    return Opened(
+        alarm,
+        Stretch(before.first, before.rows[:-1]),
+        Normal(float(row["noise"]), row["colour"].copy()),
+        repetition.function(float(row["correlation"])),
+        dubious(row["colour"], float(row["correlations"][1])),
+        onset=sign,
+    )

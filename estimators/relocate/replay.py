@@ -1,0 +1,145 @@
+"""Least squares around known parameters over a stretch: a filter as if it had known all along."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.sampled import Terms, move, sample
+
+Array = NDArray[np.float64]
+
+
+class Replayed(NamedTuple):
+    """
+    A filter after each of N samples, and, in the last place, before the measurement of the next.
+
+    Attributes
+    ----------
+    theta : (N+1, p) array
+    P : (N+1, p, p) array
+        For a noise variance of one.
+    claim : (N+1, p, p) array
+        Σ, the covariance that θ̂ really has for a noise variance of one.
+    X : (N+1, 1+p, n+1) array
+        State and output, and their sensitivities.
+    epsilon : (N+1,) array
+        Residual of each measurement; NaN in gaps.
+    scale, spread : (N+1,) arrays
+        1 + ψᵀPψ and 1 + ψᵀΣψ before it; one in gaps.
+    """
+
+    theta: Array
+    P: Array
+    claim: Array
+    X: Array
+    epsilon: Array
+    scale: Array
+    spread: Array
+
+
+def replay(  # noqa: PLR0917
+    terms: Terms,
+    theta: Array,
+    X: Array,
+    P: Array,
+    claim: Array,
+    signals: tuple[Array, Array, NDArray[np.bool_]],
+    *,
+    forgetting: float,
+    box: tuple[Array, Array],
+) -> Replayed:
+    """
+    Run the main filter with its model fixed at θ, its state corrected for what it adds to θ.
+
+    Eq. (5)–(9) with ε = y − ŷ(θ) − ψᵀδ, where δ is what the data add to θ; zero where P is.
+
+    Parameters
+    ----------
+    terms : Terms
+        The model with all parameters.
+    theta : (p,) array
+        What the model is linearised at.
+    X : (1+p, n+1) array
+        State, and its sensitivities, at the start.
+    P, claim : (p, p) arrays
+        At the start.
+    signals : u (N+1,), y (N,), present (N,)
+        Torque held after the start and after each sample, the output at each, and whether it was
+        measured.
+    forgetting : float
+        λ.
+    box : (lower, upper), each (p,)
+        On which θ is projected; the data are weighed as if it were not there.
+    """
+    u, y, present = signals
+    N, (rows, columns) = len(u), X.shape
+    p = rows - 1
+    made = Replayed(
+        np.empty((N, p)),
+        np.empty((N, p, p)),
+        np.empty((N, p, p)),
+        np.empty((N, rows, columns)),
+        np.full(N, np.nan),
+        np.ones(N),
+        np.ones(N),
+    )
+    start = X.copy(), P.copy(), claim.copy()
+    _replay(terms, theta, *start, u, np.r_[y, 0.0], np.r_[present, False], forgetting, made)
+    moved = np.clip(made.theta, *box) - made.theta
+    made.theta[:] += moved
+    made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])
+    return made
+
+
+@compiled
+def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa: PLR0917
+    p, n = len(theta), terms.n
+    D = sample(terms, theta, np.arange(p))
+    moved = np.empty_like(X)
+    ahead = X
+    delta, gain, spread = np.zeros(p), np.zeros(p), np.zeros(p)
+    for k in range(len(u)):
+        move(D, ahead, moved, u[k])
+        ahead, moved = moved, ahead
+        for i in range(p):
+            for j in range(p):
+                P[i, j] /= forgetting
+        if present[k]:
+            s, total, epsilon = 1.0, 1.0, y[k] - ahead[0, n]
+            for i in range(p):
+                gain[i] = spread[i] = 0.0
+                for j in range(p):
+                    gain[i] += P[i, j] * ahead[1 + j, n]
+                    spread[i] += claim[i, j] * ahead[1 + j, n]
+                s += gain[i] * ahead[1 + i, n]
+                total += spread[i] * ahead[1 + i, n]
+                epsilon -= ahead[1 + i, n] * delta[i]
+            made.epsilon[k], made.scale[k], made.spread[k] = epsilon, s, total
+            for i in range(p):
+                a = gain[i] / s
+                delta[i] += a * epsilon
+                for j in range(i + 1):
+                    b = gain[j] / s
+                    P[i, j] -= a * gain[j]
+                    P[j, i] = P[i, j]
+                    claim[i, j] += total * a * b - a * spread[j] - spread[i] * b
+                    claim[j, i] = claim[i, j]
+        _write(made, k, theta, delta, ahead, P, claim)
+
+
+@compiled
+def _write(made, k, theta, delta, X, P, claim):  # noqa: PLR0917
+    """Write θ + δ, P, Σ, and the state moved along with δ, x + z δ."""
+    p = len(theta)
+    for i in range(p):
+        made.theta[k, i] = theta[i] + delta[i]
+        for j in range(p):
+            made.P[k, i, j] = P[i, j]
+            made.claim[k, i, j] = claim[i, j]
+    for m in range(X.shape[1]):
+        made.X[k, 0, m] = X[0, m]
+        for i in range(p):
+            made.X[k, 1 + i, m] = X[1 + i, m]
+            made.X[k, 0, m] += X[1 + i, m] * delta[i]

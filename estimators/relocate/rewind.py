@@ -1,0 +1,92 @@
+"""Give the main filter another past: the only place where one goes back."""
+
+from collections.abc import Container
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.relocate.explain import SPREAD
+from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.opened import Opened
+from flexaxis.estimators.relocate.replay import replay
+from flexaxis.estimators.relocate.search import Evaluated
+from flexaxis.estimators.sampling.sampled import Terms
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rewind:
+    """
+    How to go back.
+
+    Attributes
+    ----------
+    terms : Terms
+        The model with all parameters.
+    box : (lower, upper), each (p,)
+    identified : int
+        How many of the parameters, the first, are identified.
+    forgetting : float
+        λ of the main filter.
+    """
+
+    terms: Terms
+    box: tuple[Array, Array]
+    identified: int
+    forgetting: float
+
+    def to_change(
+        self, memory: Memory, case: Opened, past: Past, theta: Array, free: Container[int]
+    ) -> None:
+        """
+        Go back to a change, and run through the data again as if it had been known.
+
+        Parameters
+        ----------
+        memory : Memory
+            What is rewritten.
+        case : Opened
+            With time and parameters of the change.
+        past : Past
+        theta : (p,) array
+            All parameters after it.
+        free : container of int
+            Unidentified parameters that are estimated now; all others are taken as known.
+        """
+        row, active = case.before.at(case.onset), case.active
+        P, claim = row["P"].copy(), row["claim"].copy()
+        n = self.terms.n
+        X = np.zeros((1 + len(theta), n + 1))
+        X[:, :n] = row["X"][:n, : len(X)].T
+        X[1 + active] = 0.0  # what changes now had no influence before
+        known = [i for i in range(self.identified, len(theta)) if i not in free]
+        for M in (P, claim):
+            M[known, :] = M[:, known] = M[active, :] = M[:, active] = 0.0
+            M[active, active] = (SPREAD * row["theta"][active]) ** 2 / case.normal.variance
+        since = case.onset - case.before.first
+        self._run(memory, row, theta, (X, P, claim), (past.y[since:], past.present[since:]))
+
+    def to_start(self, memory: Memory, first: int, found: Evaluated) -> None:
+        """Go back to a sample, and begin anew there with parameters that a search has found."""
+        row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.identified)
+        X, P = np.zeros((1 + len(found.theta), n + 1)), np.zeros_like(row["P"])
+        X[0, :n] = memory.stretch(first).x[0]
+        P[mine, mine] = SPREAD**2 / found.square
+        self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
+
+    def _run(
+        self,
+        memory: Memory,
+        row: np.void,
+        theta: Array,
+        start: tuple[Array, Array, Array],
+        signals: tuple[Array, NDArray[np.bool_]],
+    ) -> None:
+        u = memory.read("u", int(row["count"]) - 1)
+        replayed = replay(
+            self.terms, theta, *start, (u, *signals), forgetting=self.forgetting, box=self.box
+        )
+        memory.rewrite(row, replayed)
