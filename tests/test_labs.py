@@ -33,12 +33,12 @@ def test_there_are_six_and_the_page_names_them():
 
 MISTAKES = {  # a typical slip, and the lab that must find it
     "lab1": ("-r * k_g / J_m, 0", "-k_g / J_m, 0"),
-    "lab2": ("record.torque[-4000:])\nfrom", "record.torque[-3900:])\nfrom"),
+    "lab2": ("record.torque[-4000:],", "record.torque[-3900:],"),
     "lab3": (
         "P = steady_P(Q, forgetting=forgetting)",
         "P = 2 * steady_P(Q, forgetting=forgetting)",
     ),
-    "lab4": ("drift_for([2.0, 2.0, tau], Q)", "drift_for([2.0, 2.0, 2 * tau], Q)"),
+    "lab4": ("drift_for([2.0, 2.0, tau], Q,", "drift_for([2.0, 2.0, 2 * tau], Q,"),
     "lab5": ("regularization=mu,", "regularization=mu / 2,"),
     "lab6": ("reset * rpem.P, 0.0", "rpem.P, 0.0"),
 }

@@ -6,23 +6,35 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, make_design
+from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
-from flexaxis.estimators.recursion.level import bound, judge, level, show
+from flexaxis.estimators.recursion.joint import (
+    correct,
+    ekf_records,
+    look,
+    start_sample,
+    state_covariance,
+    with_state,
+)
+from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
+from flexaxis.estimators.recursion.records import Record
 from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
 
+WALK = 0.002  # 1/√s, of θ/θ(0), where no tuning is known
+
 
 def joint_ekf(
     model: Model,
     *,
-    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    identify: Sequence[str] | None = None,
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
@@ -50,8 +62,8 @@ def joint_ekf(
     ----------
     model : Model
         Linear grey-box model, such as ``three_mass(nominal)``.
-    identify : sequence of str
-        Parameters to estimate, or their inverses.
+    identify : sequence of str, optional
+        Parameters to estimate, or their inverses; the model's own choice by default.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -98,78 +110,6 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["theta"][0, :p], state["P"][0, :p, :p]
 
 
-def state_covariance(design: Design, value: ArrayLike | None) -> Array:
-    """
-    Return the covariance of x(0) (n, n) from that or its diagonal, checked; zero by default.
-
-    States that are zero at the start of every sample need not be given; they come last.
-    """
-    n, given = design.model.n, design.model.n - len(design.model.reset)
-    P = np.zeros((n, n))
-    if value is not None:
-        P[:given, :given] = _semidefinite("x0_covariance", value, given)
-    return P
-
-
-def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
-    """Return a symmetric matrix (n, n) without negative eigenvalues, from that or its diagonal."""
-    matrix = np.array(value, float)
-    if matrix.shape == (n,):
-        matrix = np.diag(matrix)
-    if matrix.shape != (n, n) or not np.all(np.isfinite(matrix)):
-        raise EstimatorError(
-            f"{name} is {value!r}; give finite values, ({n},) or ({n}, {n}), for {n} states"
-        )
-    certain = np.diag(matrix) == 0
-    scale = np.sqrt(np.where(certain, 1.0, abs(np.diag(matrix))))
-    correlation = matrix / np.outer(scale, scale)  # judged free of units
-    if (
-        not np.allclose(correlation, correlation.T, rtol=0, atol=1e-9)
-        or np.linalg.eigvalsh(correlation)[0] < -1e-9
-    ):
-        raise EstimatorError(f"{name} must be symmetric and not negative; given: {matrix.tolist()}")
-    return (matrix + matrix.T) / 2
-
-
-def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Record, Record]:
-    """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
-    p, n, m = len(design.theta0), pattern.n, pattern.p
-    tuning, start = on_lanes(design, pattern)
-    blocks, P = design.model.blocks(design.theta0), np.zeros((m, m))
-    P[:p, :p], P[p:, p:] = design.P0, covariance
-    X = start["X"][0]
-    X[:n, 1 + p : 1 + m] = np.eye(n)
-    X[n, 1 : 1 + p], X[n, 1 + p : 1 + m] = blocks[1:, n, :n] @ design.x0, blocks[0, n, :n]
-    limits = record(
-        drift=design.drift,
-        ceiling=design.theta0**2,  # of the variance of θ
-        lower=design.lower,
-        upper=design.upper,
-    )
-    work = record(
-        P=P,  # of ξ = [θ; x]
-        GP=np.zeros((n, m)),
-        Ph=np.zeros(m),
-        gain=np.zeros(m),
-        spread=0.0,  # hᵀPh
-    )
-    known, level_start = level(design)
-    return joined(tuning, limits, known), joined(start, work, level_start)
-
-
-def with_state(pattern: Pattern) -> Pattern:
-    """
-    Return the pattern with n more parameters on which no entry depends.
-
-    Their lanes, set to one at x(0), become the derivatives by the state at the start of the
-    sample: the transition matrix comes out of the same rows as ∂x/∂θ.
-    """
-    n = pattern.n
-    return pattern._replace(
-        p=pattern.p + n, terms=tuple((*term, *[0] * n) for term in pattern.terms)
-    )
-
-
 @lru_cache
 def ekf_loop(pattern: Pattern) -> Callable:
     """Return the compiled loop for models of this pattern."""
@@ -190,87 +130,47 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     return False
 
 
-@inlined
-def start_sample(X, n, p):
-    """Set the derivatives by ξ at the start of a sample: ∂x/∂θ = 0, ∂x/∂x = I."""
-    for i in range(n):
-        for j in range(1, 1 + p + n):
-            X[i, j] = 1.0 if j == 1 + p + i else 0.0
-
-
-@inlined
-def look(state):
-    """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
-    P, X, Ph = state["P"], state["X"], state["Ph"]
-    m = len(P)
-    state["spread"] = 0.0
-    for i in range(m):
-        Ph[i] = 0.0
-        for j in range(m):
-            Ph[i] += P[i, j] * X[-1, 1 + j]
-        state["spread"] += Ph[i] * X[-1, 1 + i]
-
-
-@inlined
-def correct(tuning, state, y, noise):
+def extended(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    walk: float | None = None,
+    noise: float | None = None,
+    spread: float = 0.2,
+) -> CompiledFilter:
     """
-    Take P over the last sample, and ξ and P through the measurement unless that is NaN.
+    Make the joint extended Kalman filter.
 
-    With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
-    S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
+    Parameters
+    ----------
+    P0, torque
+        Taken as by every entry, and left: P(0) is that of ``spread``.
+    walk : float
+        Standard deviation of the random walk of every θ after a second, relative to θ(0).
+    noise : float, optional
+        Standard deviation of the output, in its unit; else it is learnt from the innovations.
+    spread : float
+        Standard deviation of θ(0), relative to it.
     """
-    P, X, GP, Ph, gain = state["P"], state["X"], state["GP"], state["Ph"], state["gain"]
-    theta, n, p = state["theta"], len(GP), len(tuning["lower"])
-    m = p + n
-    for i in range(n):
-        for j in range(m):
-            GP[i, j] = 0.0
-            for q in range(m):
-                GP[i, j] += X[i, 1 + q] * P[q, j]
-    transport(P, GP, X, tuning["drift"], n, p)
-    if not np.isnan(y):
-        S = state["spread"] + noise
-        innovation = y - X[n, 0]
-        for i in range(n):
-            total = 0.0
-            for j in range(m):
-                total += X[i, 1 + j] * Ph[j]
-            gain[p + i] = total / S
-        for i in range(p):
-            gain[i] = Ph[i] / S
-        for i in range(m):
-            for j in range(i + 1):
-                P[i, j] -= S * gain[i] * gain[j]
-                P[j, i] = P[i, j]
-        for i in range(n):
-            X[i, 0] += gain[p + i] * innovation
-        for i in range(p):
-            theta[i] += gain[i] * innovation
-    bound(P, tuning["ceiling"])
-    project(theta, tuning["lower"], tuning["upper"])
+    model = model_of(nominal)
+    prior, drift = random_walk("ekf", WALK, model, identify, period, walk=walk, spread=spread)
+    return joint_ekf(
+        model, identify=identify, P0=prior, drift=drift, noise=noise, period=period, output=output
+    )
 
 
-@inlined
-def project(theta, lower, upper):
-    """Put the first of θ back into the box."""
-    for i in range(len(lower)):
-        if theta[i] < lower[i]:  # not min and max, which would hide a NaN
-            theta[i] = lower[i]
-        elif theta[i] > upper[i]:
-            theta[i] = upper[i]
-
-
-@inlined
-def transport(P, GP, X, W, n, p):  # noqa: PLR0917
-    """P ← F P Fᵀ + W with F = [I 0; G], given G P; one triangle, mirrored."""
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for q in range(p + n):
-                total += GP[i, q] * X[j, 1 + q]
-            P[p + i, p + j] = P[p + j, p + i] = total
-        for j in range(p):
-            P[p + i, j] = P[j, p + i] = GP[i, j]
-    for i in range(p):
-        for j in range(p):
-            P[i, j] += W[i, j]
+ENTRIES = (
+    Entry(
+        "ekf",
+        "joint extended Kalman filter for state and parameters",
+        extended,
+        knob="walk",
+        default=WALK,
+        look=("#009E73", "o"),
+        rank=7,
+    ),
+)

@@ -6,8 +6,14 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.ekf import (
+from flexaxis.estimators.methods.start import Nominal, model_of, random_walk
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.recursion.design import above_zero, finite_vector, make_design
+from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.joint import (
     correct,
     ekf_records,
     look,
@@ -15,24 +21,22 @@ from flexaxis.estimators.methods.ekf import (
     state_covariance,
     with_state,
 )
-from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import finite_vector, make_design
-from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.modes import listen, mix, weigh
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-30  # probability of a mode: from zero none comes back
+WALK = 0.0015  # 1/√s, of θ/θ(0), where no tuning is known
 
 
 def joint_imm(
     model: Model,
     *,
-    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    identify: Sequence[str] | None = None,
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     drift: ArrayLike,
@@ -177,81 +181,60 @@ def look_together(tuning, states, y, valid):
     return judge(tuning, states[0], y, valid, mean, spread)
 
 
-@inlined
-def listen(state, y, noise):
-    """Keep log Λ of the innovation, before it is used."""
-    state["logarithm"] = 0.0
-    if not np.isnan(y):
-        S = state["spread"] + noise
-        state["logarithm"] = -0.5 * (np.log(S) + (y - state["X"][-1, 0]) ** 2 / S)
+def imm(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    walk: float | None = None,
+    noise: float | None = None,
+    spread: float = 0.2,
+    jump: float = 0.1581,
+    rate: float = 1e-3,
+    hold: float = 0.05,
+) -> CompiledFilter:
+    """
+    Make the interacting-multiple-model filter.
+
+    Parameters
+    ----------
+    P0, torque, walk, noise, spread
+        As for `flexaxis.estimators.methods.ekf.extended`; walk is that of the quiet mode.
+    jump : float
+        Standard deviation of a jump of θ_i, relative to θ(0).
+    rate, hold : float
+        How often a jump comes [1/s], and how long it lasts on average [s].
+    """
+    model = model_of(nominal)
+    prior, drift = random_walk("imm", WALK, model, identify, period, walk=walk, spread=spread)
+    above_zero("rate", rate, "how often a jump comes, in 1/s")
+    above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
+    above_zero("hold", hold, "how long a jump lasts, in seconds")
+    return joint_imm(
+        model,
+        identify=identify,
+        P0=prior,
+        drift=drift,
+        jump=period / hold * (jump * model.parametrize(identify).theta) ** 2,
+        rate=rate,
+        hold=hold,
+        noise=noise,
+        period=period,
+        output=output,
+    )
 
 
-@inlined
-def weigh(states):
-    """μ_j ← c_j Λ_j over their sum."""
-    highest = -np.inf
-    for j in range(len(states)):
-        highest = max(highest, states[j]["logarithm"])
-    total = 0.0
-    for j in range(len(states)):
-        share = states[j]["predicted"] * np.exp(states[j]["logarithm"] - highest)
-        states[j]["probability"] = share if share > LEAST else LEAST
-        total += states[j]["probability"]
-    for j in range(len(states)):
-        states[j]["probability"] /= total
-
-
-@inlined
-def transition(tunings, i, j):
-    """Return Π_ij: from quiet to any jump, from a jump to quiet only."""
-    stay = tunings[i]["stay"]
-    if i == j:
-        return stay
-    if i == 0:
-        return (1.0 - stay) / (len(tunings) - 1)
-    return 1.0 - stay if j == 0 else 0.0
-
-
-@inlined
-def mix(tunings, states, n, p):
-    """Give every mode the ξ⁰ and P⁰ from which it goes on."""
-    for j in range(len(states)):
-        c = 0.0
-        for i in range(len(states)):
-            c += transition(tunings, i, j) * states[i]["probability"]
-        states[j]["predicted"] = c
-        blend(tunings, states, j, c, p + n, p)
-    for j in range(len(states)):
-        state = states[j]
-        for a in range(p + n):
-            if a < p:
-                state["theta"][a] = state["mixed"][a]
-            else:
-                state["X"][a - p, 0] = state["mixed"][a]
-            for b in range(a + 1):
-                state["P"][a, b] = state["P"][b, a] = state["mixed_P"][a, b]
-
-
-@inlined
-def blend(tunings, states, j, c, m, p):  # noqa: PLR0917
-    """Write ξ⁰_j and the lower triangle of P⁰_j, beside what they are made from."""
-    mixed, mixed_P = states[j]["mixed"], states[j]["mixed_P"]
-    for a in range(m):
-        mixed[a] = 0.0
-        for i in range(len(states)):
-            weight = transition(tunings, i, j) * states[i]["probability"] / c
-            mixed[a] += weight * component(states[i], a, p)
-    for a in range(m):
-        for b in range(a + 1):
-            mixed_P[a, b] = 0.0
-            for i in range(len(states)):
-                weight = transition(tunings, i, j) * states[i]["probability"] / c
-                apart = component(states[i], a, p) - mixed[a]
-                other = component(states[i], b, p) - mixed[b]
-                mixed_P[a, b] += weight * (states[i]["P"][a, b] + apart * other)
-
-
-@inlined
-def component(state, a, p):
-    """Return ξ_a of [θ; x]."""
-    return state["theta"][a] if a < p else state["X"][a - p, 0]
+ENTRIES = (
+    Entry(
+        "imm",
+        "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
+        imm,
+        knob="walk",
+        default=WALK,
+        look=("#66AA55", "D"),
+        rank=9,
+    ),
+)

@@ -6,13 +6,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.ekf import state_covariance
-from flexaxis.estimators.methods.window import horizon_loop
+from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
+from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.recursion.design import Design, make_design
+from flexaxis.estimators.recursion.design import Design, above_zero, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.joint import state_covariance
 from flexaxis.estimators.recursion.square_root import triangular_root
+from flexaxis.estimators.recursion.window import horizon_loop
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms
 
@@ -81,7 +84,7 @@ class Window(NamedTuple):
 def moving_horizon(
     model: Model,
     *,
-    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    identify: Sequence[str] | None = None,
     theta0: ArrayLike | None = None,
     P0: ArrayLike,
     period: float,
@@ -203,3 +206,73 @@ def _start(design: Design, window: int, covariance: Array) -> Window:
 
 def _read(state: Window) -> tuple[Array, Array]:
     return state.xi[: len(state.claimed)], state.claimed
+
+
+def horizon(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    window: float = 1.0,
+    every: float = 0.05,
+) -> CompiledFilter:
+    """
+    Make the least-squares fit over a moving window.
+
+    Parameters
+    ----------
+    forgetting : float
+        λ, of what lies before the window.
+    noise : float, optional
+        Standard deviation of the output, in its unit, for the claim; else that of the residual.
+    window, every : float
+        Length of a window, and from one to the next, of which it is a multiple [s].
+    """
+    model = model_of(nominal)
+    above_zero("period", period, "the sampling period in seconds")
+    forgetting = factor("moving-horizon", forgetting, model, period, identify)
+    samples = round(above_zero("every", every, "the time between windows, in seconds") / period)
+    if samples < 1:
+        raise EstimatorError(f"every is {every}, less than a sample of {period} s; give more")
+    return moving_horizon(
+        model,
+        identify=identify,
+        P0=forgetting_P(
+            P0, torque, model, identify, period=period, forgetting=forgetting, output=output
+        ),
+        period=period,
+        forgetting=forgetting,
+        window=samples * _multiple(window, every),
+        every=samples,
+        noise=noise,
+        output=output,
+    )
+
+
+def _multiple(window: float, every: float) -> int:
+    """Return how often ``every`` goes into ``window``, twice at least."""
+    ratio = above_zero("window", window, "the length of a window, in seconds") / every
+    if ratio < 1.5 or abs(ratio - round(ratio)) > 1e-6:
+        raise EstimatorError(
+            f"window is {window} and every {every}; the window is a multiple of every, both in "
+            "seconds, such as 1.0 and 0.05"
+        )
+    return round(ratio)
+
+
+ENTRIES = (
+    Entry(
+        "moving-horizon",
+        "nonlinear least squares over a moving window, with an arrival cost",
+        horizon,
+        knob="forgetting",
+        default=0.995,
+        look=("#332288", "P"),
+        rank=10,
+    ),
+)

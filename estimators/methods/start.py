@@ -113,3 +113,23 @@ def initial_P(
         "axis, other parameters or another period give P0, or the torque of a nominal run for the "
         "recipe"
     )
+
+
+def random_walk(
+    name: str,
+    usual: float,
+    model: Model,
+    identify: Sequence[str],
+    period: float,
+    *,
+    walk: float | None,
+    spread: float,
+) -> tuple[Array, Array]:
+    """Return P(0) and W from deviations relative to θ(0); ``usual`` is the walk where untuned."""
+    above_zero("period", period, "the sampling period in seconds")
+    if walk is None:
+        walk = tuned(name, model, period, identify) or usual
+    above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
+    above_zero("spread", spread, "the standard deviation of θ(0), relative to it")
+    theta = model.parametrize(identify).theta
+    return (spread * theta) ** 2, period * (walk * theta) ** 2

@@ -225,18 +225,3 @@ def user_cache() -> Path:
     if folder := os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA"):
         return Path(folder)
     return Path("~/Library/Caches" if sys.platform == "darwin" else "~/.cache").expanduser()
-
-
-jit = inlined
-
-
-def compile_loop(loop, flat, tuning, state):  # legacy
-    """Legacy."""
-    inner = Compiled(loop, label=f"a filter for {flat[0]} states and {flat[1]} parameters")
-
-    def run(tuning, state, u, y, valid, estimates, trace=None):  # noqa: PLR0917
-        if trace is not None:
-            trace.fill(float("nan"))
-        inner(tuning, state, u, y, valid, estimates)
-
-    return run

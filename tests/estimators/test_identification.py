@@ -13,7 +13,13 @@ THETA = np.array([1.0, 1.25, 0.05])
 
 def identified(nominal, loop, start=1.2, **options):
     return output_error(
-        three_mass(nominal), loop.u, loop.y, identify=NAMES, start=start * THETA, **options
+        three_mass(nominal),
+        loop.u,
+        loop.y,
+        identify=NAMES,
+        start=start * THETA,
+        period=0.005,
+        **options,
     )
 
 
@@ -136,4 +142,6 @@ def test_another_model():
 )
 def test_refuses_what_it_cannot_use(nominal, loop, options, message):
     with pytest.raises(EstimatorError, match=message):
-        output_error(three_mass(nominal), loop.u, loop.y, **{"identify": NAMES} | options)
+        output_error(
+            three_mass(nominal), loop.u, loop.y, **{"identify": NAMES, "period": 0.005} | options
+        )

@@ -87,8 +87,14 @@ def test_the_level_of_noise_is_kept_at_rest():
 
 
 def test_the_ceiling_does_nothing_until_it_is_reached(minute):
-    given = minute.u[:4000], minute.y[:4000]
-    np.testing.assert_array_equal(rpem().run(*given), rpem(ceiling=np.inf).run(*given))
+    """To the last bit, though P grows twentyfold in a gap of three seconds."""
+    k = np.arange(5000)
+    given = minute.u[k], minute.y[k], (k < 4000) | (k >= 4600)
+    ours, free = rpem(), rpem(ceiling=np.inf)
+    np.testing.assert_array_equal(ours.run(*given), free.run(*given))
+    ours.reset()
+    ours.run(*(signal[:4600] for signal in given))
+    assert (np.diag(ours.P) > 10 * P0).all()
 
 
 def test_at_rest_no_parameter_is_more_uncertain_than_by_its_size(minute):

@@ -8,10 +8,12 @@ from scipy.linalg import expm
 from scipy.stats import multivariate_normal
 
 from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.methods.ekf import extended
+from flexaxis.estimators.methods.imm import imm
 from flexaxis.estimators.methods.oracle_reset import OracleReset
 from flexaxis.estimators.methods.paper import rpem_forgetting
-from flexaxis.estimators.methods.rivals import extended, imm, unscented
 from flexaxis.estimators.methods.rules.variable import variable_forgetting
+from flexaxis.estimators.methods.ukf import unscented
 from flexaxis.estimators.relocate.fit import Past, explain
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms

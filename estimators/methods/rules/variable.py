@@ -63,7 +63,7 @@ def variable_forgetting(
     level: float = 2.0,
     noise: float | None = None,
     robust: float = ROBUST,
-    ceiling: float = 10 * CALM,
+    ceiling: float = CALM,
 ) -> CompiledFilter:
     """
     Make the method with this rule.
