@@ -28,7 +28,7 @@ def test_replay_is_least_squares(nominal, loop):
     model = three_mass(nominal).parametrize(NAMES)
     order, substeps = plan(model, 0.4 * model.theta, 2.5 * model.theta, T)
     N, theta = 400, 1.02 * model.theta
-    y_hat, psi = predict(model, theta, loop.u[: N + 2])
+    y_hat, psi = predict(model, theta, loop.u[: N + 2], period=T)
     spread = (0.1 * theta) ** 2
     start = np.zeros((4, 6)), np.diag(spread), np.diag(spread)
     signals = loop.u[: N + 1], loop.y[1 : N + 1], np.ones(N, bool)
