@@ -2,7 +2,7 @@
 What `relocate` is meant to reach, measured on seeds that it was not tuned on.
 
 Run it with ``pytest -m slow -s`` on this file; it prints every number.
-Its constants were chosen on seeds 0 to 39. Plain forgetting runs on the same records.
+Its constants were chosen on seeds below 100. Plain forgetting runs on the same records.
 """
 
 import gc
@@ -36,12 +36,6 @@ LEAD = {  # lag, t10 [s] and the parameter's column
 }
 FAULTS = ["ja_big_step-v1", "two_faults-v1", "repair-v1", "kg_step-v1", "ka_step-v1", "jm_step-v1"]
 FAULTS += ["dg_double-v1"]
-# Not reached: 1/J_a hardly suffers from d_g under forgetting (.18 %), but .38 % here: one run of
-# 40 takes the fault for one of J_a during three samples, which weighs as much as 5 s of noise.
-MISSED = {"dg_double-v1": (1.0, 2.5, 1.0)}
-# Not reached: at f_c = .05 N m and without a fault, two false findings in 800 s, both of f_m, make
-# its deviation 1.41 times that of forgetting.
-NOISIER = {(0.05, False): 1.5}
 MISMATCH = [("coulomb_fm_step-v1", "friction.coulomb", size) for size in (0.05, 0.1, 0.2)]
 MISMATCH += [("backlash_fm_step-v1", "backlash.gear", size) for size in (1e-5, 5e-5)]
 
@@ -149,7 +143,7 @@ def test_is_never_worse_than_forgetting_and_says_what_happened(name):
     report(name, rms=rms, plain=reference, alarms_a_fault=most, explained=named, lost=mine.lost)
     assert mine.lost == 0
     assert most <= 2
-    assert np.all(rms <= reference * np.array(MISSED.get(name, (1.0, 1.0, 1.0))))
+    assert np.all(rms <= reference)
     assert rms.max() < reference.max() / 2
     assert named >= 0.9
 
@@ -169,9 +163,8 @@ def test_no_storm_where_the_model_is_wrong(name, key, size, fault):
            std_over_plain=noisier, lost=mine.lost)  # fmt: skip
     assert mine.lost == 0
     assert beyond <= seconds / 120
-    allowed = NOISIER.get((size, fault), 1.05)
-    assert noisier.max() <= allowed
-    assert allowed > 1.05 or np.exp(np.mean(np.log(noisier))) <= 1.0
+    assert noisier.max() <= 1.05
+    assert np.exp(np.mean(np.log(noisier))) <= 1.0
 
 
 def test_a_step_takes_less_than_a_sample():
