@@ -10,6 +10,7 @@ from pathlib import Path
 import h5netcdf
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from flexaxis.sim.parameters import preset
 
@@ -115,6 +116,24 @@ def test_estimator(flexaxis):
     lag = {row["estimator"]: row["lag"] for row in summary["rows"] if row["parameter"] == "f_m"}
     assert lag["constant-trace"] < 0.6 * lag["frozen"]
     flexaxis("check", "constant-trace")
+
+
+def test_linear_model(flexaxis):
+    """A log of such an axis, made here by its exact response, gives back what it was made with."""
+    J_m, f_m, k, T = 2e-3, 0.02, 0.3, 0.005
+    step = expm(np.array([[0, 1, 0], [-k / J_m, -f_m / J_m, 1 / J_m], [0, 0, 0]]) * T)
+    rng = np.random.default_rng(0)
+    torque, x, lines = rng.standard_normal(4000), np.zeros(2), ["t,torque,speed"]
+    for i, u in enumerate(torque):
+        lines.append(f"{i * T:.3f},{u:.6f},{x[1] + 0.01 * rng.standard_normal():.6f}")
+        x = (step @ np.r_[x, u])[:2]
+    (flexaxis.place / "log.csv").write_text("\n".join(lines), encoding="utf-8")
+    columns = ["--time", "t", "--torque", "torque", "--speed", "speed", "--delay", "0"]
+    words = ["identify", "log.csv", "--model", "sprung_mass", *columns, "--json"]
+    found = json.loads(flexaxis(*words))["estimates"]
+    for name, value in {"J_m": J_m, "f_m": f_m, "k": k}.items():
+        assert found[name]["value"] == pytest.approx(value, abs=4 * found[name]["sd"])
+        assert found[name]["sd"] < 0.01 * value
 
 
 def test_score(flexaxis):

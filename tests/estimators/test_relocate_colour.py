@@ -28,6 +28,12 @@ def many(tuning, state, residuals, rang, evidence):
             evidence[k, i] = state[0]["evidence"][i]
 
 
+def alone(alarm):
+    """Tuning and state of the listener without a filter; the first field tells numba so."""
+    tuning, state = listening(alarm, T)
+    return joined(tuning, record(alone=1.0)), state
+
+
 def heard(residuals, noise=1.0, alarm=10.0, psi=1.0):
     """Return the state after some residuals, when it rang, and the evidence at each."""
     tuning, state = alone(alarm)
