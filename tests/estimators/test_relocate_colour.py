@@ -12,12 +12,6 @@ from flexaxis.estimators.sampling.compiler import compiled
 T = 0.005
 
 
-def alone(alarm):
-    """Tuning and state of `listening`, which no other record begins with, as numba warns of."""
-    tuning, state = listening(alarm, T)
-    return joined(tuning, record(alone=0.0)), state
-
-
 @compiled
 def many(tuning, state, residuals, rang, evidence):
     for k in range(len(residuals)):
