@@ -110,8 +110,10 @@ def measure(tuning, state, y, valid):
         if judged or state["samples"] > 0.0:
             state["variance"] = state["noise"] * spread
         surprise = state["epsilon"]
-        if judged and tuning["clip"] > 0.0:
+        if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
             limit = tuning["clip"] * np.sqrt(state["noise"] * state["scale"])
+            if not judged:  # R̂ is the mean of a few samples, and says little yet
+                limit *= (KNOWN / state["samples"]) ** 2
             if surprise > limit:
                 surprise = limit
             elif surprise < -limit:
