@@ -1,7 +1,7 @@
 """Joint extended Kalman filter for state and parameters, on the lanes of the compiled kernel."""
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,7 +23,7 @@ from flexaxis.estimators.recursion.joint import (
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.records import Record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
@@ -110,8 +110,8 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
     return state["theta"][0, :p], state["P"][0, :p, :p]
 
 
-@lru_cache
-def ekf_loop(pattern: Pattern) -> Callable:
+@remembered
+def ekf_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
     return sample_loop(pattern, _take, "an extended Kalman filter")
 

@@ -1,7 +1,7 @@
 """Interacting multiple models: joint extended Kalman filters that share what they know."""
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.modes import listen, mix, weigh
 from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
@@ -137,8 +137,8 @@ def _read(p: int, state: Record) -> tuple[Array, Array]:
     return mean, covariance + np.einsum("j,ja,jb->ab", weights, apart, apart)
 
 
-@lru_cache
-def imm_loop(pattern: Pattern) -> Callable:
+@remembered
+def imm_loop(pattern: Pattern) -> Compiled:
     """
     Return the compiled loop for models of this pattern.
 

@@ -12,6 +12,7 @@ from flexaxis.estimators.methods.start import Nominal, factor, model_of
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
+from flexaxis.estimators.recursion.measurement import LINEAR
 
 Array = NDArray[np.float64]
 
@@ -67,9 +68,10 @@ class OracleReset(RecursiveEstimator):
         for start, stop in zip([0, *inside], [*inside, len(u)], strict=True):
             if start in inside:
                 # y[onset] is still that of the old parameters; what is held from here on is not
-                self._rpem.restart(
-                    (self._spread * self._rpem.theta) ** 2 / self._rpem.noise_variance
-                )
+                # a wide prior makes an error of second order, which is no less than some of y
+                finest = LINEAR**2 * self._rpem.signal_power
+                noise = max(self._rpem.noise_variance, finest)
+                self._rpem.restart((self._spread * self._rpem.theta) ** 2 / noise)
             part = slice(start, stop)
             self._rpem._take(u[part], y[part], valid[part], estimates[part], trace[part])
         self._count += len(u)

@@ -1,7 +1,6 @@
 """The paper's recursive prediction-error method, compiled."""
 
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +23,7 @@ from flexaxis.estimators.recursion.measurement import (
 )
 from flexaxis.estimators.recursion.records import joined, on_lanes
 from flexaxis.estimators.recursion.trace import Trace, trace
-from flexaxis.estimators.sampling.compiler import Compiled, inlined
+from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
@@ -185,6 +184,11 @@ class Rpem(CompiledFilter):
         return float(self.state["noise"][0])
 
     @property
+    def signal_power(self) -> float:
+        """Mean square of ŷ, with the memory of R̂."""
+        return float(self.state["power"][0])
+
+    @property
     def psi(self) -> Array:  # noqa: D102
         return self.state["psi"][0] / self._design.scale
 
@@ -197,7 +201,7 @@ class Rpem(CompiledFilter):
         return trace(self, u, y, valid)
 
 
-@lru_cache
+@remembered
 def rpem_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop of the method for models of this pattern."""
     return sample_loop(pattern, adapt, "prediction error")

@@ -67,6 +67,7 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
         nonnegative=("d_g", "d_a", "f_m", "f_g", "f_a"),
         nonzero=("k_T", "r"),
         identify=PAPER,
+        fixed=("r",),
     )
 
 

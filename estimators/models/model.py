@@ -45,6 +45,8 @@ class Model:
         Parameters whose nominal value must be above 0, not below it, or not 0.
     identify : sequence of str
         What is identified where nothing else is said.
+    fixed : sequence of str
+        Parameters that cannot change, such as a gear ratio: no detector suspects them.
 
     Raises
     ------
@@ -71,6 +73,7 @@ class Model:
     nonnegative: Sequence[str] = ()
     nonzero: Sequence[str] = ()
     identify: Sequence[str] = ()
+    fixed: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         n = len(self.states)

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.known import is_axis, moves_as, named_values
 from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.extended import discretize, extended_system
 
 Array = NDArray[np.float64]
 
@@ -41,16 +41,7 @@ def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: flo
     period : float
         Sampling period [s].
     """
-    F, G, H = extended_system(model, np.asarray(theta, float))
-    transition, gain = discretize(F, G, period)
-    # a state that starts every sample at zero has no influence on the next
-    transition.reshape(len(F), -1, model.n)[:, :, list(model.reset)] = 0.0
-    X = np.zeros(len(F))
-    psi = np.empty((len(np.asarray(u)), len(H) - 1))
-    for k, torque in enumerate(np.asarray(u, float)):
-        psi[k] = H[:-1] @ X
-        X = transition @ X + gain[:, 0] * torque
-    return psi
+    return predict(model, theta, u, period=period)[1]
 
 
 def nominal_P(

@@ -1,7 +1,6 @@
 """Prediction-error methods that differ from the paper's in the time update of P only."""
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 
 from numpy.typing import ArrayLike
 
@@ -17,7 +16,7 @@ from flexaxis.estimators.recursion.measurement import (
     read_claim,
 )
 from flexaxis.estimators.recursion.records import joined, on_lanes, record
-from flexaxis.estimators.sampling.compiler import Compiled, inlined
+from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 
@@ -58,7 +57,7 @@ def forgetful_filter(
     return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim)
 
 
-@lru_cache
+@remembered
 def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
     @inlined
     def forget(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917

@@ -69,7 +69,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     state["prediction"], state["innovation"] = prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
     if not valid:
-        state["run"] = 0.0
+        state["run"], state["innovation_variance"] = 0.0, np.nan
         return np.nan
     e = y - prediction
     state["innovation"] = e

@@ -83,6 +83,7 @@ def _judge(state, y, valid):
     state.shown[0], state.shown[1] = state.x[last], np.nan
     state.shown[2] = variance if known else np.nan
     if not valid:
+        state.shown[2] = np.nan
         return np.nan
     e = state.shown[1] = y - state.x[last]
     limit, alone = ODD * np.sqrt(variance), state.level[1] == 0.0

@@ -24,7 +24,7 @@ def relocate(
     noise: float | None = None,
 ) -> Relocate:
     """
-    Make the filter that detects, rewinds and refits; every parameter but r is a suspect.
+    Make the filter that detects, rewinds and refits; every parameter that can change is a suspect.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def relocate(
     return Relocate(
         model,
         identify=identify,
-        suspects=[name for name in model.parameters if name != "r"],
+        suspects=[name for name in model.parameters if name not in model.fixed],
         P0=forgetting_P(
             P0, torque, model, identify, period=period, forgetting=weight, output=output
         ),

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import SEARCHED, Memory
 from flexaxis.estimators.relocate.search import Evaluated, Search
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
 
-CHECK = 4.0  # s between two looks, and of the past that is searched
+CHECK = SEARCHED  # s between two looks, and of the past that is searched
 # Of the mean square of y left unexplained, and of that share what could be foretold and so is no
 # noise. Friction and play leave up to 0.01 and half of it; a local minimum 0.005 to 0.6, and 0.6
 # to 0.95 of it: what is suspicious is worth a search, what is absurd is worth telling.

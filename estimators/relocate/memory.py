@@ -7,7 +7,6 @@ knows that the ring closes.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +22,14 @@ from flexaxis.estimators.recursion.measurement import (
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.relocate.colour import NORMAL, listen, listening, resting
 from flexaxis.estimators.relocate.replay import Replayed
-from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
+from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern
 
 Array = NDArray[np.float64]
 
 MEMORY = 5.12  # s
+SEARCHED = 4.0  # s of the past, that a search looks at …
+EVALUATIONS = 200  # … for so many samples at most, one evaluation in each
 REPLAYED = ("theta", "P", "claim", "epsilon", "scale")  # fields of a row that a replay gives
 
 
@@ -86,7 +87,8 @@ class Memory:
         place = record(count=0, stop=-1, u=0.0, y=0.0, valid=0)
         self._tuning = joined(tuning, parts[0])
         self._begin = joined(state, parts[1], place)
-        self._period, self._length = period, round(MEMORY / period)
+        self._period = period
+        self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
         self._loop = remembering_loop(pattern)
         self.reset()
 
@@ -198,7 +200,7 @@ class Memory:
         return np.arange(first, self.count) % self._length
 
 
-@lru_cache
+@remembered
 def remembering_loop(pattern: Pattern) -> Compiled:
     """
     Return the compiled loop: a filter with forgetting and state correction, memory and alarm.

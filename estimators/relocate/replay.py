@@ -103,7 +103,7 @@ def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa
     for k in range(len(u)):
         move(D, ahead, moved, u[k])
         ahead, moved = moved, ahead
-        for i in range(p):
+        for i in range(p if present[k] else 0):  # a gap forgets nothing, as in the main filter
             for j in range(p):
                 P[i, j] /= forgetting
         if present[k]:

@@ -103,6 +103,8 @@ class Search:
         square, H, g = normal_equations(
             self._terms, theta, self._x, *self._signals, nothing, nothing, 1.0, self._active
         )
+        if not np.isfinite(square):  # an axis that is unstable there explains nothing
+            return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
         measured = max(int(np.sum(self._signals[2])), 1)
         return Evaluated(theta, square / measured, H / measured, g / measured)
 
@@ -142,7 +144,8 @@ class Descent:
     def _next(self) -> Array:
         damped = self.at.H + self._damping * np.diag(np.diag(self.at.H))
         trial = self.at.theta.copy()
-        trial[self._active] += np.linalg.lstsq(damped, self.at.g, rcond=None)[0]
+        if np.isfinite(self.at.square):
+            trial[self._active] += np.linalg.lstsq(damped, self.at.g, rcond=None)[0]
         return np.clip(trial, *self._box)
 
 

@@ -8,17 +8,18 @@ anew, and nothing else does.
 """
 
 import hashlib
+import marshal
 import os
 import pickle
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cached_property, lru_cache, update_wrapper
+from functools import cached_property, lru_cache, update_wrapper, wraps
 from importlib import import_module
 from inspect import getclosurevars, getsourcefile
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 PACKAGE = __name__.partition(".")[0]
@@ -43,11 +44,21 @@ class Compiled:
         self.function, self.inline = function, inline
         self.label = label or f"{function.__module__}.{function.__name__}"
         self.name = function.__name__
+        self.origin: tuple[Callable, tuple] | None = None  # what makes it anew in another process
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function; it is compiled now if it has to be."""
-        return self.dispatcher(*arguments)
+        try:
+            return self.dispatcher(*arguments)
+        except Exception:
+            if cache := getattr(self.dispatcher, "_cache", None):
+                getattr(cache, "ended", lambda: None)()  # it may not have compiled
+            raise
+
+    def __reduce__(self) -> str | tuple:
+        # a function of a module goes by its name, one made for a pattern by what made it
+        return self.function.__qualname__ if self.origin is None else self.origin
 
     @cached_property
     def dispatcher(self) -> Any:
@@ -80,6 +91,26 @@ def compiled(function: Callable) -> Compiled:
 def inlined(function: Callable) -> Compiled:
     """Compile a function as a part of those that call it."""
     return Compiled(function, inline=True)
+
+
+def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
+    """
+    Make a compiled function once for the same arguments, and anew where it is unpickled.
+
+    Parameters
+    ----------
+    factory : callable
+        Of a module, with arguments that can be hashed and pickled.
+    """
+
+    @lru_cache
+    @wraps(factory)
+    def make(*arguments: Any) -> Compiled:
+        made = factory(*arguments)
+        made.origin = make, arguments
+        return made
+
+    return make
 
 
 @lru_cache
@@ -135,29 +166,41 @@ def _files(module: str, seen: set[int]) -> Iterator[bytes]:
     if id(found) in seen:
         return
     seen.add(id(found))
-    source = getsourcefile(found)
-    yield Path(source).read_bytes() if source else b""
+    yield _source(found)
     origins = {getattr(value, "__module__", None) for value in vars(found).values()}
     for used in sorted(name for name in origins if isinstance(name, str)):
         yield from _files(used, seen)
+
+
+def _source(module: ModuleType) -> bytes:
+    """Return the source of a module, or where it is not installed what it was compiled to."""
+    try:
+        return Path(getsourcefile(module) or "").read_bytes()
+    except OSError:
+        code = module.__spec__.loader.get_code(module.__name__)  # type: ignore[union-attr]
+        return marshal.dumps(code)
 
 
 class _Nowhere:
     """A cache for where nothing can be written: says what is being compiled, keeps nothing."""
 
     cache_path = None
-    _busy = 0  # compilations that wait for those of what they call
+    _told: "_Nowhere | None" = None  # of the outermost compilation the user is told
 
     def __init__(self, label: str, where: str = "as no cache folder can be written") -> None:
         self.label, self.where = label, where
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        if not _Nowhere._busy:
+        if _Nowhere._told is None:
             print(f"flexaxis: compiling {self.label} {self.where} …", file=sys.stderr, flush=True)
-        _Nowhere._busy += 1
+            _Nowhere._told = self
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        _Nowhere._busy -= 1
+        self.ended()
+
+    def ended(self) -> None:
+        if _Nowhere._told is self:
+            _Nowhere._told = None
 
     def enable(self) -> None: ...
 
@@ -211,11 +254,11 @@ def cache_folder() -> Path | None:
     ``NUMBA_CACHE_DIR`` if that is set, else ``flexaxis`` in the user's cache folder.
     """
     given = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(given) if given else user_cache() / "flexaxis" / "compiled"
     try:
+        folder = Path(given) if given else user_cache() / "flexaxis" / "compiled"
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
-    except OSError:
+    except (OSError, RuntimeError):  # RuntimeError: a user without a home
         return None
     return folder
 

@@ -104,12 +104,14 @@ def _innovations(
     try:
         found = np.array(given, float)  # a copy: the next run may overwrite it
     except (TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != (samples, 2):
+        return None  # something else of the user's that has this name
+    if found.ndim != 2 or found.shape[1] != 2:
+        return None
+    if len(found) != samples:
         raise EstimatorError(
             f"{spec.text} has `innovations` of the shape {np.shape(given)} after a run of "
             f"{samples} samples on {where}; {(samples, 2)} is needed, y − ŷ and its variance of "
-            "each sample, or no attribute of that name"
+            "each sample"
         )
     return found
 

@@ -41,9 +41,6 @@ SEEDS = (0,)
 # noise of 1e-13 relative on the records moves no score here by more than 1e-8.
 RTOL = 1e-6
 ATOL = 1e-9  # s, % or σ: less than anybody reads, and more than what rounding leaves of a zero
-# But in a pause what `relocate` remembers decays for ten seconds before the fault is looked for:
-# there noise of 1e-15 moves its lag by 1e-4.
-LOOSE = {("pause_fm_step-v1", "relocate"): 1e-2}
 
 IDENTITY = ("scenario", "estimator", "seed", "parameter")
 SIGNALS = (
@@ -109,7 +106,7 @@ def moves(old: list[dict[str, Any]], new: list[dict[str, Any]]) -> list[str]:
     for key in before.keys() & after.keys():
         for column in before[key].keys() | after[key].keys():
             pair = [rows[key].get(column, "absent") for rows in (before, after)]
-            if (change := _change(*pair, rtol=LOOSE.get(key[:2], RTOL), atol=ATOL)) > 0:
+            if (change := _change(*pair, rtol=RTOL, atol=ATOL)) > 0:
                 columns[column].append((change, pair, " ".join(map(str, key))))
     return sorted(lines) + [_sentence(column, columns[column]) for column in sorted(columns)]
 

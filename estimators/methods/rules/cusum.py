@@ -18,7 +18,7 @@ from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.recursion.design import above_zero
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
-from flexaxis.estimators.recursion.measurement import CEILING, KNOWN
+from flexaxis.estimators.recursion.measurement import CEILING, KNOWN, LINEAR
 from flexaxis.estimators.sampling.compiler import inlined
 
 FIRST, NEXT = 1.0, 0.5  # s before the first alarm, in which R̂ is learnt, and between two
@@ -39,10 +39,11 @@ def reset_on_alarm(tuning, state, valid):
     if sums[0] > tuning["level"] and sums[1] > tuning["first"]:
         sums[0] = 0.0
         sums[1] = tuning["first"] - tuning["next"]
+        noise = max(state["noise"], LINEAR**2 * state["power"])
         for i in range(len(P)):
-            state["granted"][i] = tuning["variance"] / state["noise"]
+            state["granted"][i] = tuning["variance"] / noise
             for j in range(len(P)):
-                P[i, j] = tuning["variance"] / state["noise"] if i == j else 0.0
+                P[i, j] = tuning["variance"] / noise if i == j else 0.0
                 state["claim"][i, j] = P[i, j]
 
 

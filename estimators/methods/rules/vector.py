@@ -19,6 +19,8 @@ from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.forgetful import forgetful_filter
 from flexaxis.estimators.sampling.compiler import inlined
 
+TIE = 1e-6  # relative; of parameters of which P(0) knows equally little none is the one
+
 
 @inlined
 def forget_each(tuning, state, valid):
@@ -51,7 +53,8 @@ def vector_forgetting(
     forgetting : float, optional
         λ of a sample.
     rates : (p,) array_like, optional
-        1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of which P(0) knows least.
+        1−λ_i over 1−λ: by default 1, and 1/2 for the parameter of
+        which P(0) knows least, if that is one.
     noise, robust, ceiling
         As for `flexaxis.estimators.Rpem`.
     """
@@ -67,8 +70,9 @@ def vector_forgetting(
         noise=noise,
     )
     if rates is None:  # in relative parameters, so that units do not choose
-        known_least = np.argmax(np.diag(design.P0))
-        rates = np.where(np.arange(len(identify)) == known_least, 0.5, 1.0)
+        share = np.diag(design.P0) / np.diag(design.P0).max()
+        least = share >= 1 - TIE
+        rates = np.where(least, 0.5 if least.sum() == 1 else 1.0, 1.0)
     factors = 1 - (1 - design.forgetting) * finite_vector("rates", rates, len(identify))
     if not np.all((factors > 0) & (factors <= 1)):
         raise EstimatorError(
