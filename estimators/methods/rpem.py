@@ -186,7 +186,7 @@ class Rpem(CompiledFilter):
     @property
     def signal_power(self) -> float:
         """Mean square of ŷ, with the memory of R̂."""
-        return float(self.state["power"][0])
+        return float(self.state["signal"][0])
 
     @property
     def psi(self) -> Array:  # noqa: D102

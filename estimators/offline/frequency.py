@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.extended import sampled_system
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.known import is_axis, moves_as, named_values
-from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract

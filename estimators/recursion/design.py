@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
-from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
 
 Array = NDArray[np.float64]
 

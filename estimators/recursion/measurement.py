@@ -84,7 +84,7 @@ def measured(
         noise=design.noise**2 if design.noise else 1.0,  # R̂
         quiet=1.0,  # R̂ before the last measurement
         samples=0.0,  # that R̂ is the mean of
-        power=0.0,  # mean square of ŷ
+        signal=0.0,  # mean square of ŷ
     )
     return tuning, state
 
@@ -118,7 +118,7 @@ def measure(tuning, state, y, valid):
             state["variance"] = state["noise"] * spread
         surprise = state["epsilon"]
         if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
-            finest = max(state["noise"], LINEAR**2 * state["power"])
+            finest = max(state["noise"], LINEAR**2 * state["signal"])
             limit = tuning["clip"] * np.sqrt(finest * state["scale"])
             if not judged:  # R̂ is the mean of a few samples, and says little yet
                 limit *= (KNOWN / state["samples"]) ** 2
@@ -162,11 +162,11 @@ def learn(tuning, state, square):
         excitation += state["psi"][i] ** 2
     if excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0):
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
-        state["power"] += (state["expected"] ** 2 - state["power"]) / state["samples"]
+        state["signal"] += (state["expected"] ** 2 - state["signal"]) / state["samples"]
         if tuning["known"] <= 0.0:
             square /= tuning["consistency"]
             state["noise"] += (square - state["noise"]) / state["samples"]
-            state["noise"] = max(state["noise"], FINEST**2 * state["power"])
+            state["noise"] = max(state["noise"], FINEST**2 * state["signal"])
 
 
 @inlined

@@ -73,7 +73,8 @@ def listen(tuning, state, y):
     to hear: no parameter can show in the residual.
     """
     variance = state["quiet"] * state["scale"]
-    if np.isnan(state["epsilon"]) or not variance > 0.0 or resting(state):
+    early = state["samples"] <= 1.0  # there is no noise yet to compare with
+    if np.isnan(state["epsilon"]) or not variance > 0.0 or early or resting(state):
         return False
     residual = min(max(state["epsilon"] / np.sqrt(variance), -CLIP), CLIP)
     colour = state["colour"]
@@ -99,8 +100,7 @@ def resting(state):
     excitation = 0.0
     for i in range(len(state["psi"])):
         excitation += state["psi"][i] ** 2
-    # before the second sample that is excited there is no noise to compare with
-    return state["samples"] <= 1.0 or excitation <= ASLEEP * state["quiet"]
+    return excitation <= (ASLEEP * state["quiet"] if state["samples"] > 1.0 else 0.0)
 
 
 @inlined

@@ -103,7 +103,8 @@ def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa
     for k in range(len(u)):
         move(D, ahead, moved, u[k])
         ahead, moved = moved, ahead
-        for i in range(p if present[k] else 0):  # a gap forgets nothing, as in the main filter
+        # u[k] follows the measurement before; where that is missing, nothing is forgotten
+        for i in range(p if k == 0 or present[k - 1] else 0):
             for j in range(p):
                 P[i, j] /= forgetting
         if present[k]:

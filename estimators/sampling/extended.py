@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
-from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization
 
 
 class Pattern(NamedTuple):

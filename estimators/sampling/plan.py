@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization
 
 TOLERANCE = 1e-12
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20

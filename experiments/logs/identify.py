@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.offline.identification import Identified, output_error
 from flexaxis.estimators.offline.predictor import predict

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import three_mass
-from flexaxis.estimators.models.model import Model, Parametrization
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.dispatch import spread

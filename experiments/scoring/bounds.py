@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.axes import three_mass
-from flexaxis.estimators.models.model import Model, Parametrization, increment
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.experiments.scoring.theta import true_theta

@@ -4,6 +4,7 @@ Every registered estimator: any unit, rate and start, whatever happens to the ax
 `python tests/estimators/tables.py` prints the whole tables.
 """
 
+import pickle
 from functools import cache
 
 import numpy as np
@@ -303,6 +304,45 @@ def test_innovations_are_as_large_as_they_claim(name):
     run_estimator(estimator, run.u, run.y)
     innovation, variance = estimator.innovations[2000:].T
     assert np.mean(innovation**2 / variance) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", REGISTRY)
+def test_it_goes_on_in_another_process(name):
+    u, y, valid = motion()
+    here = make(name)
+    here.run(u[:200], y[:200], valid[:200])
+    there = pickle.loads(pickle.dumps(here))
+    np.testing.assert_array_equal(*(e.run(u[200:], y[200:], valid[200:]) for e in (here, there)))
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_in_a_gap_no_innovation_is_claimed(name):
+    u, y, _ = motion()
+    estimator = make(name)
+    estimator.run(u[:300], y[:300])
+    estimator.step(u[300], None)
+    assert np.isnan(estimator.innovation) and np.isnan(estimator.innovation_variance)
+
+
+@pytest.mark.parametrize("name", ["oracle-reset", "cusum-reset", "relocate"])
+@pytest.mark.parametrize("sigma", [1e-3, 1e-5, 0.0])
+def test_after_a_fault_little_noise_is_no_trap(name, sigma):
+    """What a model that is linear in the change leaves is then far more than the noise."""
+    run = stepped("n1", 16.0, at=10.0, seed=0, sigma=sigma)
+    estimator = make(name, onsets=(run.samples(10.0),))
+    estimator.run(run.u, run.y)
+    np.testing.assert_allclose(estimator.theta, run.theta[-1], rtol=5e-3)
+    assert np.nanmin(estimator.innovations[1:, 1]) > 0
+    assert len(getattr(estimator, "findings", (0,))) == 1
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_no_unit_matters_where_the_motion_begins_gently(name):
+    u, y, _ = motion()
+    ramp = np.minimum(np.arange(len(u)) / 100, 1.0) ** 2
+    found = [make(name, units=units).run(u * ramp, k * y * ramp)
+             for units, k in ((SI, 1.0), (CHANGES[1], 1000.0))]  # fmt: skip
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)
 
 
 # Options

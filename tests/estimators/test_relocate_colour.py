@@ -28,10 +28,16 @@ def alone(alarm):
     return joined(tuning, record(alone=1.0)), state
 
 
+def given(**values):
+    """What the listener finds in the state of a filter that is well under way."""
+    usual = dict(epsilon=0.0, quiet=1.0, scale=1.0, psi=np.ones(3), count=0, samples=400.0)
+    return record(**usual | values)
+
+
 def heard(residuals, noise=1.0, alarm=10.0, psi=1.0):
     """Return the state after some residuals, when it rang, and the evidence at each."""
     tuning, state = alone(alarm)
-    state = joined(state, record(epsilon=0.0, quiet=noise, scale=1.0, psi=np.full(3, psi), count=0))
+    state = joined(state, given(quiet=noise, psi=np.full(3, psi)))
     rang, evidence = np.zeros(len(residuals), bool), np.zeros((len(residuals), 2))
     many(tuning, state, np.asarray(residuals, float), rang, evidence)
     return state[0], rang, evidence
@@ -72,7 +78,7 @@ def test_the_alarm_is_the_cusum_of_two_likelihood_ratios():
 def test_what_repeats_itself_counts_as_often_as_it_says_something_new():
     """(1+ρ)/(1−ρ) whitened residuals tell as much as one, where whitening does not remove ρ."""
     tuning, state = alone(1e9)
-    state = joined(state, record(epsilon=3.0, quiet=1.0, scale=1.0, psi=np.ones(3), count=400))
+    state = joined(state, given(epsilon=3.0, count=400))
     state["heard"], state["learning"] = 400.0, 0
     rang, evidence = np.zeros(1, bool), np.zeros((1, 2))
     gained = []

@@ -66,4 +66,6 @@ def test_it_is_as_long_in_seconds_at_any_rate(nominal, loop, period):
     filter_ = Relocate(three_mass(nominal), P0=P0, period=period)
     N = round(6 / period)
     filter_.run(np.resize(loop.u, N), np.zeros(N), np.zeros(N, bool))
-    assert (filter_._memory.count - filter_._memory.first) * period == pytest.approx(5.12)
+    seconds = (filter_._memory.count - filter_._memory.first) * period
+    # a search of the last 4 s takes up to 200 samples, at low rates longer than the rest
+    assert seconds == pytest.approx(max(5.12, 4.0 + 200 * period))

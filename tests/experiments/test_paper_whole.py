@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.estimators.models.model import Parametrization
+from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import data, reproduce

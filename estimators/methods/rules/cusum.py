@@ -39,7 +39,7 @@ def reset_on_alarm(tuning, state, valid):
     if sums[0] > tuning["level"] and sums[1] > tuning["first"]:
         sums[0] = 0.0
         sums[1] = tuning["first"] - tuning["next"]
-        noise = max(state["noise"], LINEAR**2 * state["power"])
+        noise = max(state["noise"], LINEAR**2 * state["signal"])
         for i in range(len(P)):
             state["granted"][i] = tuning["variance"] / noise
             for j in range(len(P)):
