@@ -1,4 +1,4 @@
-"""Joint extended Kalman filter for state and parameters, on the lanes of the compiled kernel."""
+"""Joint extended Kalman filter for state and parameters, on the lanes of `sampling`."""
 
 from collections.abc import Sequence
 from functools import partial

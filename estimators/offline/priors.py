@@ -49,7 +49,7 @@ def nominal_P(
     model: Model,
     u: ArrayLike,
     *,
-    identify: Sequence[str] = ("k_T", "1/J_a", "f_m"),
+    identify: Sequence[str] | None = None,
     period: float,
     forgetting: float | None = None,
     drift: ArrayLike | None = None,

@@ -220,7 +220,9 @@ class _Store(_Nowhere):
         context.refresh()
         # a file that is missing, torn or of another kind must stop nobody
         with suppress(Exception):
-            content = self._path(signature, context.codegen()).read_bytes()
+            path = self._path(signature, context.codegen())
+            _refuse_others(path)
+            content = path.read_bytes()
             return CompileResult._rebuild(context, *pickle.loads(content))
         return super().load_overload(signature, context)
 
@@ -244,6 +246,12 @@ class _Store(_Nowhere):
         kind = repr((self.function.digest, str(signature), codegen.magic_tuple(), versions))
         digest = hashlib.sha256(kind.encode()).hexdigest()[:24]
         return self.folder / f"{self.function.name}-{digest}.nbc"
+
+
+def _refuse_others(path: Path) -> None:
+    """Raise where a file is another user's: it holds code, and a folder may be shared."""
+    if hasattr(os, "getuid") and path.stat().st_uid not in {0, os.getuid()}:
+        raise PermissionError(f"{path} belongs to another user")
 
 
 @lru_cache

@@ -74,6 +74,25 @@ def test_a_broken_cache_stops_nobody(nominal, tmp_path, monkeypatch, capsys):
     rpem_loop.cache_clear()
 
 
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
+def test_code_of_another_user_is_not_run(nominal, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
+    for owner, told in ((os.getuid(), True), (os.getuid(), False), (4711, True)):
+        if owner == 4711:
+            stat = Path.stat
+
+            def owned(self, stat=stat, **options):
+                values = list(stat(self, **options))
+                values[4] = 4711 if self.suffix == ".nbc" else values[4]
+                return os.stat_result(values)
+
+            monkeypatch.setattr(Path, "stat", owned)
+        rpem_loop.cache_clear()
+        Rpem(three_mass(nominal), identify=("d_g",), P0=[1.0], period=0.005).run([1.0], [1.0])
+        assert ("compiling" in capsys.readouterr().err) is told
+    rpem_loop.cache_clear()
+
+
 def test_a_full_disk_stops_nobody_and_leaves_nothing(nominal, tmp_path, monkeypatch):
     def full(self, content):
         self.open("wb").close()
