@@ -17,7 +17,7 @@ from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import warm
 from flexaxis.experiments.scoring.case import Track, lag_of, rms, t10_of
 from flexaxis.experiments.scoring.theory import limits_of
-from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.experiments.scoring.theta import known_names, physical
 from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.sim.events import Event
 from flexaxis.sim.record import Record
@@ -25,7 +25,6 @@ from flexaxis.sim.scenario import Scenario
 
 TIMELY = 0.5  # s between fault and stated onset: half of what the reference remembers
 LATER = 1.0  # s after the alarm at which a change is named again
-ALIASES = {"coulomb": "f_c"}
 
 
 @dataclass(frozen=True)
@@ -88,7 +87,7 @@ class Judged:
     lost: bool
 
 
-def known(names: Iterable[str]) -> list[str]:
+def in_catalogue(names: Iterable[str]) -> list[str]:
     """The scenarios among these that the catalogue has; the others are told of."""
     names, there = list(names), scenario_names()
     if missing := [name for name in names if name not in there]:
@@ -151,7 +150,7 @@ def judge(run: Run) -> Judged:
         lag=lag_of(track, moved[0]) if moved else None,
         t10=t10_of(track, moved[0]) if moved else None,
         bound=limits_of(track, moved[0]).lag_bound if moved else None,
-        faults=tuple(parameter(event) for event in events),
+        faults=tuple(event.parameter for event in events),
         found=tuple(
             meeting(run, findings, event, span)
             for event in events
@@ -166,32 +165,20 @@ def judge(run: Run) -> Judged:
     )
 
 
-def parameter(event: Event) -> str:
-    return ALIASES.get(event.parameter, event.parameter)
-
-
 def met(event: Event, span: Window) -> bool:
     return event.parameter == span.parameter and span.start <= event.index < span.stop
 
 
 def track_of(run: Run, names: tuple[str, ...], theta: np.ndarray) -> Track:
     """The estimates of those parameters of which the truth is known."""
-    there = [i for i, name in enumerate(names) if has_truth(name, run.scenario)]
+    known = known_names(run.scenario, names)
     return Track(
         scenario=run.scenario,
-        names=tuple(names[i] for i in there),
-        theta=theta[:, there],
+        names=known,
+        theta=theta[:, [names.index(name) for name in known]],
         true_parameters=run.record.true_parameters,
         torque=run.record.torque,
     )
-
-
-def has_truth(name: str, scenario: Scenario) -> bool:
-    try:
-        true_theta([name], scenario.true_parameters())
-    except (ValueError, KeyError):
-        return False
-    return True
 
 
 def meeting(run: Run, findings: Sequence, event: Event, span: Window) -> Found | None:
@@ -244,7 +231,7 @@ def said(finding) -> tuple[tuple[str, ...], dict[str, tuple[float, float]]]:
 
 
 def covers(intervals: dict[str, tuple[float, float]], event: Event) -> bool | None:
-    if list(intervals) != [parameter(event)]:
+    if list(intervals) != [event.parameter]:
         return None
-    low, high = intervals[parameter(event)]
+    low, high = intervals[event.parameter]
     return bool(low <= event.after / event.before <= high)

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from acceptance.friction import Judged, judged, known
+from acceptance.friction import Judged, in_catalogue, judged
 from acceptance.friction_rows import pooled
 from acceptance.friction_targets import (
     COLUMNS,
@@ -37,7 +37,7 @@ def scenario_rows(
 ) -> None:
     """A block a scenario: the targets, then an estimator a line."""
     widths = [max(7, len(column.heading) + 1) for column in columns]
-    for name in known(names):
+    for name in in_catalogue(names):
         plain = pooled(runs(name, REFERENCE, *seeds))
         print(f"\n{name}, {plain.runs} runs")
         _line("", [column.heading for column in columns], widths)
@@ -58,7 +58,7 @@ def confusion(names: Sequence[str], estimators: Sequence[str], seeds: tuple[int,
     for spec in estimators:
         print(f"\n{spec}: named one second after the alarm, % of the runs (target 95)")
         _line("", [*NAMED, "other", "no", "missed", "at alarm"], [9] * 10)
-        for name in known(names):
+        for name in in_catalogue(names):
             mine = runs(name, spec, *seeds)
             _line(name, _taken_for(mine), [9] * 10)
 
@@ -82,7 +82,7 @@ def _word(named: tuple[str, ...]) -> str:
 
 def quiet(names: Sequence[str], estimators: Sequence[str], seeds: tuple[int, int]) -> None:
     """False alarms in 2000 s without a fault; target 1 at most, over all of these."""
-    names = known(names)
+    names = in_catalogue(names)
     print("\nwithout a fault: false alarms in 2000 s (target ≤ 1)")
     _line("", [*(name.removesuffix("-v1") for name in names), "all"], [18] * (len(names) + 1))
     for spec in estimators:

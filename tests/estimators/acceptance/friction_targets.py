@@ -22,6 +22,7 @@ LITTLE = (  # friction of .1 N m at most, and a structure that a model can have
 )
 HARD = ("lugre_soft_fm_step-v1", "lugre_stribeck_fm_step-v1")
 MORE = ("coulomb2_fm_step-v1", *HARD)
+ENCODERS = ("encoder_coulomb_fm_step-v1", "coarse_encoder_coulomb_fm_step-v1")
 KNOWN = (*LITTLE, *MORE)
 """Structure that a model of the suite can have: f_m +50 %."""
 
@@ -55,11 +56,7 @@ UNKNOWN = (
     "torque_noise_fm_step-v1",
     "noisy_loop_fm_step-v1",
 )
-MOVES = (
-    "coulomb_moves_fm_step-v1",
-    "encoder_coulomb_fm_step-v1",
-    "coarse_encoder_coulomb_fm_step-v1",
-)
+MOVES = ("coulomb_moves_fm_step-v1", *ENCODERS)
 QUIET = ("paper_nominal-v1", "coulomb-v1", "warming_coulomb-v1", "coulomb2-v1", "wg_warming-v1")
 """Without a fault: every alarm is a false one."""
 
@@ -111,7 +108,7 @@ def _bias(name: str) -> Callable[[Given], Limits | None]:
             error = given.row.error.get(name, 0.0)
             return -2 * error, 2 * error
         if name == "f_c":
-            most = 2.0 if given.scenario in (*LITTLE, *OTHERS) else 4.0
+            most = 2.0 if given.scenario in (*LITTLE, *OTHERS, *ENCODERS) else 4.0
         else:
             most = 2.0 if given.scenario in HARD else 1.0
         return -most, most
@@ -131,7 +128,7 @@ def _lag(given: Given) -> Limits | None:
         return 0.0, 0.4
     if given.scenario == "fm_step-v1":
         return 0.0, 0.12
-    if given.scenario in LITTLE:
+    if given.scenario in (*LITTLE, *ENCODERS):
         return 0.0, 0.15
     row = given.row
     bound = row.lag / row.efficiency if row.lag and row.efficiency else 0.0
@@ -139,7 +136,7 @@ def _lag(given: Given) -> Limits | None:
 
 
 def _efficiency(given: Given) -> Limits | None:
-    return 0.0, 1.4 if given.scenario in (*LITTLE, *OTHERS) else 2.0
+    return 0.0, 1.4 if given.scenario in (*LITTLE, *OTHERS, *ENCODERS) else 2.0
 
 
 def _found(given: Given) -> Limits | None:
