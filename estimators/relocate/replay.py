@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.way import prepare, travel
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, move, sample
+from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
 
@@ -96,12 +97,12 @@ def replay(  # noqa: PLR0917
 @compiled
 def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa: PLR0917
     p, n = len(theta), terms.n
-    D = sample(terms, theta, np.arange(p))
+    prepared = prepare(terms, theta, np.arange(p))
     moved = np.empty_like(X)
     ahead = X
     delta, gain, spread = np.zeros(p), np.zeros(p), np.zeros(p)
     for k in range(len(u)):
-        move(D, ahead, moved, u[k])
+        travel(prepared, ahead, moved, u[k])
         ahead, moved = moved, ahead
         # u[k] follows the measurement before; where that is missing, nothing is forgotten
         for i in range(p if k == 0 or present[k - 1] else 0):

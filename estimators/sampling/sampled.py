@@ -113,7 +113,12 @@ def sample(terms, theta, active):
 
 @compiled
 def move(D, X, moved, u):
-    """Take states and sensitivities [x; y] over one sample; the place of y lends itself to u."""
+    """
+    Take states and sensitivities [x; y] over one sample; the place of y lends itself to u.
+
+    Rows of X beyond those of D are sensitivities to what acts through the state alone, such as the
+    state itself some time ago.
+    """
     size = X.shape[1]
     X[0, size - 1] = u
     for a in range(1, len(X)):
@@ -123,8 +128,13 @@ def move(D, X, moved, u):
         for j in range(size):
             total += D[0, i, j] * X[0, j]
         moved[0, i] = total
-        for a in range(1, len(X)):
+        for a in range(1, len(D)):
             total = 0.0
             for j in range(size):
                 total += D[0, i, j] * X[a, j] + D[a, i, j] * X[0, j]
+            moved[a, i] = total
+        for a in range(len(D), len(X)):
+            total = 0.0
+            for j in range(size):
+                total += D[0, i, j] * X[a, j]
             moved[a, i] = total
