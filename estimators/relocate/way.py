@@ -3,7 +3,7 @@
 from flexaxis.estimators.sampling.sampled import move, sample
 
 prepare = sample
-"""``prepare(terms, theta, active)`` makes what `travel` needs at θ, with derivatives by some of θ."""
+"""``prepare(terms, theta, active)``: what `travel` needs at θ, with derivatives by active ones."""
 
 travel = move
 """``travel(prepared, X, moved, u)`` takes states and sensitivities (rows, n+1) over one sample."""
