@@ -8,7 +8,7 @@ ones fitted to the data since. The one with the most evidence wins, if it explai
 clearly. The filter goes back to k₀, takes the fitted value, and runs through the data again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,12 +36,13 @@ from flexaxis.estimators.relocate.policy import (
     Retract,
 )
 from flexaxis.estimators.relocate.rewind import Rewind
-from flexaxis.estimators.relocate.suspects import with_suspects
+from flexaxis.estimators.relocate.suspects import widened
 from flexaxis.estimators.sampling.pattern import split
 from flexaxis.estimators.sampling.sampled import terms
 
 Array = NDArray[np.float64]
 
+NOTICED = 50  # samples that say what the noise is, with a relative deviation of 20 %
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
 
 
@@ -58,6 +59,9 @@ class Relocate(RecursiveEstimator):
     suspects : sequence of str
         Parameters that are not estimated but may change; a change of one is found, named and
         put into the model.
+    track, learn : mapping of str to float
+        Parameters that are tracked besides, and that are learnt once and never forgotten, with the
+        standard deviations of what is known of them before [SI].
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -100,7 +104,9 @@ class Relocate(RecursiveEstimator):
         If an option cannot be used.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_hypotheses", "_rewind", "_policy")
+    _shared = (
+        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_policy",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -108,6 +114,8 @@ class Relocate(RecursiveEstimator):
         *,
         identify: Sequence[str] | None = None,
         suspects: Sequence[str] = (),
+        track: Mapping[str, float] | None = None,
+        learn: Mapping[str, float] | None = None,
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
         period: float,
@@ -134,18 +142,22 @@ class Relocate(RecursiveEstimator):
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
         super().__init__(narrow.model.names, output, narrow.bounds)
-        self._design = design = with_suspects(narrow, model, suspects)
-        self._p = len(self.names)
+        self._design, self._roles = widened(
+            narrow, model, track=track or {}, learn=learn or {}, suspects=suspects
+        )
+        design, roles, self._p = self._design, self._roles, len(self.names)
+        fading = roles.fading(design.forgetting, len(design.theta0))
         pattern, _ = split(design.model)
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
+        tuning["inflation"] = 1 / fading
         self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
         sizes = int(tuning["order"][0]), int(tuning["substeps"][0])
         model_ = terms(design.model, *sizes, period)
         box = design.lower, design.upper
-        self._hypotheses = Hypotheses(model_, box, self._p)
-        self._rewind = Rewind(model_, box, self._p, design.forgetting)
-        self._lookout = Lookout(model_, box, identified=self._p, period=period)
+        self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
+        self._rewind = Rewind(model_, box, roles, fading)
+        self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
         self._policy = Policy(period, gain=gain)
         self.reset()
         self._warm_up()
@@ -164,6 +176,7 @@ class Relocate(RecursiveEstimator):
         self._lookout.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
+        self._begun = len(self._roles.prior) == 0
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
         self._memory.state["stop"] = self._next_stop()
@@ -196,6 +209,8 @@ class Relocate(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         memory = self._memory
+        if not self._begun:
+            self._begin()
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -207,9 +222,21 @@ class Relocate(RecursiveEstimator):
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
+    def _begin(self) -> None:
+        """Begin to learn what has a prior of its own, as soon as the noise is known."""
+        noise = self._design.noise**2 or self._memory.roughness(NOTICED)
+        if noise > 0 and self._memory.state["samples"] >= NOTICED:
+            state, prior = self._memory.state, self._roles.prior
+            for M in (state["P"], state["claim"]):
+                M[prior, prior] = self._roles.deviation**2 / noise
+            state["granted"][prior] = state["P"][prior, prior]
+            self._begun = True
+
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""
         count = self._memory.count
+        if not self._begun:
+            return count + 1
         due = [self._lookout.due(count), *self._free.values()]
         if self._case is not None:
             due += [self._case.alarm + 1 + age for age in self._policy.ages]
@@ -272,7 +299,7 @@ class Relocate(RecursiveEstimator):
         if case.accepted is not None:
             self._name(case)
             settled = self._memory.count + round(SETTLED / self._design.period)
-            self._free |= {int(i): settled for i in case.active if i >= self._p}
+            self._free |= {int(i): settled for i in case.active if i >= self._roles.known}
         self._case = None
         self._memory.arm()
 

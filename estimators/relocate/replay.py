@@ -48,7 +48,7 @@ def replay(  # noqa: PLR0917
     claim: Array,
     signals: tuple[Array, Array, NDArray[np.bool_]],
     *,
-    forgetting: float,
+    forgetting: float | Array,
     box: tuple[Array, Array],
 ) -> Replayed:
     """
@@ -69,8 +69,8 @@ def replay(  # noqa: PLR0917
     signals : u (N+1,), y (N,), present (N,)
         Torque held after the start and after each sample, the output at each, and whether it was
         measured.
-    forgetting : float
-        λ.
+    forgetting : float or (p, p) array
+        λ, by which P is divided after each measurement, or one for each of its elements.
     box : (lower, upper), each (p,)
         On which θ is projected; the data are weighed as if it were not there.
     """
@@ -87,7 +87,8 @@ def replay(  # noqa: PLR0917
         np.ones(N),
     )
     start = X.copy(), P.copy(), claim.copy()
-    _replay(terms, theta, *start, u, np.r_[y, 0.0], np.r_[present, False], forgetting, made)
+    fading = np.broadcast_to(forgetting, P.shape).copy()
+    _replay(terms, theta, *start, u, np.r_[y, 0.0], np.r_[present, False], fading, made)
     moved = np.clip(made.theta, *box) - made.theta
     made.theta[:] += moved
     made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])
@@ -95,7 +96,7 @@ def replay(  # noqa: PLR0917
 
 
 @compiled
-def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa: PLR0917
+def _replay(terms, theta, X, P, claim, u, y, present, fading, made):  # noqa: PLR0917
     p, n = len(theta), terms.n
     prepared = prepare(terms, theta, np.arange(p))
     moved = np.empty_like(X)
@@ -107,7 +108,7 @@ def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa
         # u[k] follows the measurement before; where that is missing, nothing is forgotten
         for i in range(p if k == 0 or present[k - 1] else 0):
             for j in range(p):
-                P[i, j] /= forgetting
+                P[i, j] /= fading[i, j]
         if present[k]:
             s, total, epsilon = 1.0, 1.0, y[k] - ahead[0, n]
             for i in range(p):

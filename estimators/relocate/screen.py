@@ -16,7 +16,7 @@ from flexaxis.estimators.sampling.compiler import compiled
 
 
 @compiled
-def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
+def screen(terms, theta, active, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
     """
     Return the best time of a change of each parameter, its size, and what it gains.
 
@@ -26,6 +26,8 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
         The model with all parameters.
     theta : (p,) array
         Parameters before any change.
+    active : (q,) int array
+        Those that may have changed.
     x : (n,) array
         State before the stretch.
     u, y : (N,) arrays
@@ -41,22 +43,22 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
 
     Returns
     -------
-    onset : (p,) int array
+    onset : (q,) int array
         Sample of the stretch after which the parameter was different.
-    change : (p,) array
+    change : (q,) array
         By how much.
-    gain : (p,) array
+    gain : (q,) array
         Logarithm of the evidence over that of no change [nats].
     """
-    ahead = _forwards(terms, theta, x, u, y, present)
-    return _backwards(ahead, theta, present, variance, lower, upper, spread)
+    ahead = _forwards(terms, theta, active, x, u, y, present)
+    return _backwards(ahead, theta, active, present, variance, lower, upper, spread)
 
 
 @compiled
-def _forwards(terms, theta, x, u, y, present):  # noqa: PLR0917
+def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
     """Return z before each sample; ψ, ε (zero in gaps), F and c over it."""
-    N, p, n = len(u), len(theta), len(x)
-    prepared = prepare(terms, theta, np.arange(p))
+    N, p, n = len(u), len(active), len(x)
+    prepared = prepare(terms, theta, active)
     z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
     F, c = np.empty((N, n, n)), np.empty((N, n))
     X = np.zeros((1 + p + n, n + 1))  # the last n rows: by the state before the sample
@@ -84,7 +86,7 @@ def _forwards(terms, theta, x, u, y, present):  # noqa: PLR0917
 
 
 @compiled
-def _backwards(ahead, theta, present, variance, lower, upper, spread):  # noqa: PLR0917
+def _backwards(ahead, theta, active, present, variance, lower, upper, spread):  # noqa: PLR0917
     """Return onset, change and gain of `screen`."""
     z, psi, epsilon, F, c = ahead
     N, p, n = z.shape
@@ -117,9 +119,10 @@ def _backwards(ahead, theta, present, variance, lower, upper, spread):  # noqa: 
                 H -= 2 * b[i, j] * z[k, i, j]
                 for m in range(n):
                     H += z[k, i, j] * W[j, m] * z[k, i, m]
-            prior = 1 / (spread * theta[i]) ** 2
+            here, low, high = theta[active[i]], lower[active[i]], upper[active[i]]
+            prior = 1 / (spread * here) ** 2
             g, H = g / variance, max(H, 0.0) / variance + prior
-            delta = min(max(g / H, lower[i] - theta[i]), upper[i] - theta[i])
+            delta = min(max(g / H, low - here), high - here)
             gained = g * delta - (H * delta**2 + np.log(H / prior)) / 2
             if gained > gain[i]:
                 onset[i], change[i], gain[i] = k, delta, gained
