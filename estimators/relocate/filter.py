@@ -20,6 +20,7 @@ from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
+from flexaxis.estimators.relocate.beginning import FITTED, NOTICED, Beginning
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
@@ -42,7 +43,6 @@ from flexaxis.estimators.sampling.sampled import terms
 
 Array = NDArray[np.float64]
 
-NOTICED = 50  # samples that say what the noise is, with a relative deviation of 20 %
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
 
 
@@ -72,6 +72,9 @@ class Relocate(RecursiveEstimator):
         Standard deviation of y, in its unit; estimated from the residual by default.
     forgetting : float, optional
         λ of the main filter, for a sample; that of a time constant of 1 s by default.
+    walk : float, optional
+        Standard deviation by which a tracked parameter may have changed after a second, relative to
+        θ(0), in the place of forgetting.
     alarm : float
         Evidence at which the residual is looked into [nats].
     gain : float
@@ -105,7 +108,8 @@ class Relocate(RecursiveEstimator):
     """
 
     _shared = (
-        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_policy",
+        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_beginning",
+        "_policy",
     )  # fmt: skip
 
     def __init__(
@@ -121,6 +125,7 @@ class Relocate(RecursiveEstimator):
         period: float,
         noise: float | None = None,
         forgetting: float | None = None,
+        walk: float | None = None,
         alarm: float = 10.0,
         gain: float = 14.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
@@ -133,12 +138,13 @@ class Relocate(RecursiveEstimator):
             theta0=theta0,
             P0=P0,
             period=period,
-            forgetting=forgetting,
+            forgetting=forgetting if walk is None else 1.0,
             bounds=bounds,
             output=output,
             noise=noise,
             x0=x0,
         )
+        self._walk = 0.0 if walk is None else above_zero("walk", walk, "the relative sd after 1 s")
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
         super().__init__(narrow.model.names, output, narrow.bounds)
@@ -157,6 +163,9 @@ class Relocate(RecursiveEstimator):
         box = design.lower, design.upper
         self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
         self._rewind = Rewind(model_, box, roles, fading)
+        self._beginning = (
+            Beginning(model_, box, design.theta0, roles) if roles.known > roles.named else None
+        )
         self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
         self._policy = Policy(period, gain=gain)
         self.reset()
@@ -176,7 +185,8 @@ class Relocate(RecursiveEstimator):
         self._lookout.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
-        self._begun = len(self._roles.prior) == 0
+        self._noise = 0.0  # its variance, when what has a prior of its own began to be learnt
+        self._fits: list[int] = []  # counts at which all data are to be fitted
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
         self._memory.state["stop"] = self._next_stop()
@@ -209,8 +219,8 @@ class Relocate(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         memory = self._memory
-        if not self._begun:
-            self._begin()
+        if self._beginning is not None:
+            self._begin(self._beginning)
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -222,22 +232,24 @@ class Relocate(RecursiveEstimator):
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
-    def _begin(self) -> None:
-        """Begin to learn what has a prior of its own, as soon as the noise is known."""
-        noise = self._design.noise**2 or self._memory.roughness(NOTICED)
-        if noise > 0 and self._memory.state["samples"] >= NOTICED:
-            state, prior = self._memory.state, self._roles.prior
-            for M in (state["P"], state["claim"]):
-                M[prior, prior] = self._roles.deviation**2 / noise
-            state["granted"][prior] = state["P"][prior, prior]
-            self._begun = True
+    def _begin(self, known: Beginning) -> None:
+        """Begin to learn what has a prior of its own as soon as the noise is known; fit it."""
+        memory, noise = self._memory, self._noise
+        if not noise and memory.state["samples"] >= NOTICED:
+            noise = self._noise = self._design.noise**2 or memory.roughness(NOTICED)
+            tracked = np.arange(len(self._design.theta0)) < self._roles.tracked
+            memory.drift = np.diag(tracked * self._walk**2 * self._design.period / noise)
+            self._fits = [memory.count + round(t / self._design.period) for t in FITTED]
+            self._rewind.to_fit(memory, known, memory.state["theta"].copy(), noise)
+        if memory.count in self._fits:
+            self._rewind.to_fit(memory, known, known.fit(memory, noise), noise)
 
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""
         count = self._memory.count
-        if not self._begun:
+        if self._beginning and not self._noise:
             return count + 1
-        due = [self._lookout.due(count), *self._free.values()]
+        due = [self._lookout.due(count), *self._free.values(), *self._fits]
         if self._case is not None:
             due += [self._case.alarm + 1 + age for age in self._policy.ages]
         return min(when for when in due if when > count)

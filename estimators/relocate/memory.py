@@ -103,6 +103,15 @@ class Memory:
         return self._states[0]
 
     @property
+    def drift(self) -> Array:
+        """Δ, which P gains in a sample."""
+        return self._tuning["drift"][0]
+
+    @drift.setter
+    def drift(self, value: Array) -> None:
+        self._tuning["drift"][0] = value
+
+    @property
     def count(self) -> int:
         """Samples taken."""
         return int(self.state["count"])

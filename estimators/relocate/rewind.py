@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.beginning import Beginning
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.memory import Memory
@@ -80,6 +81,15 @@ class Rewind:
         P[prior, prior] = self.roles.deviation**2 / found.square
         self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
 
+    def to_fit(self, memory: Memory, known: Beginning, theta: Array, noise: float) -> None:
+        """Go back as far as is remembered, and begin anew near parameters that explain it all."""
+        first, n, mine = memory.first, self.terms.n, np.arange(self.roles.known)
+        X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
+        X[0, :n] = memory.stretch(first).x[0]
+        P[mine, mine] = known.deviation**2 / noise
+        row, signals = memory.beginning(first + 1), memory.signals(first)[1:]
+        self._run(memory, row, theta, (X, P, P), signals, before=known.theta0)
+
     def _run(
         self,
         memory: Memory,
@@ -87,9 +97,18 @@ class Rewind:
         theta: Array,
         start: tuple[Array, Array, Array],
         signals: tuple[Array, NDArray[np.bool_]],
+        *,
+        before: Array | None = None,
     ) -> None:
         u = memory.read("u", int(row["count"]) - 1)
         replayed = replay(
-            self.terms, theta, *start, (u, *signals), forgetting=self.fading, box=self.box
+            self.terms,
+            theta,
+            *start,
+            (u, *signals),
+            forgetting=self.fading,
+            drift=memory.drift,
+            box=self.box,
+            before=before,
         )
         memory.rewrite(row, replayed)
