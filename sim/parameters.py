@@ -35,6 +35,10 @@ PARAMETER_NAMES = tuple(PARAMETER_UNITS)
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """What is estimated unless a scenario says otherwise: the paper's three."""
 
+DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
+"""What else can be told of an axis, with its unit: periods of cogging in a turn of the motor, the
+largest command that acts, and the standard deviation of the measurement noise."""
+
 MAY_BE_ZERO = frozenset({"d_g", "d_a", "f_m", "f_g", "f_a"})
 """Dampings and frictions; every other parameter must be positive."""
 

@@ -77,15 +77,16 @@ class Plant:
         nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:
         values = _as_rows(parameters)
-        model = _compile(period / substeps, nonlinear)
-        self._batch = Batch(model, len(values), threads)
         self._called = any(isinstance(each, LAWS) for each in nonlinear)
         if self._called:
             passive.install()
+        model = _compile(period / substeps, nonlinear)
+        self._batch = Batch(model, len(values), threads)
         self._substeps = substeps
         self._places = _places(self._batch, model)
         self._springs = _Springs(self._batch, model) if model.tendon_stiffnesspoly.any() else None
-        self._laws = [_KeptLaw(self._batch, model, each) for each in nonlinear if isinstance(each, Law)]
+        laws = [each for each in nonlinear if isinstance(each, Law)]
+        self._laws = [_KeptLaw(self._batch, model, law) for law in laws]
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -124,10 +125,6 @@ class Plant:
             self._batch.set_const()
         self._values = values
 
-    def set_coulomb(self, level: float) -> None:
-        """Change the Coulomb friction of the motor [N m] from now on, in all runs."""
-        self.set_law("f_c", level)
-
     def set_law(self, name: str, values: float | Array) -> None:
         """Change a parameter of a law from now on, such as the level f_c of dry friction.
 
@@ -149,7 +146,8 @@ class Plant:
             if name in law.names:
                 law.set(name, values)
                 return
-        raise ParameterError(unknown("parameter", name, [n for law in self._laws for n in law.names]))
+        known = [known for law in self._laws for known in law.names]
+        raise ParameterError(unknown("parameter", name, known))
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.

@@ -14,7 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.theta import physical, started_theta, true_theta
+from flexaxis.experiments.scoring.theta import (
+    nominal_theta,
+    physical,
+    started_theta,
+    true_theta,
+)
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
 from flexaxis.sim.scenario import Scenario
 
@@ -38,8 +43,8 @@ class Track:
         Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
         Estimates θ[k], made from y[0..k].
-    true_parameters : ndarray (N, 12)
-        True physical parameters.
+    true_parameters : ndarray (N, P)
+        True physical parameters, as `Scenario.parameter_names` names them.
     torque : ndarray (N,), optional
         Of the record; the bounds need it.
     claimed : ndarray (p, p), optional
@@ -65,12 +70,12 @@ class Track:
     @cached_property
     def truth(self) -> Array:
         """True θ (N, p)."""
-        return true_theta(self.names, self.true_parameters)
+        return true_theta(self.names, self.true_parameters, self.scenario.parameter_names)
 
     @cached_property
     def nominal(self) -> Array:
         """Nominal θ (p,)."""
-        return true_theta(self.names, self.scenario.nominal.as_array())
+        return nominal_theta(self.scenario, self.names)
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
