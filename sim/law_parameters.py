@@ -29,6 +29,9 @@ coefficient of the gear spring, and the width of its gap on the arm side.
 LAW_NAMES = tuple(LAW_UNITS)
 """The parameters of laws in the order of their columns."""
 
+LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
+"""What may vanish in the course of a run."""
+
 ESTIMATED_ONLY = ("c_sin", "c_cos")
 """What an estimator may call a parameter though no record has it: the phase of cogging is free."""
 
