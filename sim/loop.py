@@ -88,8 +88,9 @@ class _Changes:
         if k in self._moves:
             plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
         if k in self._turns:
-            for i in np.flatnonzero(self._laws[k] != self._laws[k - 1]):
-                plant.set_law(self._names[i], self._laws[k, i])
+            for name, before, now in zip(self._names, *self._laws[k - 1 : k + 1], strict=True):
+                if before != now:
+                    plant.set_law(name, now)
 
 
 def _changing(values: Array) -> set[int]:

@@ -74,7 +74,7 @@ def test_a_fault_of_the_level_of_friction_acts_from_its_sample_on():
     speed = []
     for k, torque in enumerate(record.torque):
         if k == 200:
-            plant.set_coulomb(0.2)
+            plant.set_law("f_c", 0.2)
         speed.append(plant.speed_m[0])
         plant.step(np.array([torque]))
     assert np.array_equal(record.true_speed, speed)

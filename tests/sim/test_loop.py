@@ -116,7 +116,7 @@ def test_the_level_of_coulomb_friction_changes_when_told(make):
         speed = []
         for k, value in enumerate(record.torque):
             if k == change:
-                plant.set_coulomb(0.2)
+                plant.set_law("f_c", 0.2)
             speed.append(plant.speed_m[0])
             plant.step(np.array([value]))
         assert np.array_equal(record.true_speed, speed) == agrees
