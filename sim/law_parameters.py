@@ -50,6 +50,9 @@ LAWS: Mapping[str, Mapping[str, Callable[[Mapping[str, Any]], float]]] = {
         "alpha": lambda table: table["alpha"],
         "beta": lambda table: table["beta"],
     },
+    "directional_friction": {"f_c": lambda table: table["f_c"]},
+    "position_friction": {"f_c": lambda table: table["f_c"]},
+    "load_friction": {"f_c": lambda table: table["f_c"]},
     "stiffening": {"kappa": lambda table: table["gear"]},
     "backlash": {"gap": lambda table: table["gear"]},
 }
@@ -60,8 +63,9 @@ Where two tables have one of the same name, it is that of the first.
 
 SETTABLE = tuple(
     (table, name)
-    for table in ("friction", "lugre", "static_friction")
-    for name in LAWS[table]
+    for table, names in LAWS.items()
+    if table not in ("stiffening", "backlash")
+    for name in names
 )
 """What the engine can change in the course of a run: table and parameter."""
 
