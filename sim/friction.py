@@ -115,7 +115,7 @@ class DirectionalFrictionConfig(Config):
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
-        return self.model_dump()
+        return {"f_c": self.f_c}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
         """Return where the engine keeps the parameters of its law, and as what."""
@@ -164,7 +164,7 @@ class PositionFrictionConfig(Config):
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
-        return self.model_dump()
+        return {"f_c": self.f_c}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
         """Return where the engine keeps the parameters of its law, and as what."""
@@ -211,7 +211,7 @@ class LoadFrictionConfig(Config):
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
-        return self.model_dump()
+        return {"f_c": self.f_c}
 
     def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
         """Return where the engine keeps the parameters of its law, and as what."""
@@ -254,15 +254,6 @@ class PowerFrictionConfig(Config):
         """Build it into an `MjSpec`."""
         add_row(spec, self)
 
-    @property
-    def law(self) -> dict[str, float]:
-        """Its parameters by name."""
-        return self.model_dump()
-
-    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
-        return row_places(self, law)
-
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"friction of {self.torque_at_1:g} N m times the speed to the power of {self.exponent:g}"
@@ -276,8 +267,8 @@ def add_row(spec: Any, table: BaseModel) -> None:
 
 def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
     """Return where the engine keeps the parameters of a law in its row, and their values."""
-    places = (Place("numeric_data", _row_name(table), _FIRST + i) for i in range(len(law)))
-    return dict(zip(places, law.values(), strict=True))
+    place = {name: _FIRST + i for i, name in enumerate(type(table).model_fields)}
+    return {Place("numeric_data", _row_name(table), place[n]): value for n, value in law.items()}
 
 
 def _row_name(table: BaseModel) -> str:

@@ -213,6 +213,11 @@ class BacklashConfig(Config):
         """Build it into an `MjSpec`."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
 
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"gap": self.gear}
+
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"backlash of {self.gear:g} rad at the gear"
@@ -237,6 +242,11 @@ class StiffeningConfig(Config):
         """Build it into an `MjSpec`."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"kappa": self.gear}
 
     def in_words(self) -> str:
         """Return what it is and how large."""

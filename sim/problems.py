@@ -13,10 +13,10 @@ from flexaxis.sim.errors import did_you_mean, unknown
 from flexaxis.sim.excitation import Excitation
 from flexaxis.sim.faults import Fault
 from flexaxis.sim.law_parameters import (
+    FIXED,
     LAW_MAY_BE_ZERO,
     LAW_NAMES,
     LAWS,
-    SETTABLE,
     law_owners,
     meant,
 )
@@ -255,7 +255,7 @@ def _change_problems(
     if isinstance(parameter, str) and (law := meant(parameter)) in LAW_NAMES:
         if law not in laws:
             yield "parameter", _no_such_law(law)
-        elif (laws[law], law) not in SETTABLE:
+        elif laws[law] in FIXED:
             yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
     if factor == 0 and _must_stay_positive(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"

@@ -197,7 +197,7 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return law_values({key: vars(table) for key, table in self.nonlinear.items()})
+        return law_values(self.nonlinear.values())
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

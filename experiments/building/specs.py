@@ -105,9 +105,9 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
     That is the nominal parameters (with the scenario's `start` on the identified ones, and with
     what its data sheet says) and the period; and, where its constructor has keywords of these
-    names, `identify`, `output`, `noise` (only where the scenario has told.noise) and `torque` (a
-    nominal reference run, from which a P(0) can be computed). What a scenario wants identified of friction and other laws is asked only of those
-    that declare `laws`.
+    names, `identify`, `output`, `noise` (where the scenario has told.noise) and `torque` (a
+    nominal reference run, from which a P(0) can be computed). Parameters of friction and other
+    laws that a scenario asks for are asked of those alone that declare `laws`.
 
     Raises
     ------

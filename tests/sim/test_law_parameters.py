@@ -1,11 +1,14 @@
 """Parameters of the plant's laws: in scenarios, in records, and what changes them."""
 
+from typing import get_args
+
 import h5py
 import numpy as np
 import pytest
 
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.law_parameters import LAW_NAMES, LAWS, law_values
+from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAWS
+from flexaxis.sim.nonlinear import Law
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.record import load_record
@@ -13,6 +16,7 @@ from flexaxis.sim.scenario import Scenario, parse_scenario
 from flexaxis.sim.simulate import simulate
 
 LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.15, stribeck = 0.5 }"
+STATIC = "static_friction = { f_c = 0.2, f_s = 0.1, alpha = 3.0, beta = 8.0 }"
 REST = "stiffening.gear = 2e4\nbacklash.gear = 2e-5\ncogging = { amplitude = 0.05, poles = 24 }\n"
 STEP = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = {}\n'
 
@@ -33,10 +37,14 @@ def test_each_law_has_its_parameters_by_name():
     assert made("cogging = { amplitude = 0.05, poles = 24 }").laws == {} == made().laws
 
 
-def test_every_table_with_parameters_is_one_of_a_scenario():
-    assert LAWS.keys() <= Scenario.model_fields.keys()
-    assert {name for names in LAWS.values() for name in names} <= set(LAW_NAMES)
-    assert law_values({}) == {}
+def test_every_table_says_what_is_declared_of_it():
+    tables = made(LUGRE, REST, STATIC, "friction.coulomb = 0.1").nonlinear
+    declared = {key: tuple(table.law) for key, table in tables.items() if hasattr(table, "law")}
+    assert declared == dict(LAWS) and list(declared) == list(LAWS)
+    assert {key for key in declared if not isinstance(tables[key], Law)} == set(FIXED)
+    assert {name for names in LAWS.values() for name in names} == set(LAW_NAMES)
+    types = {key: get_args(field.annotation) for key, field in Scenario.model_fields.items()}
+    assert {key for key, each in types.items() if any(hasattr(t, "law") for t in each)} == set(LAWS)
 
 
 def test_a_record_has_them_after_the_twelve_and_keeps_them(tmp_path):
@@ -66,10 +74,21 @@ def test_a_fault_of_the_level_of_friction_acts_from_its_sample_on():
     speed = []
     for k, torque in enumerate(record.torque):
         if k == 200:
-            plant.set_coulomb(0.2)
+            plant.set_law("f_c", 0.2)
         speed.append(plant.speed_m[0])
         plant.step(np.array([torque]))
     assert np.array_equal(record.true_speed, speed)
+
+
+@pytest.mark.parametrize("name", ["f_c", "f_s", "v_s", "sigma_0", "sigma_1"])
+def test_every_parameter_of_bristles_can_change(name):
+    scenario = made(LUGRE, STEP.format(name, 0.5))
+    (record,) = simulate(scenario, [0])
+    column = record.true_parameters[:, record.parameter_names.index(name)]
+    assert column[200] == pytest.approx(0.5 * column[199]) and np.ptp(column[:200]) == 0
+    (unchanged,) = simulate(made(LUGRE, f'streams = "{scenario.key}"'), [0])
+    moved = np.abs(record.true_speed - unchanged.true_speed)
+    assert not moved[:201].any() and moved[201:].max() > 1e-3
 
 
 def test_both_names_of_it_are_one_parameter():
