@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, Field
 
 from flexaxis.sim.config import Config, Positive
-from flexaxis.sim.nonlinear import Place
+from flexaxis.sim.places import Place
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
@@ -172,7 +172,8 @@ class PositionFrictionConfig(Config):
 
     def in_words(self) -> str:
         """Return what it is and how large."""
-        return f"dry friction of {self.f_c:g} N m ± {100 * self.ripple:g} %, {self.waves} waves a turn"
+        size = f"{self.f_c:g} N m ± {100 * self.ripple:g} %"
+        return f"dry friction of {size}, {self.waves} waves a turn"
 
 
 class LoadFrictionConfig(Config):
@@ -256,7 +257,7 @@ class PowerFrictionConfig(Config):
 
     def in_words(self) -> str:
         """Return what it is and how large."""
-        return f"friction of {self.torque_at_1:g} N m times the speed to the power of {self.exponent:g}"
+        return f"friction of {self.torque_at_1:g} N m times speed to the power of {self.exponent:g}"
 
 
 def add_row(spec: Any, table: BaseModel) -> None:
