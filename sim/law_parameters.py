@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -29,28 +29,26 @@ coefficient of the gear spring, and the width of its gap on the arm side.
 LAW_NAMES = tuple(LAW_UNITS)
 """The parameters of laws in the order of their columns."""
 
+LAW_MAY_BE_ZERO = frozenset({"f_c", "f_s"})
+"""What may vanish in the course of a run."""
+
 ESTIMATED_ONLY = ("c_sin", "c_cos")
 """What an estimator may call a parameter though no record has it: the phase of cogging is free."""
 
-LAWS: Mapping[str, Mapping[str, Callable[[Mapping[str, Any]], float]]] = {
-    "friction": {"f_c": lambda table: table["coulomb"]},
-    "lugre": {
-        "f_c": lambda table: table["coulomb"],
-        "f_s": lambda table: table["static"] - table["coulomb"],
-        "v_s": lambda table: table["stribeck"],
-        "sigma_0": lambda table: table["stiffness"],
-        "sigma_1": lambda table: table["damping"],
-    },
-    "stiffening": {"kappa": lambda table: table["gear"]},
-    "backlash": {"gap": lambda table: table["gear"]},
+LAWS: Mapping[str, tuple[str, ...]] = {
+    "friction": ("f_c",),
+    "lugre": ("f_c", "f_s", "v_s", "sigma_0", "sigma_1"),
+    "static_friction": ("f_c", "f_s", "alpha", "beta"),
+    "backlash": ("gap",),
+    "stiffening": ("kappa",),
 }
-"""The parameters of each table of a scenario that is a law: how to read them from it.
+"""The parameters of each table of a scenario that is a law, in the order of its keys.
 
-Where two tables have one of the same name, it is that of the first.
+The table says their values (`law`). Where two have a parameter of the same name, it is the first's.
 """
 
-SETTABLE = (("friction", "f_c"),)
-"""What the engine can change in the course of a run: table and parameter."""
+FIXED = ("backlash", "stiffening")
+"""Tables whose parameters cannot change in the course of a run."""
 
 COULOMB = "coulomb"
 """Another name of f_c in a fault or nuisance."""
@@ -87,13 +85,15 @@ def law_owners(tables: Mapping[str, Any]) -> dict[str, str]:
     return {name: owners[name] for name in LAW_NAMES if name in owners}
 
 
-def law_values(tables: Mapping[str, Any]) -> dict[str, float]:
-    """Return the parameters of the laws of a plant, in the order of their columns.
+def law_values(tables: Iterable[Any]) -> dict[str, float]:
+    """Return the parameters of laws, in the order of their columns.
 
     Parameters
     ----------
-    tables : mapping
-        As for `law_owners`, checked.
+    tables : iterable
+        Of a scenario, in the order of its keys; those that are laws have `law`.
     """
-    owners = law_owners(tables)
-    return {name: float(LAWS[key][name](tables[key])) for name, key in owners.items()}
+    values: dict[str, float] = {}
+    for table in tables:
+        values = getattr(table, "law", {}) | values
+    return {name: float(values[name]) for name in LAW_NAMES if name in values}

@@ -88,7 +88,8 @@ class _Changes:
         if k in self._moves:
             plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
         if k in self._turns:
-            plant.set_coulomb(self._laws[k, self._names.index("f_c")])
+            for i in np.flatnonzero(self._laws[k] != self._laws[k - 1]):
+                plant.set_law(self._names[i], self._laws[k, i])
 
 
 def _changing(values: Array) -> set[int]:

@@ -12,7 +12,14 @@ from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import did_you_mean, unknown
 from flexaxis.sim.excitation import Excitation
 from flexaxis.sim.faults import Fault
-from flexaxis.sim.law_parameters import LAW_NAMES, LAWS, SETTABLE, law_owners, meant
+from flexaxis.sim.law_parameters import (
+    FIXED,
+    LAW_MAY_BE_ZERO,
+    LAW_NAMES,
+    LAWS,
+    law_owners,
+    meant,
+)
 from flexaxis.sim.parameters import (
     DATA_SHEET,
     DEFAULT_IDENTIFY,
@@ -248,9 +255,9 @@ def _change_problems(
     if isinstance(parameter, str) and (law := meant(parameter)) in LAW_NAMES:
         if law not in laws:
             yield "parameter", _no_such_law(law)
-        elif (laws[law], law) not in SETTABLE:
+        elif laws[law] in FIXED:
             yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
-    if factor == 0 and parameter in PARAMETER_NAMES and not _may_be_zero(parameter):
+    if factor == 0 and _must_stay_positive(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 
 
@@ -270,6 +277,11 @@ def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any
         for index, change in enumerate(_items(content.get(table))):
             if isinstance(change, Mapping):
                 yield f"{table}[{index}]", change
+
+
+def _must_stay_positive(parameter: Any) -> bool:
+    known = parameter in (*PARAMETER_NAMES, *LAW_NAMES)
+    return known and parameter not in MAY_BE_ZERO | LAW_MAY_BE_ZERO
 
 
 def _may_be_zero(parameter: Any) -> bool:

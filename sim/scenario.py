@@ -20,6 +20,7 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
+from flexaxis.sim.friction import StaticFrictionConfig
 from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.nonlinear import (
@@ -90,7 +91,7 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+    filter, friction, lugre, static_friction, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
@@ -119,6 +120,7 @@ class Scenario(Config):
     controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
+    static_friction: StaticFrictionConfig | None = None
     cogging: CoggingConfig | None = None
     backlash: BacklashConfig | None = None
     stiffening: StiffeningConfig | None = None
@@ -189,7 +191,7 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return law_values({key: table.model_dump() for key, table in self.nonlinear.items()})
+        return law_values(self.nonlinear.values())
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -105,9 +105,9 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
 
     That is the nominal parameters (with the scenario's `start` on the identified ones, and with
     what its data sheet says) and the period; and, where its constructor has keywords of these
-    names, `identify`, `output` and `torque` (a nominal reference run, from which a P(0) can be
-    computed). What a scenario wants identified of friction and other laws is asked only of those
-    that declare `laws`.
+    names, `identify`, `output`, `noise` (where the scenario has told.noise) and `torque` (a
+    nominal reference run, from which a P(0) can be computed). Parameters of friction and other
+    laws that a scenario asks for are asked of those alone that declare `laws`.
 
     Raises
     ------
@@ -118,6 +118,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         If its constructor raises anything.
     """
     offered: dict[str, Any] = {"identify": _asked(spec, scenario), "output": scenario.output}
+    if "noise" in scenario.data_sheet:
+        offered["noise"] = scenario.data_sheet["noise"]
     if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
     nominal = started_nominal(scenario)
@@ -198,7 +200,13 @@ def _asked(spec: Spec, scenario: Scenario) -> tuple[str, ...]:
     """Return what an estimator is asked to identify: what is of no law, unless it has `laws`."""
     if _has_laws(spec.make):
         return scenario.identify
-    return tuple(name for name in scenario.identify if name not in LAW_NAMES)
+    linear = tuple(name for name in scenario.identify if name not in LAW_NAMES)
+    if not linear:
+        raise EstimatorError(
+            f"{spec.text} does not declare `laws`, and {scenario.name} asks for nothing but "
+            f"{', '.join(scenario.identify)}: leave the scenario out"
+        )
+    return linear
 
 
 def _has_laws(make: Callable[..., Any]) -> bool:

@@ -21,6 +21,7 @@ from flexaxis.experiments.scoring.theta import (
     true_theta,
 )
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -84,8 +85,17 @@ class Track:
 
     @cached_property
     def lost(self) -> int | None:
-        """First sample from which the run is lost, None for a run that is not."""
-        return loss(self.theta, self.box, self.scenario.period)
+        """First sample from which the run is lost, None for a run that is not.
+
+        A parameter of a law may come near zero, for an axis may have no friction of a kind, and
+        that is where begins who was told nothing of it; and one that is not asked for may go
+        anywhere, for the structure that an estimator assumes need not be that of the plant.
+        """
+        law = [name in LAW_NAMES for name in self.names]
+        besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
+        lower, upper = self.box
+        edges = np.where(law, -np.inf, lower), np.where(besides, np.inf, upper)
+        return loss(self.theta, edges, self.scenario.period)
 
     @cached_property
     def error(self) -> Array:

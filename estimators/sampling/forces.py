@@ -1,0 +1,182 @@
+"""
+The torque of each kind of law over a step, with its derivatives, in compiled code.
+
+Every function writes into ``local``: the torque F, its derivatives by the drive w and by the law's
+own state s, then s⁺ at the end of the step and its derivatives by w and by s, and from `ROLE` on
+the derivatives of F and of s⁺ by the law's parameters, in pairs. w is the mean drive of the step.
+Laws and roles: `flexaxis.estimators.models.laws`.
+"""
+
+import numpy as np
+
+from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
+from flexaxis.estimators.sampling.compiler import compiled, inlined
+
+F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
+WIDTH = ROLE + 2 * MOST_ROLES
+BRISTLE, STATIC, SPRING, SINUSOID, CLIP = (
+    KINDS.index(kind) for kind in ("bristle", "static", "spring", "sinusoid", "clip")
+)
+SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
+FAST = 20.0  # of v/v_0: tanh is one to round-off
+NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
+LEAST = 1e-300  # [N m] a bristle's level, so that none divides by zero
+
+
+@compiled
+def force(kind, w, s, h, value, local):  # noqa: PLR0917
+    """
+    Write the torque of a law and its derivatives.
+
+    Parameters
+    ----------
+    kind : int
+    w, s : float
+        Mean drive over the step, and the law's own state before it.
+    h : float
+        Length of the step [s].
+    value : (R,) array
+        Parameters by role.
+    local : (`WIDTH`,) array
+        Overwritten.
+    """
+    for i in range(len(local)):
+        local[i] = 0.0
+    if kind == BRISTLE:
+        bristle(w, s, h, value, local)
+    elif kind == STATIC:
+        static(w, value, local)
+    elif kind == SPRING:
+        spring(w, value, local)
+    elif kind == SINUSOID:
+        sinusoid(w, value, local)
+    elif kind == CLIP:
+        clip(w, value, local)
+
+
+@inlined
+def bristle(v, p, h, value, local):
+    """
+    Relax the torque p of the bristles at a constant speed v, exactly, and take its mean.
+
+    With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
+    p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
+    """
+    stiffness, tau = value[3], value[4] / value[3] / h
+    level, level_v, bump, level_s = sliding(abs(v), value)
+    r, r_v, r_0 = softened(abs(v), value[5])
+    rate = stiffness * h / level
+    a, b = rate * r, stiffness * h * v
+    e, one, two, one_a, two_a = relaxation(a)
+    end = p * e + b * one
+    local[F], local[S] = p * one + b * two + tau * (end - p), end
+    local[S_S], local[F_S] = e, one + tau * (e - 1.0)
+    end_a, mean_a = -p * e + b * one_a, p * one_a + b * two_a
+    sign = 1.0 if v >= 0.0 else -1.0
+    a_v = sign * rate * (r_v - r * level_v / level)
+    local[S_W] = end_a * a_v + one * stiffness * h
+    local[F_W] = mean_a * a_v + two * stiffness * h + tau * local[S_W]
+    a_level = -a / level
+    for role, da in enumerate(
+        (a_level, a_level * bump, a_level * level_s, a / stiffness, 0.0, rate * r_0)
+    ):
+        db = b / stiffness if role == 3 else 0.0
+        change = end_a * da + one * db
+        local[ROLE + 2 * role + 1] = change
+        local[ROLE + 2 * role] = mean_a * da + two * db + tau * change
+    local[ROLE + 6] -= tau / stiffness * (end - p)
+    local[ROLE + 8] = (end - p) / stiffness / h
+
+
+@inlined
+def sliding(size, value):
+    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives by |v|, f_s and v_s."""
+    f_c, f_s, v_s = value[0], value[1], value[2]
+    bump, level_v, level_s = 0.0, 0.0, 0.0
+    if v_s > 0.0:
+        bump = np.exp(-((size / v_s) ** 2))
+        level_v = -2.0 * f_s * size / v_s**2 * bump
+        level_s = 2.0 * f_s * size**2 / v_s**3 * bump
+    level = f_c + f_s * bump
+    return level if abs(level) > LEAST else LEAST, level_v, bump, level_s
+
+
+@inlined
+def softened(size, v_0):
+    """Return r = |v|/tanh(|v|/v_0), by which |v|/g stays finite at rest; and by |v| and v_0."""
+    if v_0 <= 0.0 or size > FAST * v_0:
+        return size, 1.0, 0.0
+    x = size / v_0
+    if x < NEAR:
+        return v_0 * (1.0 + x * x / 3.0), 2.0 * x / 3.0, 1.0 - x * x / 3.0
+    t = np.tanh(x)
+    slope = (1.0 - t * t) / (t * t)
+    return size / t, 1.0 / t - x * slope, x * x * slope
+
+
+@inlined
+def relaxation(a):
+    """Return e^−a, φ₁, φ₂ and the derivatives of φ₁ and φ₂."""
+    e = np.exp(-a)
+    if a > SMALL:
+        one = (1.0 - e) / a
+        two = (1.0 - one) / a
+        one_a = (e - one) / a
+        return e, one, two, one_a, -(one_a + two) / a
+    one, two, one_a, two_a, power = 0.0, 0.0, 0.0, 0.0, 1.0  # Σ (−a)^k/(k+1)!, /(k+2)!
+    for k in range(10):
+        one += power
+        two += power / (k + 2)
+        one_a -= power * (k + 1) / (k + 2)
+        two_a -= power * (k + 1) / ((k + 2) * (k + 3))
+        power *= -a / (k + 2)
+    return e, one, two, one_a, two_a
+
+
+@inlined
+def static(v, value, local):
+    """F = [f_c + f_s/cosh(α v)] tanh(β v)."""
+    f_c, f_s, alpha, beta = value[0], value[1], value[2], value[3]
+    bell, fall = 1.0 / np.cosh(alpha * v), np.tanh(alpha * v)
+    t = np.tanh(beta * v)
+    level, steep = f_c + f_s * bell, 1.0 - t * t
+    local[F] = level * t
+    local[F_W] = level * beta * steep - f_s * alpha * bell * fall * t
+    local[ROLE], local[ROLE + 2] = t, bell * t
+    local[ROLE + 4] = -f_s * v * bell * fall * t
+    local[ROLE + 6] = level * v * steep
+
+
+@inlined
+def spring(x, value, local):
+    """F = d + κ d³ − x, with d what of x lies outside the gap."""
+    kappa, half = value[0], 0.5 * value[1]
+    d, side = 0.0, 0.0
+    if x > half:
+        d, side = x - half, 1.0
+    elif x < -half:
+        d, side = x + half, -1.0
+    slope = (1.0 + 3.0 * kappa * d * d) * side * side
+    local[F] = d + kappa * d**3 - x
+    local[F_W] = slope - 1.0
+    local[ROLE], local[ROLE + 2] = d**3, -0.5 * side * slope
+
+
+@inlined
+def sinusoid(angle, value, local):
+    """F = a sin(N φ) + b cos(N φ)."""
+    a, b, poles = value[0], value[1], value[2]
+    sine, cosine = np.sin(poles * angle), np.cos(poles * angle)
+    local[F] = a * sine + b * cosine
+    turned = a * cosine - b * sine
+    local[F_W] = poles * turned
+    local[ROLE], local[ROLE + 2], local[ROLE + 4] = sine, cosine, angle * turned
+
+
+@inlined
+def clip(u, value, local):
+    """F = u clipped to ± the limit, less u."""
+    limit = value[0]
+    if abs(u) > limit:
+        side = 1.0 if u > 0.0 else -1.0
+        local[F], local[F_W], local[ROLE] = side * limit - u, -1.0, side
