@@ -1,8 +1,9 @@
 """The shipped models, by name: one, two and three masses."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 
 PAPER = ("k_T", "1/J_a", "f_m")  # what the paper identifies
@@ -69,6 +70,84 @@ def three_mass(nominal: Mapping[str, float]) -> Model:
         identify=PAPER,
         fixed=("r",),
     )
+
+
+BRISTLES = Law(
+    "bristle",
+    drive={"speed_motor": 1.0},
+    acts={"speed_motor": "-1/J_m"},
+    parameters={
+        "coulomb": "f_c",
+        "breakaway": "f_s",
+        "stribeck": "v_s",
+        "stiffness": "sigma_0",
+        "damping": "sigma_1",
+        "softness": "v_0",
+    },
+)
+"""Dry friction of the motor: Coulomb's, LuGre's and the published static curve's, by parameters."""
+STATIC = Law(
+    "static",
+    drive={"speed_motor": 1.0},
+    acts={"speed_motor": "-1/J_m"},
+    parameters={"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
+)
+"""The published static friction of an industrial robot's motor."""
+GEAR_SPRING = Law(
+    "spring",
+    drive={"twist_gear": 1.0},
+    acts={"speed_motor": "-r*k_g/J_m", "speed_gear": "k_g/J_g"},
+    parameters={"cubic": "kappa", "gap": "gap"},
+)
+"""A gear spring that stiffens, and has play."""
+COGGING = Law(
+    "sinusoid",
+    drive={"angle_motor": 1.0},
+    acts={"speed_motor": "1/J_m"},
+    parameters={"sine": "c_sin", "cosine": "c_cos", "poles": "poles"},
+)
+"""Cogging of the motor, for a model with its angle: see `with_angle`."""
+LIMIT = Law(
+    "clip",
+    drive={INPUT: 1.0},
+    acts={"speed_motor": "k_T/J_m"},
+    parameters={"limit": "torque_limit"},
+)
+"""The torque limit of the drive."""
+
+
+def with_angle(model: Model) -> Model:
+    """Return a model with the motor angle, from where it starts, as one more state."""
+    return replace(
+        model,
+        states=(*model.states, "angle_motor"),
+        A=(*((*row, "0") for row in model.A), (*model.C, "0")),
+        B=(*model.B, "0"),
+        C=(*model.C, "0"),
+    )
+
+
+def real_axis(nominal: Mapping[str, float]) -> Model:
+    """
+    Return the paper's axis with all that a real one has besides, as far as it can be told.
+
+    Dry friction of the motor, a gear spring that stiffens and has play; cogging where the number
+    of ``poles`` is among the nominal values, and a ``torque_limit`` where that is.
+
+    Parameters
+    ----------
+    nominal : mapping
+        As for `three_mass`, and f_c, f_s, v_s, sigma_0, sigma_1, v_0, kappa and gap, by
+        `flexaxis.estimators.models.laws`; c_sin and c_cos with poles.
+    """
+    model = three_mass(nominal)
+    laws = [BRISTLES, GEAR_SPRING]
+    if "poles" in nominal:
+        model = with_angle(model)
+        laws.append(COGGING)
+    if "torque_limit" in nominal:
+        laws.append(LIMIT)
+    return replace(model, name="real_axis", laws=tuple(laws), fixed=(*model.fixed, "poles"))
 
 
 def two_mass(nominal: Mapping[str, float]) -> Model:

@@ -1,5 +1,5 @@
 """
-A linear grey-box model as data: A, B and C as tables of readable entries.
+A grey-box model as data: A, B and C as tables of readable entries, and nonlinear laws.
 
 Every entry is a formula in the physical parameters, such as ``"-(r^2*d_g + f_m)/J_m"``. It is
 multiplied out once into monomials ``c·Πθ^e``, and from those follow the matrices at any θ, their
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.formula import Monomial, multiply_out
+from flexaxis.estimators.models.laws import INPUT, Law, acting
 from flexaxis.estimators.models.parametrization import Parametrization
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ Array = NDArray[np.float64]
 class Model:
     """
     ẋ = A x + B u, y = C x, with entries that are formulas in physical parameters.
+
+    Where it has `laws`, these add their torques to the derivatives of some states. The states that
+    laws have of their own, such as the torque of bristles, follow those of the model.
 
     Parameters
     ----------
@@ -48,6 +52,8 @@ class Model:
         What is identified where nothing else is said.
     fixed : sequence of str
         Parameters that cannot change, such as a gear ratio: no detector suspects them.
+    laws : sequence of Law
+        What the axis has beyond the linear model; see `flexaxis.estimators.models.laws`.
 
     Raises
     ------
@@ -75,6 +81,7 @@ class Model:
     nonzero: Sequence[str] = ()
     identify: Sequence[str] = ()
     fixed: Sequence[str] = ()
+    laws: Sequence[Law] = ()
 
     def __post_init__(self) -> None:
         n = len(self.states)
@@ -89,6 +96,13 @@ class Model:
                     f"model {self.name!r} resets an unknown state {state!r}: "
                     + did_you_mean(state, self.states)
                 )
+        for law in self.laws:
+            for state in (*law.acts, *law.drive):
+                if state not in self.states and not (state == INPUT and state in law.drive):
+                    raise EstimatorError(
+                        f"law {law.kind!r} of model {self.name!r} names an unknown state "
+                        f"{state!r}: {did_you_mean(state, (*self.states, INPUT))}"
+                    )
         for name in self.parameters:
             if not np.isfinite(self.nominal.get(name, np.nan)):
                 raise EstimatorError(
@@ -112,14 +126,35 @@ class Model:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Physical parameters that occur in the entries, in the order of ``nominal``."""
+        """Physical parameters of entries and laws, in the order of ``nominal``."""
         used = {name for *_, (_, powers) in self.monomials() for name in powers}
+        used |= self.law_parameters
         order = list(self.nominal)
         return tuple(sorted(used, key=lambda p: (order.index(p) if p in order else len(order), p)))
 
+    @property
+    def _remembering(self) -> int:
+        """Number of states that laws have of their own."""
+        return sum(law.remembers for law in self.laws)
+
+    @property
+    def law_parameters(self) -> frozenset[str]:
+        """Parameters that laws have, and that may be zero."""
+        return frozenset(name for law in self.laws for name in law.names)
+
     def monomials(self) -> Iterator[tuple[int, int, Monomial]]:
-        """Row, column and monomial of every term of the block matrix [A B; C 0]."""
-        rows = [[*row, b] for row, b in zip(self.A, self.B, strict=True)] + [[*self.C, "0"]]
+        """
+        Row, column and monomial of every term of the block matrix [A B; C 0].
+
+        Behind the states come those of the laws' own, which the matrix leaves as they are, and the
+        torque of each law as one more, from which it goes to where the law acts.
+        """
+        more = ["0"] * (self._remembering + len(self.laws))
+        rows = [[*row, *more, b] for row, b in zip(self.A, self.B, strict=True)]
+        for i, law in enumerate(self.laws):
+            for state, formula in law.acts.items():
+                rows[list(self.states).index(state)][-1 - len(self.laws) + i] = formula
+        rows += [[]] * len(more) + [[*self.C, *more, "0"]]
         for i, row in enumerate(rows):
             for j, entry in enumerate(row):
                 for monomial in multiply_out(entry):
@@ -185,6 +220,11 @@ class Model:
                     + did_you_mean(name, self.parameters)
                     + "; or an inverse, such as '1/J_a'"
                 )
+            if name in self.law_parameters and name != given:
+                raise EstimatorError(
+                    f"{given!r} cannot be identified: {name} is the parameter of a law and may be "
+                    f"zero; name {name!r} itself"
+                )
             if physical.count(name) > 1:
                 raise EstimatorError(
                     f"identify names {name!r} twice in {', '.join(identify)}; name it once"
@@ -202,12 +242,14 @@ class Model:
         return Parametrization(
             names=tuple(identify),
             theta=np.array([self.nominal[k] for k in physical], float) ** sign,
-            n=len(self.states),
+            n=len(self.states) + self._remembering + len(self.laws),
             row=np.array(rows),
             column=np.array(columns),
             coefficient=np.array(coefficients),
             exponent=np.array(exponents),
             reset=tuple(list(self.states).index(state) for state in self.reset),
+            laws=acting(self.laws, self.states, self.nominal, identify) if self.laws else None,
+            additive=tuple(name in self.law_parameters for name in identify),
         )
 
 

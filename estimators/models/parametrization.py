@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.models.laws import Acting
+
 Array = NDArray[np.float64]
 
 
@@ -29,6 +31,11 @@ class Parametrization:
         Powers of θ in each term.
     reset : tuple of int
         States that are zero at the start of every sample.
+    laws : Acting or None
+        Its nonlinear laws. Their torques are then the last states of the matrix, which the linear
+        part takes as held.
+    additive : tuple of bool
+        Which θ_i are parameters of laws, and may be zero.
     """
 
     names: tuple[str, ...]
@@ -39,6 +46,24 @@ class Parametrization:
     coefficient: Array
     exponent: NDArray[np.int64]
     reset: tuple[int, ...]
+    laws: Acting | None = None
+    additive: tuple[bool, ...] = ()
+
+    @property
+    def forces(self) -> int:
+        """Number of laws, whose torques are the last states of the matrix."""
+        return 0 if self.laws is None else len(self.laws.kind)
+
+    @property
+    def states(self) -> int:
+        """Number of states, those of the laws' own included, the torques of laws not."""
+        return self.n - self.forces
+
+    @property
+    def given(self) -> int:
+        """Number of states that a user may give: not those of laws, nor those that are reset."""
+        own = 0 if self.laws is None else int(np.sum(self.laws.memory >= 0))
+        return self.states - own - len(self.reset)
 
     def relative(self, scale: ArrayLike) -> "Parametrization":
         """
@@ -51,7 +76,12 @@ class Parametrization:
         """
         scale = np.asarray(scale, float)
         factor = np.prod(scale ** self.exponent.astype(float), axis=1)
-        return replace(self, theta=self.theta / scale, coefficient=self.coefficient * factor)
+        return replace(
+            self,
+            theta=self.theta / scale,
+            coefficient=self.coefficient * factor,
+            laws=self.laws and self.laws.relative(scale),
+        )
 
     def blocks(self, theta: ArrayLike) -> Array:
         """

@@ -88,6 +88,7 @@ def make_design(
     noise: float | None = None,
     x0: ArrayLike | None = None,
     relative: bool = True,
+    scale: ArrayLike | None = None,
 ) -> Design:
     """
     Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
@@ -96,6 +97,8 @@ def make_design(
     ----------
     relative : bool
         Whether the design is in θ/θ(0); else in θ, as the paper has it.
+    scale : (p,) array_like, optional
+        By what θ is divided in the place of θ(0): needed where parameters of laws start at zero.
 
     Raises
     ------
@@ -109,9 +112,9 @@ def make_design(
     parametrization = chosen.parametrize(identify)
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
-    lower, upper = _box(start, bounds)
+    lower, upper = _box(start, bounds, np.array(parametrization.additive))
     weight, modification = _time_update(forgetting, drift, period, p)
-    scale = start if relative else np.ones(p)
+    scale = _scale(start, scale) if relative else np.ones(p)
     sides = lower / scale, upper / scale
     squares = np.outer(scale, scale)
     return Design(
@@ -129,6 +132,16 @@ def make_design(
         noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
         x0=_state("x0", x0, parametrization),
     )
+
+
+def _scale(start: Array, given: ArrayLike | None) -> Array:
+    scale = start if given is None else finite_vector("scale", given, len(start))
+    if not scale.all():
+        raise EstimatorError(
+            f"a parameter of a law starts at 0 ({start}), which gives it no scale; give `scale`, "
+            "the size that each parameter may have"
+        )
+    return scale
 
 
 def above_zero(name: str, value: object, what: str) -> float:
@@ -177,11 +190,12 @@ def _weights(regularization: ArrayLike, p: int) -> Array:
 
 def _state(name: str, value: ArrayLike | None, model: Parametrization) -> Array:
     state = np.zeros(model.n) if value is None else np.array(value, float)
-    if len(model.reset) and state.shape == (model.n - len(model.reset),):
-        # states that are zero when a sample begins come last, and need not be given
-        state = np.concatenate([state, np.zeros(len(model.reset))])
+    if state.shape == (model.given,):
+        # states that are zero when a sample begins, or that laws have, come last, and need not be
+        # given
+        state = np.concatenate([state, np.zeros(model.n - model.given)])
     if state.shape != (model.n,) or not np.all(np.isfinite(state)):
-        raise EstimatorError(f"{name} is {value!r}; give {model.n} finite values, one a state")
+        raise EstimatorError(f"{name} is {value!r}; give {model.given} finite values, one a state")
     return state
 
 
@@ -226,13 +240,15 @@ def covariance_matrix(name: str, value: ArrayLike, p: int) -> Array:
     return (matrix + matrix.T) / 2
 
 
-def _box(theta0: Array, bounds: tuple[ArrayLike, ArrayLike] | None) -> tuple[Array, Array]:
+def _box(
+    theta0: Array, bounds: tuple[ArrayLike, ArrayLike] | None, additive: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     if bounds is None:
         corners = np.outer(DEFAULT_BOX, theta0)
         lower, upper = corners.min(axis=0), corners.max(axis=0)
     else:
         lower, upper = (finite_vector("bounds", bound, len(theta0)) for bound in bounds)
-    if np.any(lower * upper <= 0):
+    if np.any((lower * upper <= 0) & ~additive):
         raise EstimatorError(
             f"bounds {lower} … {upper} contain zero; a physical parameter keeps its sign, so give "
             "bounds on one side of zero (and a start that is not zero)"

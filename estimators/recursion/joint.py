@@ -17,9 +17,10 @@ def state_covariance(design: Design, value: ArrayLike | None) -> Array:
     """
     Return the covariance of x(0) (n, n) from that or its diagonal, checked; zero by default.
 
-    States that are zero at the start of every sample need not be given; they come last.
+    States that laws have, or that are zero at the start of every sample, come last and are not
+    given.
     """
-    n, given = design.model.n, design.model.n - len(design.model.reset)
+    n, given = design.model.states, design.model.given
     P = np.zeros((n, n))
     if value is not None:
         P[:given, :given] = _semidefinite("x0_covariance", value, given)
@@ -48,16 +49,16 @@ def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
 
 def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Record, Record]:
     """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
-    p, n, m = len(design.theta0), pattern.n, pattern.p
+    p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)
     blocks, P = design.model.blocks(design.theta0), np.zeros((m, m))
     P[:p, :p], P[p:, p:] = design.P0, covariance
-    X = start["X"][0]
+    X, C = start["X"][0], blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
-    X[n, 1 : 1 + p], X[n, 1 + p : 1 + m] = blocks[1:, n, :n] @ design.x0, blocks[0, n, :n]
+    X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
     limits = record(
         drift=design.drift,
-        ceiling=design.theta0**2,  # of the variance of θ
+        ceiling=np.ones(p),  # of the variance of θ
         lower=design.lower,
         upper=design.upper,
     )
@@ -74,12 +75,12 @@ def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Re
 
 def with_state(pattern: Pattern) -> Pattern:
     """
-    Return the pattern with n more parameters on which no entry depends.
+    Return the pattern with a parameter more for each state, on which no entry depends.
 
     Their lanes, set to one at x(0), become the derivatives by the state at the start of the
     sample: the transition matrix comes out of the same rows as ∂x/∂θ.
     """
-    n = pattern.n
+    n = pattern.states
     return pattern._replace(
         p=pattern.p + n, terms=tuple((*term, *[0] * n) for term in pattern.terms)
     )
@@ -125,7 +126,7 @@ def correct(tuning, state, y, noise):
     transport(P, GP, X, tuning["drift"], n, p)
     if not np.isnan(y):
         S = state["spread"] + noise
-        innovation = y - X[n, 0]
+        innovation = y - X[-1, 0]
         for i in range(n):
             total = 0.0
             for j in range(m):

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from flexaxis.estimators.sampling.compiler import Compiled
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.sampling.over import over_sample
 from flexaxis.estimators.sampling.pattern import Pattern
 
 
@@ -30,24 +30,14 @@ def sample_loop(pattern: Pattern, correct: Callable, label: str) -> Compiled:
         ``states`` and back into them, and returns how many. Records have the fields of
         `flexaxis.estimators.recursion.records.on_lanes`.
     """
-    flat = pattern.flat()
+    over = over_sample(pattern)
 
     def run(tunings, states, u, y, valid, estimates, trace, *more):  # noqa: PLR0917
         taken = 0
         for k in range(len(u)):
             stop = correct(tunings, states, k, u, y, valid, estimates, trace, *more)
             for j in range(len(states)):
-                tuning, state = tunings[j], states[j]
-                evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-                advance(
-                    flat,
-                    state["M"],
-                    state["X"],
-                    u[k],
-                    tuning["weights"],
-                    tuning["order"],
-                    tuning["substeps"],
-                )
+                over(tunings[j], states[j], u[k])
             taken += 1
             if stop:
                 break

@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.plan import MAX_ORDER, plan
+from flexaxis.estimators.sampling.plan import MAX_ORDER, law_plan, plan
+from flexaxis.estimators.sampling.reaction import room
 
 Record = NDArray[np.void]
 Fields = Sequence[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]]
@@ -28,12 +29,19 @@ def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     tuning, state : (1,) records
         ``coefficients, weights, order, substeps``; ``theta`` (p,), ``M`` (entries, lanes), the
         entries of [A B; C 0] with derivatives, those of A and B times T/s, and ``X`` (n+1, lanes),
-        x and output with derivatives.
+        x and output with derivatives. Of a model with laws besides what
+        `flexaxis.estimators.sampling.over` needs for them.
     """
     own, coefficients = split(design.model)
-    order, substeps = plan(design.model, design.lower, design.upper, design.period)
+    box = design.lower, design.upper
+    steps, order, substeps = (
+        law_plan(design.model, *box, design.period)
+        if pattern.laws
+        else (1, *plan(design.model, *box, design.period))
+    )
     row, column, _ = np.array(pattern.entries).T
-    scale = np.where(row < pattern.n, design.period / substeps, 1.0)  # the output is read, not run
+    part = design.period / steps / substeps
+    scale = np.where(row < pattern.n, part, 1.0)  # the output is read, not run
     tuning = record(
         coefficients=coefficients * scale[[entry for entry, *_ in pattern.terms]],
         weights=1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),  # 1/1!, 1/2!, …
@@ -48,7 +56,20 @@ def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     X[-1, 0] = blocks[0, -1, :-1] @ design.x0
     theta = np.ones(pattern.p)  # what pads θ must have an inverse
     theta[: own.p] = design.theta0
-    return tuning, record(theta=theta, M=M, X=X)
+    start = record(theta=theta, M=M, X=X)
+    if design.model.laws is None:
+        return tuning, start
+    laws = record(
+        **{f"law_{name}": value for name, value in design.model.laws._asdict().items()},
+        law_steps=steps,
+        law_h=design.period / steps,
+    )
+    place = record(
+        response=np.zeros((pattern.laws, *X.shape)),
+        unit=np.zeros(X.shape),
+        **room(pattern.laws, pattern.lanes),
+    )
+    return joined(tuning, laws), joined(start, place)
 
 
 def record(**values: ArrayLike) -> Record:

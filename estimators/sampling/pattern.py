@@ -22,6 +22,8 @@ class Pattern(NamedTuple):
         Places that are not zero; ``varies`` is 1 where the entry depends on θ.
     terms : tuple of (entry, e_1, …, e_p)
         The terms c·Πθ^e of the entries that depend on θ.
+    laws : int
+        Nonlinear laws, whose torques are the last of the states.
     """
 
     n: int
@@ -29,6 +31,12 @@ class Pattern(NamedTuple):
     reset: tuple[int, ...]
     entries: tuple[tuple[int, ...], ...]
     terms: tuple[tuple[int, ...], ...]
+    laws: int = 0
+
+    @property
+    def states(self) -> int:
+        """Number of states, without the torques of laws."""
+        return self.n - self.laws
 
     @property
     def lanes(self) -> int:
@@ -37,20 +45,21 @@ class Pattern(NamedTuple):
 
     def flat(self) -> tuple[int, ...]:
         """Return all of it as one tuple of integers, which numba takes as constants."""
-        sizes = (self.n, self.p, len(self.reset), len(self.entries))
+        sizes = (self.n, self.p, len(self.reset), len(self.entries), self.laws)
         return sizes + sum((self.reset, *self.entries, *self.terms), ())
 
 
 def unflatten(flat: tuple[int, ...]) -> Pattern:
     """Undo `Pattern.flat`."""
-    n, p, resets, entries = flat[:4]
-    reset, places, terms = np.split(flat[4:], [resets, resets + 3 * entries])
+    n, p, resets, entries, laws = flat[:5]
+    reset, places, terms = np.split(flat[5:], [resets, resets + 3 * entries])
     return Pattern(
         n=n,
         p=p,
         reset=tuple(reset.tolist()),
         entries=tuple(map(tuple, places.reshape(-1, 3).tolist())),
         terms=tuple(map(tuple, terms.reshape(-1, 1 + p).tolist())),
+        laws=laws,
     )
 
 
@@ -79,5 +88,6 @@ def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
         reset=model.reset,
         entries=tuple((*place, int(place in varying)) for place in places),
         terms=tuple((places.index((r, c)), *e) for r, c, *e in keys[kept].tolist()),
+        laws=model.forces,
     )
     return pattern, coefficients[kept]

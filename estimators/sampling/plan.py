@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.parametrization import Parametrization
 
 TOLERANCE = 1e-12
+LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
+LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
 MAX_ORDER = 40
 
@@ -44,11 +46,30 @@ def plan(
     return min(choices, key=math.prod)
 
 
-def order(x: float) -> int:
-    """Return the least order whose remainder is below the tolerance for a substep of size x."""
+def law_plan(
+    model: Parametrization, lower: NDArray[np.float64], upper: NDArray[np.float64], period: float
+) -> tuple[int, int, int]:
+    """
+    Return steps in a sample for a model with laws, and order and substeps of each.
+
+    Parameters
+    ----------
+    model, lower, upper, period
+        As for `plan`.
+    """
+    A, _, _ = model.matrices(model.theta)
+    fastest = float(max(abs(np.linalg.eigvals(A))))
+    steps = max(1, math.ceil(fastest * period / LAW_STEP))
+    size = perron_root(model, lower, upper) * period / steps
+    substeps = max(1, math.ceil(size / MAX_SIZE))
+    return steps, order(size / substeps, LAW_TOLERANCE), substeps
+
+
+def order(x: float, tolerance: float = TOLERANCE) -> int:
+    """Return the least order whose remainder is below a tolerance for a substep of size x."""
     powers = np.cumprod(np.r_[1.0, x / np.arange(1.0, 60.0)])  # x^k/k!
     remainders = np.cumsum(powers[::-1])[::-1]
-    return int(np.argmax(remainders <= TOLERANCE))
+    return int(np.argmax(remainders <= tolerance))
 
 
 def perron_root(

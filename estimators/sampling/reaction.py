@@ -1,0 +1,224 @@
+"""
+What laws do to a step of a model: their torques, held over it, solved together and implicitly.
+
+Over a step of length h the linear part is exact for held torques F, x⁺ = Φ x + Γ_u u + Γ_F F, and
+every law takes the mean of its drive at both ends, w̄ = ½ D (x + x⁺), so that w̄ = c + G F(w̄) with
+c = ½ D (x + Φ x + Γ_u u) and G = ½ D Γ_F. The scheme is of second order, and stays stable however
+stiff friction is. Its derivatives are exact, from (I − G F_w) w̄' = c' + G' F + G (F_s s' + F_θ).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.laws import MOST_ROLES
+from flexaxis.estimators.sampling.compiler import compiled, inlined
+from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, WIDTH, F, S, force
+
+Array = NDArray[np.float64]
+
+MOST_STEPS = 60  # of Newton's method; two or three do
+CONVERGED = 1e-7  # of w̄, the last step: what is left is its square
+LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
+
+
+def room(L: int, lanes: int) -> dict[str, Array]:
+    """Return the arrays that `react` works in, for L laws; the first it begins the next search."""
+    return {
+        "force": np.zeros(L),  # of the last step
+        "offset": np.zeros(L),  # c
+        "change": np.zeros(L),  # of w̄ in a step of the search
+        "roles": np.zeros((L, MOST_ROLES)),
+        "local": np.zeros((L, WIDTH)),
+        "coupling": np.zeros((L, L)),  # G
+        "jacobian": np.zeros((L, L)),
+        "inverse": np.zeros((L, L)),
+        "before": np.zeros((L, lanes)),  # drives before the step
+        "mean": np.zeros((L, lanes)),  # w̄
+        "torque": np.zeros((L, lanes)),  # F
+    }
+
+
+@compiled
+def drives(drive, X, u, w):
+    """Write the drives w (L, lanes) of states and derivatives X (≥ n, lanes), and of the input."""
+    n = drive.shape[1] - 1
+    for i in range(len(drive)):
+        for a in range(w.shape[1]):
+            w[i, a] = 0.0
+        w[i, 0] = drive[i, n] * u
+        for j in range(n):
+            if drive[i, j] != 0.0:
+                for a in range(w.shape[1]):
+                    w[i, a] += drive[i, j] * X[j, a]
+
+
+@compiled
+def assign(value, parameter, theta, roles):
+    """Write the parameters (L, R) of laws by role, at θ."""
+    for i in range(len(roles)):
+        for r in range(roles.shape[1]):
+            j = parameter[i, r]
+            roles[i, r] = value[i, r] * theta[j] if j >= 0 else value[i, r]
+
+
+@compiled
+def couple(drive, response, gain):
+    """Write G = ½ D Γ_F."""
+    for i in range(len(gain)):
+        for j in range(len(gain)):
+            gain[i, j] = 0.0
+            for m in range(drive.shape[1] - 1):
+                gain[i, j] += 0.5 * drive[i, m] * response[j, m, 0]
+
+
+@compiled
+def react(laws, h, response, u, X, work):
+    """
+    Add to a step what laws do in it, with derivatives.
+
+    Parameters
+    ----------
+    laws : tuple (kind, memory, drive, value, parameter)
+        As in `flexaxis.estimators.models.laws.Acting`.
+    h : float
+        Length of the step [s].
+    response : (L, N, lanes) array
+        Γ_F: what a torque of one, held over the step, adds to each row.
+    u : float
+    X : (N, lanes) array
+        States and output after the step, without laws; corrected here.
+    work : tuple of arrays
+        Those of `room`, in their order, with roles, gain and before written.
+    """
+    kind, memory, drive, value, parameter = laws
+    torques, offset, change, roles, local, gain, jacobian, inverse, before, mean, torque = work
+    L, lanes = mean.shape
+    drives(drive, X, u, mean)
+    for i in range(L):
+        for a in range(lanes):
+            mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
+    search(kind, memory, h, X, work)
+    # explicit part of F', then w̄', then F'
+    for i in range(L):
+        for a in range(1, lanes):
+            torque[i, a] = local[i, F_S] * X[memory[i], a] if memory[i] >= 0 else 0.0
+        for r in range(value.shape[1]):
+            if parameter[i, r] >= 0:
+                torque[i, 1 + parameter[i, r]] += local[i, ROLE + 2 * r] * value[i, r]
+    for i in range(L):
+        for j in range(L):
+            if gain[i, j] != 0.0:
+                for a in range(1, lanes):
+                    mean[i, a] += gain[i, j] * torque[j, a]
+            for m in range(drive.shape[1] - 1):
+                if drive[i, m] != 0.0:
+                    factor = 0.5 * drive[i, m] * local[j, F]
+                    for a in range(1, lanes):
+                        mean[i, a] += factor * response[j, m, a]
+    for i in range(L):  # torque ← F' in the end; its first lane holds nothing
+        for j in range(L):
+            factor = local[i, F_W] * inverse[i, j]
+            if factor != 0.0:
+                for a in range(1, lanes):
+                    torque[i, a] += factor * mean[j, a]
+    for m in range(len(X)):
+        for i in range(L):
+            b, held = response[i, m, 0], local[i, F]
+            if b != 0.0:
+                X[m, 0] += b * held
+                for a in range(1, lanes):
+                    X[m, a] += b * torque[i, a] + response[i, m, a] * held
+    for i in range(L):
+        torques[i] = local[i, F]
+        m = memory[i]
+        if m >= 0:
+            X[m, 0] = local[i, S]
+            for a in range(1, lanes):
+                X[m, a] *= local[i, S_S]
+            for j in range(L):
+                factor = local[i, S_W] * inverse[i, j]
+                if factor != 0.0:
+                    for a in range(1, lanes):
+                        X[m, a] += factor * mean[j, a]
+            for r in range(value.shape[1]):
+                if parameter[i, r] >= 0:
+                    X[m, 1 + parameter[i, r]] += local[i, ROLE + 2 * r + 1] * value[i, r]
+
+
+@compiled
+def search(kind, memory, h, X, work):
+    """
+    Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
+
+    c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
+    at w̄, and (I − G F_w)⁻¹ in ``inverse``.
+    """
+    torques, offset, change, roles, local, gain, jacobian, inverse, _, mean, _ = work
+    L = len(torques)
+    for i in range(L):
+        offset[i] = mean[i, 0]
+        for j in range(L):
+            mean[i, 0] += gain[i, j] * torques[j]
+    last, share, ended = np.inf, 1.0, False
+    for _ in range(MOST_STEPS):
+        for i in range(L):
+            s = X[memory[i], 0] if memory[i] >= 0 else 0.0
+            force(kind[i], mean[i, 0], s, h, roles[i], local[i])
+        for i in range(L):
+            for j in range(L):
+                jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * local[j, F_W]
+        invert(jacobian, inverse)
+        if ended:
+            break
+        size = newton(offset, change, local, gain, inverse, mean)
+        share = max(0.5 * share, LEAST_SHARE) if size > 0.5 * last else min(1.0, 2.0 * share)
+        last, ended = size, size <= CONVERGED
+        for i in range(L):
+            mean[i, 0] += change[i] if ended else share * change[i]
+
+
+@inlined
+def newton(offset, change, local, gain, inverse, mean):
+    """Write the step of Newton's method, and return its size relative to w̄ and c."""
+    size = 0.0
+    for i in range(len(change)):
+        change[i] = 0.0
+    for j in range(len(change)):
+        residual = offset[j] - mean[j, 0]
+        for m in range(len(change)):
+            residual += gain[j, m] * local[m, F]
+        for i in range(len(change)):
+            change[i] += inverse[i, j] * residual
+    for i in range(len(change)):
+        scale = abs(mean[i, 0]) + abs(offset[i])
+        if scale > 0.0:
+            size = max(size, abs(change[i]) / scale)
+    return size
+
+
+@inlined
+def invert(A, B):
+    """Write the inverse B of a small matrix A, which is lost: Gauss–Jordan with pivots."""
+    n = len(A)
+    for i in range(n):
+        for j in range(n):
+            B[i, j] = 1.0 if i == j else 0.0
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+                B[k, j], B[pivot, j] = B[pivot, j], B[k, j]
+        inverse = 1.0 / A[k, k]
+        for j in range(n):
+            A[k, j] *= inverse
+            B[k, j] *= inverse
+        for i in range(n):
+            factor = A[i, k]
+            if i != k and factor != 0.0:
+                for j in range(n):
+                    A[i, j] -= factor * A[k, j]
+                    B[i, j] -= factor * B[k, j]
