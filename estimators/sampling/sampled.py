@@ -212,7 +212,7 @@ class Prepared(NamedTuple):
     response : (L, n+1, rows) array
         What a torque of one of each law adds in a part.
     X : (rows, n+1) array
-        Room for states and sensitivities; 1 + q rows, and those that are free.
+        Room for states and sensitivities.
     work : tuple of arrays
         Room, as `flexaxis.estimators.sampling.reaction.room` has it.
     """
@@ -232,7 +232,7 @@ class Prepared(NamedTuple):
 
 
 @compiled
-def prepare(terms, theta, active, free=0):
+def prepare(terms, theta, active, further=0):
     """
     Return a model at θ, with derivatives by some parameters, ready to `travel`.
 
@@ -242,11 +242,11 @@ def prepare(terms, theta, active, free=0):
     theta : (p,) array
     active : (q,) int array
         Which parameters to differentiate by.
-    free : int
-        Further rows of sensitivities, to what acts through the state alone.
+    further : int
+        Rows of the states to come beyond those, which `move` has a word for.
     """
     D = sample(terms, theta, active)
-    L, n, lanes = len(terms.kind), terms.n, 1 + len(active) + free
+    L, n, lanes = len(terms.kind), terms.n, 1 + len(active) + further
     response = np.zeros((L, n + 1, lanes))
     for i in range(L):
         for m in range(n + 1):
