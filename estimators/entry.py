@@ -38,6 +38,9 @@ class Entry:
         In every figure; see `flexaxis.experiments.reporting.figures`.
     rank : float
         Place in lists.
+    laws : bool
+        Whether it can be asked to identify parameters of friction and other laws; who cannot is
+        asked for the others.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Entry:
     default: float | None = None
     look: tuple[str, str] | None = None
     rank: float = 100.0
+    laws: bool = False
 
     @property
     def options(self) -> Mapping[str, Any]:

@@ -34,7 +34,7 @@ def model_files(name: str) -> tuple[str, dict[str, bytes]]:
     --------
     >>> xml, assets = model_files("three_mass")
     >>> sorted(assets)
-    ['README.md', 'scene.xml', 'three_mass.xml']
+    ['README.md', 'scene.xml', 'three_mass.xml', 'wg.md']
     """
     if name not in MODEL_NAMES:
         near = get_close_matches(name, MODEL_NAMES, n=1)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.faults import CHANGEABLE, Fault
+from flexaxis.sim.law_parameters import meant
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
@@ -23,7 +24,7 @@ class Event:
     Attributes
     ----------
     parameter : str
-        Name of the parameter, or "coulomb".
+        Name of the parameter.
     index : int
         First sample with a changed value.
     before, after : float
@@ -39,7 +40,7 @@ class Event:
 
 def changed(nominal: float, name: str, changes: Iterable[Fault], grid: Grid) -> Array:
     """Return a value (N,) over time: nominal times the factors of all changes that name it."""
-    factors = (change.factor_at(grid) for change in changes if change.parameter == name)
+    factors = (change.factor_at(grid) for change in changes if meant(change.parameter) == name)
     return math.prod(factors, start=np.full(len(grid.k), nominal))
 
 
@@ -72,7 +73,7 @@ def find_events(
     settled: dict[tuple[int, str], dict[int, int]] = {}
     for number, fault in enumerate(faults):
         for first, last in fault.onsets(grid):
-            settled.setdefault((first, fault.parameter), {})[number] = last
+            settled.setdefault((first, meant(fault.parameter)), {})[number] = last
     found = []
     for (first, name), ends in settled.items():
         value = partial(_product, nominal(name), name, changes, otherwise=first - 1)
@@ -97,7 +98,7 @@ def _product(
     """
     value = nominal
     for number, change in enumerate(changes):
-        if change.parameter == name:
+        if meant(change.parameter) == name:
             sample = ends.get(number, otherwise)
             value *= float(change.factor_at(Grid(np.array([sample]), period))[0])
     return value

@@ -10,23 +10,21 @@ from pydantic import AfterValidator, Field
 
 from flexaxis.sim.config import Config, Positive
 from flexaxis.sim.errors import unknown
+from flexaxis.sim.law_parameters import COULOMB, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.timing import Grid
 
 Array = NDArray[np.float64]
 
 
-COULOMB = "coulomb"
-"""What can change besides the parameters: the level of Coulomb friction."""
-
-CHANGEABLE = (*(name for name in PARAMETER_NAMES if name != "r"), COULOMB)
-"""What can change in a run."""
+CHANGEABLE = (*(name for name in PARAMETER_NAMES if name != "r"), *LAW_NAMES)
+"""What can change in a run, where the plant has it."""
 
 
 def _can_fail(parameter: str) -> str:
     if parameter == "r":
         raise ValueError("the gear ratio r is a count of teeth and cannot change in a run")
-    if parameter not in CHANGEABLE:
+    if parameter not in (*CHANGEABLE, COULOMB):
         raise ValueError(unknown("parameter", parameter, CHANGEABLE))
     return parameter
 

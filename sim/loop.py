@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexaxis.sim.controller import Controller
 from flexaxis.sim.nonlinear import substeps
+from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.plant import Plant
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.sensors import White, reading
@@ -78,15 +79,22 @@ class _Changes:
     """What changes the plant in the course of a run."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._parameters, self._coulomb = scenario.true_parameters(), scenario.coulomb()
-        self._moves = set(np.flatnonzero(np.diff(self._parameters, axis=0).any(axis=1)) + 1)
-        self._warms = set(np.flatnonzero(np.diff(self._coulomb)) + 1)
+        truth, linear = scenario.true_parameters(), len(PARAMETER_NAMES)
+        self._parameters, self._laws = truth[:, :linear], truth[:, linear:]
+        self._moves = _changing(self._parameters)
+        self._names, self._turns = scenario.parameter_names[linear:], _changing(self._laws)
 
     def make(self, plant: Plant, k: int) -> None:
         if k in self._moves:
             plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
-        if k in self._warms:
-            plant.set_coulomb(self._coulomb[k])
+        if k in self._turns:
+            for i in np.flatnonzero(self._laws[k] != self._laws[k - 1]):
+                plant.set_law(self._names[i], self._laws[k, i])
+
+
+def _changing(values: Array) -> set[int]:
+    """Return the samples in which one of the values (N, P) is no longer what it was."""
+    return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=1)) + 1}
 
 
 class _Drive:

@@ -9,8 +9,8 @@ friction sticks and slips.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from collections.abc import Iterable, Mapping
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import Field, model_validator
 
@@ -31,6 +31,26 @@ class Nonlinearity(Protocol):
 
     def build(self, spec: Any) -> None:
         """Build it into an `MjSpec`."""
+
+
+class Place(NamedTuple):
+    """Where the engine keeps a number: field of its model, named object, column if it has some."""
+
+    field: str
+    owner: str
+    column: int | None = None
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A nonlinearity with parameters that can change in a run."""
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps parameters such as these, and as what."""
 
 
 def substeps(features: Iterable[Nonlinearity], period: float) -> int:
@@ -64,6 +84,15 @@ class FrictionConfig(Config):
         motor.frictionloss = self.coulomb
         # the engine's friction is soft by default, which is wrong by half here
         motor.solref_friction, motor.solimp_friction[:3] = [1e-6, 1.0], [0.9999, 0.9999, 0.001]
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.coulomb}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return {Place("dof_frictionloss", "motor"): law["f_c"]}
 
     def in_words(self) -> str:
         """Return what it is and how large."""
@@ -115,6 +144,27 @@ class LuGreConfig(Config):
         law = [self.stiffness, self.damping, self.coulomb, self.static, self.stribeck]
         _passive(spec, "lugre", lugre=law)
 
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name; f_s is what breaking away takes more than sliding."""
+        return {
+            "f_c": self.coulomb,
+            "f_s": self.static - self.coulomb,
+            "v_s": self.stribeck,
+            "sigma_0": self.stiffness,
+            "sigma_1": self.damping,
+        }
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return {
+            Place("actuator_biasprm", "lugre", 3): law["f_c"],
+            Place("actuator_biasprm", "lugre", 4): law["f_c"] + law["f_s"],
+            Place("actuator_biasprm", "lugre", 5): law["v_s"],
+            Place("actuator_dynprm", "lugre", 5): law["sigma_0"],
+            Place("actuator_dynprm", "lugre", 6): law["sigma_1"],
+        }
+
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"LuGre friction of {self.coulomb:g} N m, {self.static:g} N m to break away"
@@ -163,6 +213,11 @@ class BacklashConfig(Config):
         """Build it into an `MjSpec`."""
         spec.tendon("gear").springlength = [-self.gear / 2, self.gear / 2]
 
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"gap": self.gear}
+
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"backlash of {self.gear:g} rad at the gear"
@@ -187,6 +242,11 @@ class StiffeningConfig(Config):
         """Build it into an `MjSpec`."""
         spring = spec.tendon("gear")
         spring.stiffness = [spring.stiffness[0], 0.0, self.gear * spring.stiffness[0]]
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"kappa": self.gear}
 
     def in_words(self) -> str:
         """Return what it is and how large."""

@@ -35,6 +35,10 @@ PARAMETER_NAMES = tuple(PARAMETER_UNITS)
 DEFAULT_IDENTIFY = ("k_T", "1/J_a", "f_m")
 """What is estimated unless a scenario says otherwise: the paper's three."""
 
+DATA_SHEET = {"poles": "1", "torque_limit": "N m", "noise": "unit of the output"}
+"""What else can be told of an axis, with its unit: periods of cogging in a turn of the motor, the
+largest command that acts, and the standard deviation of the measurement noise."""
+
 MAY_BE_ZERO = frozenset({"d_g", "d_a", "f_m", "f_g", "f_a"})
 """Dampings and frictions; every other parameter must be positive."""
 
@@ -137,6 +141,10 @@ class AxisParameters:
         return dataclasses.replace(self, **changes)
 
 
+# E. Wernholt and S. Gunnarsson, "Nonlinear identification of a physically parameterized robot
+# model", SYSID 2006: all inertia of the axis, and the parts of it that motor and gear have.
+_WG_J, _WG_MOTOR, _WG_GEAR = 0.03291699877416, 0.17910964111956, 0.61206166914114
+
 PRESETS: dict[str, AxisParameters] = {
     # Constructed for this project, because Östring & Gunnarsson print no numbers: an axis of
     # the size of an industrial robot's first one, its two modes (100 and 151 rad/s) put where
@@ -170,6 +178,22 @@ PRESETS: dict[str, AxisParameters] = {
         f_g=3.0,
         f_a=1.1,
         r=1 / 118,
+    ),
+    # Published: axis one of a large industrial robot, all on the motor side. Its friction is most
+    # of it dry, a law of its own: see models_mjcf/three_mass/wg.md.
+    "wg": AxisParameters(
+        k_T=1.0,
+        J_m=_WG_MOTOR * _WG_J,
+        J_g=_WG_GEAR * _WG_J,
+        J_a=(1 - _WG_MOTOR - _WG_GEAR) * _WG_J,
+        k_g=20.59269827430799,
+        k_a=20.23072060978318,
+        d_g=0.06241814047290,
+        d_a=0.00987527995798,
+        f_m=0.00986346744839,
+        f_g=0.0,
+        f_a=0.0,
+        r=1.0,
     ),
 }
 """Named parameter sets."""

@@ -12,26 +12,29 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_files
-from flexaxis.sim.errors import ParameterError, SimulationError
-from flexaxis.sim.nonlinear import Nonlinearity
+from flexaxis.sim import passive
+from flexaxis.sim.errors import ParameterError, SimulationError, unknown
+from flexaxis.sim.friction import LAWS
+from flexaxis.sim.nonlinear import Law, Nonlinearity, Place
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
 
 Array = NDArray[np.float64]
 
-# Where the engine keeps each parameter: field of the model, named object it belongs to.
+# Where the engine keeps each parameter. Of the six transmission ratios of an actuator only the
+# first acts on a hinge; of the inertias all three stay equal, so that they belong to a possible body.
 _PLACES = {
-    "k_T": ("actuator_gear", "motor"),
-    "J_m": ("body_inertia", "motor"),
-    "J_g": ("body_inertia", "gear"),
-    "J_a": ("body_inertia", "arm"),
-    "k_g": ("tendon_stiffness", "gear"),
-    "k_a": ("tendon_stiffness", "arm"),
-    "d_g": ("tendon_damping", "gear"),
-    "d_a": ("tendon_damping", "arm"),
-    "f_m": ("dof_damping", "motor"),
-    "f_g": ("dof_damping", "gear"),
-    "f_a": ("dof_damping", "arm"),
-    "r": ("wrap_prm", "gear"),
+    "k_T": Place("actuator_gear", "motor", 0),
+    "J_m": Place("body_inertia", "motor"),
+    "J_g": Place("body_inertia", "gear"),
+    "J_a": Place("body_inertia", "arm"),
+    "k_g": Place("tendon_stiffness", "gear"),
+    "k_a": Place("tendon_stiffness", "arm"),
+    "d_g": Place("tendon_damping", "gear"),
+    "d_a": Place("tendon_damping", "arm"),
+    "f_m": Place("dof_damping", "motor"),
+    "f_g": Place("dof_damping", "gear"),
+    "f_a": Place("dof_damping", "arm"),
+    "r": Place("wrap_prm", "gear"),
 }
 _KINDS = {"body": "body", "tendon": "tendon", "dof": "joint", "actuator": "actuator"}
 
@@ -74,12 +77,16 @@ class Plant:
         nonlinear: Sequence[Nonlinearity] = (),
     ) -> None:
         values = _as_rows(parameters)
+        self._called = any(isinstance(each, LAWS) for each in nonlinear)
+        if self._called:
+            passive.install()
         model = _compile(period / substeps, nonlinear)
         self._batch = Batch(model, len(values), threads)
         self._substeps = substeps
         self._places = _places(self._batch, model)
         self._springs = _Springs(self._batch, model) if model.tendon_stiffnesspoly.any() else None
-        self._dry: Array = _place(self._batch, model, "dof_frictionloss", "motor")
+        laws = [each for each in nonlinear if isinstance(each, Law)]
+        self._laws = [_KeptLaw(self._batch, model, law) for law in laws]
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -118,12 +125,29 @@ class Plant:
             self._batch.set_const()
         self._values = values
 
-    def set_coulomb(self, level: float) -> None:
-        """Change the Coulomb friction of the motor [N m] from now on, in all runs.
+    def set_law(self, name: str, values: float | Array) -> None:
+        """Change a parameter of a law from now on, such as the level f_c of dry friction.
 
-        The plant must have been made with a `FrictionConfig`, for its solver settings.
+        Parameters
+        ----------
+        name : str
+            Parameter of one of the `Law`s that the plant was made with; of the first that has it.
+        values : float or ndarray (R,)
+            New value, for all runs or for each.
+
+        Raises
+        ------
+        ParameterError
+            If no law has such a parameter, or a value is negative or not finite.
         """
-        self._dry[...] = level
+        if not (np.isfinite(values).all() and np.min(values) >= 0):
+            raise ParameterError(f"{name} must be zero or positive, not {values!r}.")
+        for law in self._laws:
+            if name in law.names:
+                law.set(name, values)
+                return
+        known = [known for law in self._laws for known in law.names]
+        raise ParameterError(unknown("parameter", name, known))
 
     def step(self, torque: Array) -> None:
         """Hold a torque command for one period.
@@ -138,6 +162,8 @@ class Plant:
         SimulationError
             If the engine warns, or a state is no longer finite.
         """
+        if self._called:
+            passive.install()  # another may have taken the place of it
         self._torque[:] = torque
         with _QUIET:
             self._batch.step(nstep=self._substeps)
@@ -225,6 +251,24 @@ class _Springs:
         self._higher[...] = self._linear[..., None] * self._ratio
 
 
+class _KeptLaw:
+    """A law in the engine: what its parameters are now, and where the engine keeps them."""
+
+    def __init__(self, batch: Batch, model: mujoco.MjModel, feature: Law) -> None:
+        self._now: dict[str, float | Array] = dict(feature.law)
+        self._kept = feature.kept
+        self._places = {at: _place(batch, model, at) for at in self._kept(self._now)}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._now)
+
+    def set(self, name: str, values: float | Array) -> None:
+        self._now[name] = values
+        for place, value in self._kept(self._now).items():
+            self._places[place][...] = value
+
+
 def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
     xml, _ = model_files("three_mass")
     spec = mujoco.MjSpec.from_string(xml)
@@ -257,14 +301,17 @@ def _check_columns(values: Array, columns: NDArray[np.int64]) -> None:
 
 def _places(batch: Batch, model: mujoco.MjModel) -> list[Array]:
     """Return, for each parameter, the live array (R, ...) of the engine that holds it."""
-    return [_place(batch, model, *_PLACES[name]) for name in PARAMETER_NAMES]
+    return [_place(batch, model, _PLACES[name]) for name in PARAMETER_NAMES]
 
 
-def _place(batch: Batch, model: mujoco.MjModel, field: str, name: str) -> Array:
-    values: Array = batch.expand(field)
-    if field == "wrap_prm":  # the coefficient of the motor in the gear tendon
-        return values[:, model.tendon_adr[model.tendon(name).id]]
-    rows = values[:, getattr(model, _KINDS[field.split("_", maxsplit=1)[0]])(name).id]
-    # Of the six transmission ratios of an actuator only the first acts on a hinge; of the
-    # inertias all three stay equal, so that they belong to a possible body.
-    return rows[:, 0] if field == "actuator_gear" else rows
+def _place(batch: Batch, model: mujoco.MjModel, place: Place) -> Array:
+    """Return the live array (R, ...) of the engine that holds what is kept in a place."""
+    values: Array = batch.expand(place.field)
+    match place.field:
+        case "wrap_prm":  # the coefficient of the motor in the tendon
+            return values[:, model.tendon_adr[model.tendon(place.owner).id]]
+        case "numeric_data":  # all custom numbers, one after the other
+            return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
+    kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
+    rows = values[:, getattr(model, kind)(place.owner).id]
+    return rows if place.column is None else rows[:, place.column]

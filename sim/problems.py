@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, get_args
 
@@ -11,8 +11,17 @@ from pydantic import BaseModel, ValidationError
 from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import did_you_mean, unknown
 from flexaxis.sim.excitation import Excitation
-from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.law_parameters import (
+    FIXED,
+    LAW_MAY_BE_ZERO,
+    LAW_NAMES,
+    LAWS,
+    law_owners,
+    meant,
+)
 from flexaxis.sim.parameters import (
+    DATA_SHEET,
     DEFAULT_IDENTIFY,
     MAY_BE_ZERO,
     PARAMETER_NAMES,
@@ -59,10 +68,11 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     yield from _parameter_problems(content)
     identify = _items(content.get("identify", DEFAULT_IDENTIFY))
     yield from estimated_problems(identify, content)
-    yield from _told_problems(content.get("told"), identify)
+    yield from _law_problems(identify, content)
+    yield from _told_problems(content, identify)
     yield from _loop_problems(content)
     for place, change in _changes(content):
-        for key, text in _change_problems(change, duration, period, content.get("friction")):
+        for key, text in _change_problems(change, duration, period, law_owners(content)):
             yield f"{place}.{key}", text
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
@@ -70,7 +80,11 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def estimated_problems(
-    names: Iterable[Any], content: Mapping[str, Any], *, key: str = "identify"
+    names: Iterable[Any],
+    content: Mapping[str, Any],
+    *,
+    key: str = "identify",
+    besides: Sequence[str] = LAW_NAMES,
 ) -> Iterator[Problem]:
     """Yield why parameters of these names cannot be estimated in a scenario.
 
@@ -82,9 +96,11 @@ def estimated_problems(
         The scenario, as for `conflicts`.
     key : str
         What to call the names in messages.
+    besides : sequence of str
+        What they may be besides the parameters of the axis and their inverses.
     """
     texts = [(f"{key}[{i}]", name) for i, name in enumerate(names) if isinstance(name, str)]
-    yield from _name_problems(texts)
+    yield from _name_problems([(k, name) for k, name in texts if name not in besides])
     yield from _zero_problems(texts, content.get("parameters"))
     inverses = {name for _, name in texts if name.startswith("1/")}
     for place, change in _changes(content):
@@ -158,7 +174,8 @@ def _name_problems(names: list[tuple[str, str]]) -> Iterator[Problem]:
             yield (
                 key,
                 f"unknown parameter {name!r}; known are {', '.join(PARAMETER_NAMES)} and the "
-                f"inverse of each, such as '1/J_a'.{did_you_mean(name, known)}",
+                f"inverse of each, such as '1/J_a'; and of laws {', '.join(LAW_NAMES)}."
+                f"{did_you_mean(name, [*known, *LAW_NAMES])}",
             )
         elif parameter in seen:
             yield key, f"{name!r} after {seen[parameter]!r}: name each once"
@@ -177,13 +194,40 @@ def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Pr
             )
 
 
-def _told_problems(told: Any, identify: list[Any]) -> Iterator[Problem]:
+def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[Problem]:
+    """Yield why parameters of laws cannot be identified on this plant."""
+    owners = law_owners(content)
+    for i, name in enumerate(identify):
+        if name in LAW_NAMES and name not in owners:
+            yield f"identify[{i}]", _no_such_law(name)
+        elif name in LAW_NAMES and identify.index(name) < i:
+            yield f"identify[{i}]", f"{name!r} after {name!r}: name each once"
+        elif name == "f_s" and _never_harder(as_table(content.get(owners[name]))):
+            yield f"identify[{i}]", "'f_s' cannot be estimated where it is 0: raise static"
+
+
+def _never_harder(lugre: Mapping[str, Any]) -> bool:
+    return lugre.get("static") == lugre.get("coulomb") is not None
+
+
+def _no_such_law(parameter: str) -> str:
+    tables = " or ".join(key for key, names in LAWS.items() if parameter in names)
+    return f"the plant has no {parameter}: give it the table {tables}"
+
+
+def _told_problems(content: Mapping[str, Any], identify: list[Any]) -> Iterator[Problem]:
+    told, laws = as_table(content.get("told")), law_owners(content)
     estimated = {str(name).removeprefix("1/") for name in identify}
-    for name in told if isinstance(told, Mapping) else ():
-        if name not in PARAMETER_NAMES:
-            yield f"told.{name}", unknown("parameter", name, PARAMETER_NAMES)
-        elif name in estimated:
-            yield f"told.{name}", f"{name} is estimated: where that starts is `start`"
+    for name, value in told.items():
+        key = f"told.{name}"
+        if name not in (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET):
+            yield key, unknown("parameter", name, (*PARAMETER_NAMES, *LAW_NAMES, *DATA_SHEET))
+        elif name in PARAMETER_NAMES and name in estimated:
+            yield key, f"{name} is estimated: where that starts is `start`"
+        elif name in LAW_NAMES and name not in laws:
+            yield key, _no_such_law(name)
+        elif name == "poles" and (number := as_number(value)) is not None and number % 1:
+            yield key, f"must be a whole number of periods in a turn, not {value!r}"
 
 
 def _loop_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
@@ -195,7 +239,10 @@ def _loop_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
 
 
 def _change_problems(
-    fault: Mapping[str, Any], duration: float | None, period: float, friction: Any
+    fault: Mapping[str, Any],
+    duration: float | None,
+    period: float,
+    laws: Mapping[str, str],
 ) -> Iterator[Problem]:
     yield from span_problems(fault, period)
     at, until, factor = (as_number(fault.get(key)) for key in ("at", "until", "factor"))
@@ -205,9 +252,12 @@ def _change_problems(
     if at is not None and until is not None and index(until) <= index(at):
         yield "until", f"the end at {until:g} s is not after the onset at {at:g} s"
     parameter = fault.get("parameter")
-    if parameter == COULOMB and not friction:
-        yield "parameter", "there is no Coulomb friction to change: set friction.coulomb"
-    if factor == 0 and parameter in PARAMETER_NAMES and not _may_be_zero(parameter):
+    if isinstance(parameter, str) and (law := meant(parameter)) in LAW_NAMES:
+        if law not in laws:
+            yield "parameter", _no_such_law(law)
+        elif laws[law] in FIXED:
+            yield "parameter", f"{law} of {laws[law]} cannot change in the course of a run"
+    if factor == 0 and _must_stay_positive(parameter):
         yield "factor", f"must be above 0, for {parameter} must stay positive"
 
 
@@ -227,6 +277,11 @@ def _changes(content: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any
         for index, change in enumerate(_items(content.get(table))):
             if isinstance(change, Mapping):
                 yield f"{table}[{index}]", change
+
+
+def _must_stay_positive(parameter: Any) -> bool:
+    known = parameter in (*PARAMETER_NAMES, *LAW_NAMES)
+    return known and parameter not in MAY_BE_ZERO | LAW_MAY_BE_ZERO
 
 
 def _may_be_zero(parameter: Any) -> bool:

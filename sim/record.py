@@ -43,8 +43,10 @@ class Record:
         [rad/s], as measured.
     true_speed, true_angle_m, true_angle_g, true_angle_a : ndarray (N,), optional
         True motor speed [rad/s], and true motor, gear and arm angle [rad].
-    true_parameters : ndarray (N, 12), optional
-        True parameters that act on [t_k, t_{k+1}), in the order of `PARAMETER_NAMES`.
+    true_parameters : ndarray (N, P), optional
+        True parameters that act on [t_k, t_{k+1}), a column each of `parameter_names`.
+    parameter_names : tuple of str
+        The twelve of the axis, in the order of `PARAMETER_NAMES`, and then those of its laws.
     valid : ndarray (N,) of bool, optional
         False where a sample is missing; without it all are there.
     scenario : dict
@@ -77,6 +79,7 @@ class Record:
     true_angle_g: Array | None = None
     true_angle_a: Array | None = None
     true_parameters: Array | None = None
+    parameter_names: tuple[str, ...] = PARAMETER_NAMES
     valid: NDArray[np.bool_] | None = None
     scenario: dict[str, Any] = field(default_factory=dict)
     hash: str = ""
@@ -229,7 +232,7 @@ def _check(record: Record) -> None:
         raise RecordError(f"a record needs at least 2 samples; time has {samples}.")
     for name in (*SIGNALS, "valid"):
         _check_array(record, name, (samples,))
-    _check_array(record, "true_parameters", (samples, len(PARAMETER_NAMES)))
+    _check_array(record, "true_parameters", (samples, len(record.parameter_names)))
     _check_grid(record.time, first=record.first)
 
 
@@ -247,7 +250,7 @@ def _check_array(record: Record, name: str, shape: tuple[int, ...]) -> None:
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         where = f"sample {record.first + index[0]}"
         if len(index) > 1:
-            where += f", {PARAMETER_NAMES[index[1]]}"
+            where += f", {record.parameter_names[index[1]]}"
         raise RecordError(
             f"{name} is {values[index]} at {where} ({bad.sum()} such values); mark missing "
             "samples with valid = False and give them any finite value."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
@@ -60,7 +61,7 @@ def write_netcdf(fields: Mapping[str, Any], path: Path) -> None:
         if fields["valid"] is not None:
             file.create_variable("valid", ("time",), data=np.asarray(fields["valid"], np.int8))
         if fields["true_parameters"] is not None:
-            _write_parameters(file, fields["true_parameters"])
+            _write_parameters(file, fields["parameter_names"], fields["true_parameters"])
         file.attrs["burn_in"] = fields["burn_in"]
         file.attrs["hash"] = fields["hash"]
         file.attrs["scenario"] = json.dumps(fields["scenario"])
@@ -69,11 +70,11 @@ def write_netcdf(fields: Mapping[str, Any], path: Path) -> None:
             file.attrs["seed"] = fields["seed"]
 
 
-def _write_parameters(file: Any, values: Array) -> None:
-    file.dimensions["parameter"] = len(PARAMETER_NAMES)
+def _write_parameters(file: Any, known: Sequence[str], values: Array) -> None:
+    file.dimensions["parameter"] = len(known)
     names = file.create_variable("parameter", ("parameter",), dtype=h5py.string_dtype())
-    names[:] = np.array(PARAMETER_NAMES, dtype=object)
-    # Twelve columns that hardly ever change: compression makes them vanish.
+    names[:] = np.array(known, dtype=object)
+    # Columns that hardly ever change: compression makes them vanish.
     variable = file.create_variable(
         "true_parameters",
         ("time", "parameter"),
@@ -113,7 +114,7 @@ def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
         if "valid" in file.variables:
             content["valid"] = np.asarray(file.variables["valid"][span], dtype=bool)
         if "true_parameters" in file.variables:
-            content["true_parameters"] = _read_parameters(file, span)
+            content |= _read_parameters(file, span)
         attributes: Mapping[str, Any] = dict(file.attrs)
     for name, kind in _ATTRIBUTES.items():
         if name in attributes:
@@ -132,12 +133,19 @@ def _check_needed(content: Mapping[str, Any], present: Mapping[str, Any]) -> Non
             )
 
 
-def _read_parameters(file: Any, span: slice) -> Array:
-    """Return the true parameters with their columns in our order."""
+def _read_parameters(file: Any, span: slice) -> dict[str, Any]:
+    """Return the true parameters with their columns in our order, and the names of these."""
     values = np.asarray(file.variables["true_parameters"][span], dtype=float)
     if "parameter" not in file.variables:
         raise RecordError("variable 'parameter', the names of the columns, is missing.")
     names = [n.decode() if isinstance(n, bytes) else str(n) for n in file.variables["parameter"]]
-    if sorted(names) != sorted(PARAMETER_NAMES):
-        raise RecordError(f"parameter must name {', '.join(PARAMETER_NAMES)}; it has {names}.")
-    return values[:, [names.index(name) for name in PARAMETER_NAMES]]
+    order = [*PARAMETER_NAMES, *(name for name in LAW_NAMES if name in names)]
+    if sorted(names) != sorted(order):
+        raise RecordError(
+            f"parameter must name {', '.join(PARAMETER_NAMES)}, and may name "
+            f"{', '.join(LAW_NAMES)}; it has {names}."
+        )
+    return {
+        "true_parameters": values[:, [names.index(name) for name in order]],
+        "parameter_names": tuple(order),
+    }

@@ -19,8 +19,10 @@ from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
-from flexaxis.sim.faults import COULOMB, Fault
+from flexaxis.sim.faults import Fault
+from flexaxis.sim.friction import StaticFrictionConfig
 from flexaxis.sim.keys import set_key, suffix
+from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.nonlinear import (
     BacklashConfig,
     CoggingConfig,
@@ -30,7 +32,13 @@ from flexaxis.sim.nonlinear import (
     SaturationConfig,
     StiffeningConfig,
 )
-from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES, AxisParameters, preset
+from flexaxis.sim.parameters import (
+    DATA_SHEET,
+    DEFAULT_IDENTIFY,
+    PARAMETER_NAMES,
+    AxisParameters,
+    preset,
+)
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
@@ -70,7 +78,8 @@ class Scenario(Config):
     start : float
         Where the estimates of these start, over nominal.
     told : dict of str to float, optional
-        What estimators are told of the other parameters, over the truth.
+        What estimators are told of the other parameters, over the truth, and what stands in the
+        data sheet (`DATA_SHEET`), as it is.
     output : {"speed", "increment"}
         What the estimators read.
     burn_in : float
@@ -82,7 +91,7 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+    filter, friction, lugre, static_friction, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
@@ -111,6 +120,7 @@ class Scenario(Config):
     controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
+    static_friction: StaticFrictionConfig | None = None
     cogging: CoggingConfig | None = None
     backlash: BacklashConfig | None = None
     stiffening: StiffeningConfig | None = None
@@ -166,15 +176,36 @@ class Scenario(Config):
     @property
     def linear(self) -> bool:
         """Whether the linear model, with what estimators are told, describes the records."""
-        return not self.told and all(table.exact for table in self.tables.values())
+        return not self.told_factors and all(table.exact for table in self.tables.values())
+
+    @property
+    def told_factors(self) -> dict[str, float]:
+        """What estimators are told of parameters, over the truth, where that is another."""
+        return {name: x for name, x in (self.told or {}).items() if name not in DATA_SHEET}
+
+    @property
+    def data_sheet(self) -> dict[str, float]:
+        """What estimators are told of the axis besides parameters."""
+        return {name: x for name, x in (self.told or {}).items() if name in DATA_SHEET}
+
+    @cached_property
+    def laws(self) -> dict[str, float]:
+        """Parameters, before any fault, of what the plant has beyond the linear model."""
+        return law_values(self.nonlinear.values())
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """The parameters (P,): the twelve, and those of the plant's laws."""
+        return (*PARAMETER_NAMES, *self.laws)
+
+    @property
+    def unchanged(self) -> Array:
+        """Values (P,) of the parameters before any fault."""
+        return np.array([self._unchanged(name) for name in self.parameter_names])
 
     def true_parameters(self) -> Array:
-        """Return the parameters (N, 12) that act from each sample to the next."""
-        return np.column_stack([self._value(name) for name in PARAMETER_NAMES])
-
-    def coulomb(self) -> Array:
-        """Return the level (N,) of Coulomb friction that acts from each sample to the next."""
-        return self._value(COULOMB)
+        """Return the parameters (N, P) that act from each sample to the next."""
+        return np.column_stack([self._value(name) for name in self.parameter_names])
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
@@ -250,15 +281,13 @@ class Scenario(Config):
         return scenario_from(content | {"streams": self.key}, source=self.name)
 
     def _value(self, name: str) -> Array:
-        """Return a parameter, or the level of Coulomb friction, at the samples (N,)."""
+        """Return a parameter at the samples (N,)."""
         changes = (*self.fault, *(self.nuisance or ()))
         return changed(self._unchanged(name), name, changes, self.grid)
 
     def _unchanged(self, name: str) -> float:
-        """Return a parameter, or the level of Coulomb friction, before any change."""
-        if name == COULOMB:
-            return self.friction.coulomb if self.friction else 0.0
-        return float(getattr(self.nominal, name))
+        """Return a parameter before any change."""
+        return self.laws[name] if name in self.laws else float(getattr(self.nominal, name))
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

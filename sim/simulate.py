@@ -117,6 +117,7 @@ def _records(
             true_angle_g=truth.angles[:, run, 1].copy(),
             true_angle_a=truth.angles[:, run, 2].copy(),
             true_parameters=parameters,
+            parameter_names=scenario.parameter_names,
             scenario=scenario.resolved(),
             hash=scenario.hash,
             seed=seed,

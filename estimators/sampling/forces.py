@@ -19,6 +19,7 @@ BRISTLE, STATIC, SPRING, SINUSOID, CLIP = (
 )
 SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
 FAST = 20.0  # of v/v_0: tanh is one to round-off
+NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
 LEAST = 1e-300  # [N m] a bristle's level, so that none divides by zero
 
 
@@ -61,61 +62,56 @@ def bristle(v, p, h, value, local):
     With b = σ₀ h v, a = σ₀ h |v|/g and φ₁ = (1−e^−a)/a, φ₂ = (1−φ₁)/a:
     p⁺ = p e^−a + b φ₁, F = p φ₁ + b φ₂ + σ₁/σ₀ (p⁺−p)/h.
     """
-    f_c, f_s, v_s = value[0], value[1], value[2]
-    stiffness, damping, v_0 = value[3], value[4], value[5]
-    size, sign = abs(v), 1.0 if v >= 0.0 else -1.0
-    bump, bump_v, bump_s = 0.0, 0.0, 0.0  # exp(−(v/v_s)²) and its derivatives by |v| and v_s
-    if v_s > 0.0:
-        bump = np.exp(-((size / v_s) ** 2))
-        bump_v, bump_s = -2.0 * size / v_s**2 * bump, 2.0 * size**2 / v_s**3 * bump
-    level = f_c + f_s * bump
-    # |v|/g stays finite at rest if the sign of v is soft: r = |v|/tanh(|v|/v_0)
-    r, r_v, r_0 = size, 1.0, 0.0
-    if v_0 > 0.0 and size < FAST * v_0:
-        x = size / v_0
-        if x < 1e-4:
-            r, r_v, r_0 = v_0 * (1.0 + x * x / 3.0), 2.0 * x / 3.0, 1.0 - x * x / 3.0
-        else:
-            t = np.tanh(x)
-            slope = (1.0 - t * t) / (t * t)
-            r, r_v, r_0 = size / t, 1.0 / t - x * slope, x * x * slope
-    if abs(level) < LEAST:
-        level = LEAST
-    rate = stiffness * h / level  # a = rate · r
+    stiffness, tau = value[3], value[4] / value[3] / h
+    level, level_v, bump, level_s = sliding(abs(v), value)
+    r, r_v, r_0 = softened(abs(v), value[5])
+    rate = stiffness * h / level
     a, b = rate * r, stiffness * h * v
     e, one, two, one_a, two_a = relaxation(a)
     end = p * e + b * one
-    tau = damping / stiffness / h
-    local[F] = p * one + b * two + tau * (end - p)
-    local[S] = end
+    local[F], local[S] = p * one + b * two + tau * (end - p), end
+    local[S_S], local[F_S] = e, one + tau * (e - 1.0)
     end_a, mean_a = -p * e + b * one_a, p * one_a + b * two_a
-    end_b, mean_b = one, two
-    local[S_S] = e
-    local[F_S] = one + tau * (e - 1.0)
-    level_v = f_s * bump_v
+    sign = 1.0 if v >= 0.0 else -1.0
     a_v = sign * rate * (r_v - r * level_v / level)
-    b_v = stiffness * h
-    local[S_W] = end_a * a_v + end_b * b_v
-    local[F_W] = mean_a * a_v + mean_b * b_v + tau * local[S_W]
+    local[S_W] = end_a * a_v + one * stiffness * h
+    local[F_W] = mean_a * a_v + two * stiffness * h + tau * local[S_W]
     a_level = -a / level
-    for role in range(6):
-        da, db, more = 0.0, 0.0, 0.0
-        if role == 0:
-            da = a_level
-        elif role == 1:
-            da = a_level * bump
-        elif role == 2:
-            da = a_level * f_s * bump_s
-        elif role == 3:
-            da, db = a / stiffness, b / stiffness
-            more = -tau / stiffness * (end - p)
-        elif role == 4:
-            more = (end - p) / stiffness / h
-        else:
-            da = rate * r_0
-        change = end_a * da + end_b * db
+    for role, da in enumerate(
+        (a_level, a_level * bump, a_level * level_s, a / stiffness, 0.0, rate * r_0)
+    ):
+        db = b / stiffness if role == 3 else 0.0
+        change = end_a * da + one * db
         local[ROLE + 2 * role + 1] = change
-        local[ROLE + 2 * role] = mean_a * da + mean_b * db + tau * change + more
+        local[ROLE + 2 * role] = mean_a * da + two * db + tau * change
+    local[ROLE + 6] -= tau / stiffness * (end - p)
+    local[ROLE + 8] = (end - p) / stiffness / h
+
+
+@inlined
+def sliding(size, value):
+    """Return f_c + f_s exp(−(|v|/v_s)²) and its derivatives by |v|, f_s and v_s."""
+    f_c, f_s, v_s = value[0], value[1], value[2]
+    bump, level_v, level_s = 0.0, 0.0, 0.0
+    if v_s > 0.0:
+        bump = np.exp(-((size / v_s) ** 2))
+        level_v = -2.0 * f_s * size / v_s**2 * bump
+        level_s = 2.0 * f_s * size**2 / v_s**3 * bump
+    level = f_c + f_s * bump
+    return level if abs(level) > LEAST else LEAST, level_v, bump, level_s
+
+
+@inlined
+def softened(size, v_0):
+    """Return r = |v|/tanh(|v|/v_0), by which |v|/g stays finite at rest; and by |v| and v_0."""
+    if v_0 <= 0.0 or size > FAST * v_0:
+        return size, 1.0, 0.0
+    x = size / v_0
+    if x < NEAR:
+        return v_0 * (1.0 + x * x / 3.0), 2.0 * x / 3.0, 1.0 - x * x / 3.0
+    t = np.tanh(x)
+    slope = (1.0 - t * t) / (t * t)
+    return size / t, 1.0 / t - x * slope, x * x * slope
 
 
 @inlined

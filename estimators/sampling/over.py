@@ -1,4 +1,4 @@
-"""One sample of a compiled filter: entries at θ, then x, sensitivities and output; with laws too."""
+"""One sample of a compiled filter: entries at θ, then x, sensitivities and output."""
 
 import numpy as np
 

@@ -72,7 +72,7 @@ def couple(drive, response, gain):
 
 
 @compiled
-def react(laws, h, response, u, X, work):
+def react(laws, h, response, u, X, work):  # noqa: PLR0917
     """
     Add to a step what laws do in it, with derivatives.
 
@@ -88,18 +88,33 @@ def react(laws, h, response, u, X, work):
     X : (N, lanes) array
         States and output after the step, without laws; corrected here.
     work : tuple of arrays
-        Those of `room`, in their order, with roles, gain and before written.
+        Those of `room`, in their order, with roles, coupling and before written.
     """
-    kind, memory, drive, value, parameter = laws
-    torques, offset, change, roles, local, gain, jacobian, inverse, before, mean, torque = work
-    L, lanes = mean.shape
+    kind, memory, drive, _, _ = laws
+    _, _, _, _, local, _, _, _, before, mean, torque = work
     drives(drive, X, u, mean)
-    for i in range(L):
-        for a in range(lanes):
+    for i in range(len(mean)):
+        for a in range(mean.shape[1]):
             mean[i, a] = 0.5 * (mean[i, a] + before[i, a])
     search(kind, memory, h, X, work)
-    # explicit part of F', then w̄', then F'
-    for i in range(L):
+    differentiate(laws, response, X, work)
+    for m in range(len(X)):
+        for i in range(len(mean)):
+            b, held = response[i, m, 0], local[i, F]
+            if b != 0.0:
+                X[m, 0] += b * held
+                for a in range(1, mean.shape[1]):
+                    X[m, a] += b * torque[i, a] + response[i, m, a] * held
+    remember(laws, X, work)
+
+
+@inlined
+def differentiate(laws, response, X, work):
+    """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
+    _, memory, drive, value, parameter = laws
+    _, _, _, _, local, gain, _, inverse, _, mean, torque = work
+    L, lanes = mean.shape
+    for i in range(L):  # F_s s' + F_θ
         for a in range(1, lanes):
             torque[i, a] = local[i, F_S] * X[memory[i], a] if memory[i] >= 0 else 0.0
         for r in range(value.shape[1]):
@@ -107,42 +122,40 @@ def react(laws, h, response, u, X, work):
                 torque[i, 1 + parameter[i, r]] += local[i, ROLE + 2 * r] * value[i, r]
     for i in range(L):
         for j in range(L):
-            if gain[i, j] != 0.0:
-                for a in range(1, lanes):
-                    mean[i, a] += gain[i, j] * torque[j, a]
+            add(mean[i], gain[i, j], torque[j])
             for m in range(drive.shape[1] - 1):
-                if drive[i, m] != 0.0:
-                    factor = 0.5 * drive[i, m] * local[j, F]
-                    for a in range(1, lanes):
-                        mean[i, a] += factor * response[j, m, a]
-    for i in range(L):  # torque ← F' in the end; its first lane holds nothing
-        for j in range(L):
-            factor = local[i, F_W] * inverse[i, j]
-            if factor != 0.0:
-                for a in range(1, lanes):
-                    torque[i, a] += factor * mean[j, a]
-    for m in range(len(X)):
-        for i in range(L):
-            b, held = response[i, m, 0], local[i, F]
-            if b != 0.0:
-                X[m, 0] += b * held
-                for a in range(1, lanes):
-                    X[m, a] += b * torque[i, a] + response[i, m, a] * held
+                if drive[i, m] != 0.0:  # G' F
+                    add(mean[i], 0.5 * drive[i, m] * local[j, F], response[j, m])
     for i in range(L):
+        for j in range(L):
+            add(torque[i], local[i, F_W] * inverse[i, j], mean[j])
+
+
+@inlined
+def remember(laws, X, work):
+    """Take the states that laws have of their own over the step, and keep their torques."""
+    _, memory, _, value, parameter = laws
+    torques, _, _, _, local, _, _, inverse, _, mean, _ = work
+    for i in range(len(mean)):
         torques[i] = local[i, F]
         m = memory[i]
         if m >= 0:
             X[m, 0] = local[i, S]
-            for a in range(1, lanes):
+            for a in range(1, mean.shape[1]):
                 X[m, a] *= local[i, S_S]
-            for j in range(L):
-                factor = local[i, S_W] * inverse[i, j]
-                if factor != 0.0:
-                    for a in range(1, lanes):
-                        X[m, a] += factor * mean[j, a]
+            for j in range(len(mean)):
+                add(X[m], local[i, S_W] * inverse[i, j], mean[j])
             for r in range(value.shape[1]):
                 if parameter[i, r] >= 0:
                     X[m, 1 + parameter[i, r]] += local[i, ROLE + 2 * r + 1] * value[i, r]
+
+
+@inlined
+def add(row, factor, other):
+    """Add a multiple of a row to another, but not of its first lane, which is a value."""
+    if factor != 0.0:
+        for a in range(1, len(row)):
+            row[a] += factor * other[a]
 
 
 @compiled
@@ -178,7 +191,7 @@ def search(kind, memory, h, X, work):
 
 
 @inlined
-def newton(offset, change, local, gain, inverse, mean):
+def newton(offset, change, local, gain, inverse, mean):  # noqa: PLR0917
     """Write the step of Newton's method, and return its size relative to w̄ and c."""
     size = 0.0
     for i in range(len(change)):

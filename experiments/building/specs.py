@@ -30,8 +30,9 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
 from flexaxis.sim.scenario import Scenario
@@ -102,9 +103,11 @@ def code_file(text: str) -> str:
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
-    That is the nominal parameters (with the scenario's `start` on the identified ones) and the
-    period; and, where its constructor has keywords of these names, `identify`, `output` and
-    `torque` (a nominal reference run, from which a P(0) can be computed).
+    That is the nominal parameters (with the scenario's `start` on the identified ones, and with
+    what its data sheet says) and the period; and, where its constructor has keywords of these
+    names, `identify`, `output`, `noise` (where the scenario has told.noise) and `torque` (a
+    nominal reference run, from which a P(0) can be computed). Parameters of friction and other
+    laws that a scenario asks for are asked of those alone that declare `laws`.
 
     Raises
     ------
@@ -114,12 +117,14 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     EstimatorCrash
         If its constructor raises anything.
     """
-    offered: dict[str, Any] = {"identify": scenario.identify, "output": scenario.output}
+    offered: dict[str, Any] = {"identify": _asked(spec, scenario), "output": scenario.output}
+    if "noise" in scenario.data_sheet:
+        offered["noise"] = scenario.data_sheet["noise"]
     if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
     nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
-    if wanted and not _has_stored_prior(nominal, scenario):
+    if wanted and not _has_stored_prior(nominal, offered["identify"], scenario):
         offered["torque"] = nominal_torque(scenario)
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
@@ -180,18 +185,44 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
     """Refuse names that no score could be taken for."""
     if tuple(names) == scenario.identify:  # which was checked when the scenario was made
         return
-    problems = estimated_problems(names, scenario.model_dump(), key="names")
+    besides = (*LAW_NAMES, *ESTIMATED_ONLY)
+    problems = estimated_problems(names, scenario.model_dump(), key="names", besides=besides)
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
         raise EstimatorError("\n".join(lines))
+    if not known_names(scenario, names):
+        raise EstimatorError(
+            f"{text} estimates {', '.join(names)}, but {scenario.name} has "
+            f"{', '.join(scenario.parameter_names)}: nothing of it could be scored"
+        )
 
 
-def _has_stored_prior(nominal: Mapping[str, float], scenario: Scenario) -> bool:
+def _asked(spec: Spec, scenario: Scenario) -> tuple[str, ...]:
+    """Return what an estimator is asked to identify: what is of no law, unless it has `laws`."""
+    if _has_laws(spec.make):
+        return scenario.identify
+    linear = tuple(name for name in scenario.identify if name not in LAW_NAMES)
+    if not linear:
+        raise EstimatorError(
+            f"{spec.text} does not declare `laws`, and {scenario.name} asks for nothing but "
+            f"{', '.join(scenario.identify)}: leave the scenario out"
+        )
+    return linear
+
+
+def _has_laws(make: Callable[..., Any]) -> bool:
+    entry = next((entry for entry in REGISTRY.values() if entry.factory is make), make)
+    return bool(getattr(entry, "laws", False))
+
+
+def _has_stored_prior(
+    nominal: Mapping[str, float], identify: Sequence[str], scenario: Scenario
+) -> bool:
     """Whether P(0) is among the data stored with the estimators."""
     from flexaxis.estimators.offline.priors import stored_P
 
     axis = {name: nominal[name] for name in PARAMETER_NAMES}
     model = three_mass(axis)
-    return stored_P(model, scenario.identify, scenario.period, forgetting=None) is not None
+    return stored_P(model, identify, scenario.period, forgetting=None) is not None
 
 
 def _options(rest: str, text: str) -> dict[str, Any]:

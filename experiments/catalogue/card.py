@@ -37,6 +37,7 @@ def reference_card(scenario: Scenario) -> dict[str, str]:
         "unmodelled": "; ".join(_unmodelled(scenario)) or "nothing",
         "sensors": "; ".join(_sensors(scenario)) or "ideal",
         "sampled": _sampled(scenario),
+        "data sheet": "; ".join(_data_sheet(scenario)) or "nothing",
         "read": scenario.output,
         "estimated": ", ".join(scenario.identify),
         "bound": f"defined for {names}" if names else "none, so no score: see lag, std and alarms",
@@ -66,6 +67,7 @@ def _parts(scenario: Scenario) -> list[str]:
         _sampled(scenario),
         *_sensors(scenario),
         *_unmodelled(scenario),
+        *_data_sheet(scenario),
         scenario.excitation.in_words(),
     ]
 
@@ -87,4 +89,14 @@ def _sensors(scenario: Scenario) -> list[str]:
 def _unmodelled(scenario: Scenario) -> list[str]:
     """Return what the linear model, as told, does not know of axis, loop and log."""
     words = [table.in_words() for table in scenario.tables.values() if not table.exact]
-    return words + [f"told {name} × {factor:g}" for name, factor in (scenario.told or {}).items()]
+    return words + [f"told {name} × {x:g}" for name, x in scenario.told_factors.items()]
+
+
+def _data_sheet(scenario: Scenario) -> list[str]:
+    """Return what estimators are told besides parameters."""
+    words = {
+        "poles": "told {:g} periods of cogging a turn",
+        "torque_limit": "told a limit of {:g} N m",
+        "noise": "told noise of {:g}",
+    }
+    return [words[name].format(value) for name, value in scenario.data_sheet.items()]

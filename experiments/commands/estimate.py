@@ -12,6 +12,7 @@ example:
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,7 +68,8 @@ def main(args: argparse.Namespace) -> int:
         )
     if args.json:
         values = dict(zip(found.names, found.last.tolist(), strict=True))
-        truth = {} if found.truth is None else dict(zip(found.names, found.truth, strict=True))
+        known = zip(found.names, _truth(found), strict=True)
+        truth = {name: true for name, true in known if true is not None}
         content = {"estimates": str(path), "estimator": spec.text, "samples": found.samples}
         print(dumps(content | {"last": values, "truth": truth}))
     else:
@@ -76,13 +78,19 @@ def main(args: argparse.Namespace) -> int:
     return 0
 
 
+def _truth(found: Estimated) -> list[float | None]:
+    """Return the true values, None for what the record does not know."""
+    if found.truth is None:
+        return [None] * len(found.names)
+    return [None if math.isnan(true) else true for true in found.truth.tolist()]
+
+
 def _print(found: Estimated) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table("parameter", "last estimate", "truth", "error [%]", box=None, pad_edge=False)
-    truth = [None] * len(found.names) if found.truth is None else found.truth
-    for name, value, true in zip(found.names, found.last, truth, strict=True):
+    for name, value, true in zip(found.names, found.last, _truth(found), strict=True):
         known = ("", "") if true is None else (f"{true:.6g}", f"{100 * (value / true - 1):+.3f}")
         table.add_row(name, f"{value:.6g}", *known)
     Console().print(table)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.conformance.futures import futures
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
@@ -49,8 +49,8 @@ class Subject:
         self.u = record.torque
         self.y: Array = getattr(record, scenario.output)
         self.names = tuple(self.make().names)
-        self.truth = true_theta(self.names, scenario.true_parameters())
-        self.nominal = np.abs(true_theta(self.names, scenario.nominal.as_array()))
+        self.truth = theta_over_time(scenario, self.names)
+        self.nominal = np.abs(nominal_theta(scenario, self.names))
 
     def make(self) -> Estimator:
         """Return a fresh estimator."""

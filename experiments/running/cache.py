@@ -46,6 +46,7 @@ class RecordCache:
                 record = Record(
                     **{name: stored[name] for name in SIGNALS},
                     true_parameters=scenario.true_parameters(),
+                    parameter_names=scenario.parameter_names,
                     scenario=scenario.resolved(),
                     hash=scenario.hash,
                     seed=seed,

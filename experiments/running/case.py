@@ -16,6 +16,7 @@ from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
+from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
@@ -45,13 +46,15 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     where = f"{scenario.name}, seed {record.seed}"
     theta, claimed, innovations = _with_claims(spec, estimator, scenario, record, where=where)
     seconds = time.perf_counter() - start
+    names = known_names(scenario, estimator.names)
+    mine = [list(estimator.names).index(name) for name in names]
     track = Track(
         scenario=scenario,
-        names=tuple(estimator.names),
-        theta=theta,
+        names=names,
+        theta=theta[:, mine],
         true_parameters=record.true_parameters,
         torque=record.torque,
-        claimed=claimed,
+        claimed=_of(claimed, mine, len(estimator.names)),
         innovations=innovations,
         findings=getattr(estimator, "findings", None),
     )
@@ -69,6 +72,13 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     }
     seed = record.seed or 0
     return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
+
+
+def _of(claimed: Any, mine: list[int], p: int) -> Any:
+    """Return what is claimed of some of the p parameters; what is no such matrix, as it is."""
+    if len(mine) == p or np.shape(claimed) != (p, p):
+        return claimed
+    return np.asarray(claimed)[np.ix_(mine, mine)]
 
 
 def _with_claims(

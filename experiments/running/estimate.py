@@ -17,7 +17,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.theta import physical, true_theta
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -37,7 +37,8 @@ class Estimated:
     last : ndarray (p,)
         Last estimate.
     truth : ndarray (p,) or None
-        True values at the last sample, where the record knows them.
+        True values at the last sample, where the record knows them; NaN for a parameter of a law
+        that it does not know.
     samples : int
         Samples read.
     """
@@ -102,8 +103,14 @@ def estimate(
             if advance:
                 advance(len(theta))
     known = piece.true_parameters
-    truth = None if known is None else true_theta(names, known[-1])
+    truth = None if known is None else _truth(names, known[-1], piece.parameter_names)
     return Estimated(names, theta[-1], truth, samples)
+
+
+def _truth(names: Sequence[str], values: Array, columns: Sequence[str]) -> Array:
+    known = [name for name in names if physical(name)[0] in columns]
+    found = dict(zip(known, true_theta(known, values, columns) if known else (), strict=True))
+    return np.array([found.get(name, np.nan) for name in names])
 
 
 def run_on(

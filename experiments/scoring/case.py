@@ -14,8 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.scoring.theta import physical, started_theta, true_theta
+from flexaxis.experiments.scoring.theta import (
+    nominal_theta,
+    physical,
+    started_theta,
+    true_theta,
+)
 from flexaxis.experiments.scoring.windows import Window, quiet, windows
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -38,8 +44,8 @@ class Track:
         Estimated parameters, such as ``("k_T", "1/J_a", "f_m")``.
     theta : ndarray (N, p)
         Estimates θ[k], made from y[0..k].
-    true_parameters : ndarray (N, 12)
-        True physical parameters.
+    true_parameters : ndarray (N, P)
+        True physical parameters, as `Scenario.parameter_names` names them.
     torque : ndarray (N,), optional
         Of the record; the bounds need it.
     claimed : ndarray (p, p), optional
@@ -65,12 +71,12 @@ class Track:
     @cached_property
     def truth(self) -> Array:
         """True θ (N, p)."""
-        return true_theta(self.names, self.true_parameters)
+        return true_theta(self.names, self.true_parameters, self.scenario.parameter_names)
 
     @cached_property
     def nominal(self) -> Array:
         """Nominal θ (p,)."""
-        return true_theta(self.names, self.scenario.nominal.as_array())
+        return nominal_theta(self.scenario, self.names)
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
@@ -79,8 +85,17 @@ class Track:
 
     @cached_property
     def lost(self) -> int | None:
-        """First sample from which the run is lost, None for a run that is not."""
-        return loss(self.theta, self.box, self.scenario.period)
+        """First sample from which the run is lost, None for a run that is not.
+
+        A parameter of a law may come near zero, for an axis may have no friction of a kind, and
+        that is where begins who was told nothing of it; and one that is not asked for may go
+        anywhere, for the structure that an estimator assumes need not be that of the plant.
+        """
+        law = [name in LAW_NAMES for name in self.names]
+        besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
+        lower, upper = self.box
+        edges = np.where(law, -np.inf, lower), np.where(besides, np.inf, upper)
+        return loss(self.theta, edges, self.scenario.period)
 
     @cached_property
     def error(self) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -12,7 +13,8 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import linear_model, noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.nominal import nominal_torque
-from flexaxis.experiments.scoring.theta import started_theta, true_theta
+from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
+from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -25,7 +27,8 @@ def information(scenario: Scenario) -> Array | None:
 
     M is E ψψᵀ/σ² on the steady state of the scenario's reference at nominal parameters, scaled:
     what a small error of θ̂ adds to the prediction error, over the noise. The sum depends neither
-    on the units of the parameters nor on how they are chosen. None where there is no noise.
+    on the units of the parameters nor on how they are chosen. It is of the linear model, so that
+    what is asked of its laws has zeros there. None where there is no noise.
     """
     return _information(_Asked(scenario.hash, scenario))
 
@@ -42,14 +45,24 @@ class _Asked:
 def _information(asked: _Asked) -> Array | None:
     scenario = asked.scenario
     variance = noise_variance(scenario)
-    if not variance > 0:
+    linear = [name for name in scenario.identify if name not in LAW_NAMES]
+    if not variance > 0 or not linear:
         return None
     nominal = scenario.nominal.as_array()
-    model = linear_model(scenario, nominal).parametrize(scenario.identify)
+    model = linear_model(scenario, nominal).parametrize(linear)
     _, psi = predict(model, model.theta, nominal_torque(scenario), period=scenario.period)
-    per_cent = abs(true_theta(scenario.identify, nominal)) / 100
+    per_cent = abs(true_theta(linear, nominal)) / 100
     psi = psi[-round(STEADY / scenario.period) :] * per_cent
-    return psi.T @ psi / len(psi) / variance
+    M = psi.T @ psi / len(psi) / variance
+    return M if linear == list(scenario.identify) else _among(M, linear, scenario.identify)
+
+
+def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
+    """Return a matrix over some names as one over all of them, with zeros for the others."""
+    places = [everyone.index(name) for name in names]
+    whole = np.zeros((len(everyone), len(everyone)))
+    whole[np.ix_(places, places)] = M
+    return whole
 
 
 def excess_of(track: Track, i: int) -> float | None:
@@ -65,8 +78,9 @@ def _excess(track: Track) -> float | None:
     if M is None:
         return None
     asked = track.scenario.identify
-    truth = true_theta(asked, track.true_parameters[track.quiet])
-    nominal = true_theta(asked, track.scenario.nominal.as_array())
+    columns = track.scenario.parameter_names
+    truth = true_theta(asked, track.true_parameters[track.quiet], columns)
+    nominal = nominal_theta(track.scenario, asked)
     # Whoever does not estimate a parameter leaves it as it was told.
     error = 100 * (started_theta(track.scenario, asked) - truth) / abs(nominal)
     for column, name in enumerate(asked):

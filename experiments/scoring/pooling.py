@@ -16,7 +16,7 @@ from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.table import columns as kinds
 from flexaxis.experiments.scoring.theory import RMSE_AT
-from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -280,8 +280,7 @@ def curve_of(
     runs : sequence of ndarray (M, p)
         Every tenth estimate over its nominal value, of each run.
     """
-    nominal = true_theta(names, scenario.nominal.as_array())
-    truth = true_theta(names, scenario.true_parameters()) / nominal
+    truth = theta_over_time(scenario, names) / nominal_theta(scenario, names)
     drawn = np.stack(runs).astype(float)
     with np.errstate(all="ignore"):  # a lost run may hold anything
         low, median, high = np.percentile(np.where(np.isnan(drawn), np.inf, drawn), BAND, axis=0)

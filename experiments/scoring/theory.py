@@ -15,7 +15,7 @@ from flexaxis.experiments.scoring.bounds import (
     noise_variance,
 )
 from flexaxis.experiments.scoring.case import Track, finite, lag_of
-from flexaxis.experiments.scoring.theta import physical, started_theta, true_theta
+from flexaxis.experiments.scoring.theta import physical, started_theta, theta_over_time
 from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.sim.faults import Step
 from flexaxis.sim.scenario import Scenario
@@ -124,7 +124,7 @@ def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
 
 def _lag_null(scenario: Scenario, names: Sequence[str], i: int, window: Window) -> float | None:
     start = started_theta(scenario, names)[i]
-    truth = true_theta(names, scenario.true_parameters()[window.start : window.stop])[:, i]
+    truth = theta_over_time(scenario, names)[window.start : window.stop, i]
     return finite(scenario.period * np.sum(np.abs(start - truth)) / window.D)
 
 

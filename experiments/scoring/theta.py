@@ -16,29 +16,57 @@ def physical(name: str) -> tuple[str, int]:
     return (name[2:], -1) if name.startswith("1/") else (name, 1)
 
 
-def true_theta(names: Sequence[str], parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the true values (…, p) of estimated parameters from the physical ones (…, 12)."""
-    columns = [physical(name) for name in names]
-    return np.stack(
-        [parameters[..., PARAMETER_NAMES.index(p)] ** float(e) for p, e in columns], axis=-1
-    )
+def true_theta(
+    names: Sequence[str],
+    parameters: NDArray[np.float64],
+    columns: Sequence[str] = PARAMETER_NAMES,
+) -> NDArray[np.float64]:
+    """Return the true values (…, p) of estimated parameters from the physical ones (…, P).
+
+    `columns` are the names of these: the twelve of the axis, unless there are more.
+    """
+    wanted = [physical(name) for name in names]
+    return np.stack([parameters[..., columns.index(p)] ** float(e) for p, e in wanted], axis=-1)
+
+
+def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the values (p,) of estimated parameters before any fault."""
+    return true_theta(names, scenario.unchanged, scenario.parameter_names)
+
+
+def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
+    """Return the true values (N, p) of estimated parameters."""
+    return true_theta(names, scenario.true_parameters(), scenario.parameter_names)
+
+
+def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the estimated parameters whose errors have a size: of a truth that is not zero."""
+    values = dict(zip(scenario.parameter_names, scenario.unchanged.tolist(), strict=True))
+    return tuple(name for name in names if values.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
     """Return the nominal values that an estimator is told.
 
-    Those to be identified are off by `start`, and the others by `told`.
+    Those to be identified are off by `start`, and the others by `told`; what stands in the data
+    sheet is there as well. Nobody is told which laws act: a parameter of a law is there only where
+    `told` names it.
     """
     values = scenario.nominal.as_dict()
-    for parameter, factor in (scenario.told or {}).items():
-        values[parameter] *= factor
+    for parameter, factor in scenario.told_factors.items():
+        values[parameter] = factor * values.get(parameter, scenario.laws.get(parameter, np.nan))
     for name in scenario.identify:
         parameter, exponent = physical(name)
-        values[parameter] *= scenario.start ** float(exponent)
-    return values
+        if parameter in PARAMETER_NAMES:
+            values[parameter] *= scenario.start ** float(exponent)
+    return values | scenario.data_sheet
 
 
 def started_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
-    """Return θ(0) (p,) of an estimator that starts where it is told to."""
-    told = started_nominal(scenario)
-    return true_theta(names, np.array([told[name] for name in PARAMETER_NAMES]))
+    """Return θ(0) (p,) of an estimator that starts where it is told to.
+
+    A parameter of a law that it is not told starts at the truth, as if it had been found before.
+    """
+    told = scenario.laws | started_nominal(scenario)
+    columns = scenario.parameter_names
+    return true_theta(names, np.array([told[name] for name in columns]), columns)

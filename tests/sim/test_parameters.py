@@ -43,7 +43,7 @@ def test_a_gear_ratio_turned_upside_down_is_told():
 def test_unknown_names_get_the_nearest_word():
     with pytest.raises(ParameterError, match="Did you mean 'f_m'"):
         preset("n1").replace(F_m=1.0)
-    with pytest.raises(ParameterError, match=r"known are n1, n2\. Did you mean 'n1'"):
+    with pytest.raises(ParameterError, match=r"known are n1, n2, wg\. Did you mean 'n1'"):
         preset("N1")
     with pytest.raises(ParameterError, match="12 values"):
         AxisParameters.from_array(np.ones(11))

@@ -273,14 +273,18 @@ def test_a_nuisance_moves_the_truth_and_is_no_event():
 
 def test_the_level_of_coulomb_friction_over_time():
     dry = "friction.coulomb = 0.1" + BARE
-    assert np.all(parse_scenario(dry).coulomb() == 0.1) and not parse_scenario(STEP).coulomb().any()
+    assert parse_scenario(dry).parameter_names == (*PARAMETER_NAMES, "f_c")
+    assert np.all(parse_scenario(dry).true_parameters()[:, 12] == 0.1)
+    assert parse_scenario(STEP).true_parameters().shape[1] == 12
     warming = parse_scenario(dry + THERMAL.replace("f_m", "coulomb"))
-    level = warming.coulomb()
+    truth = warming.true_parameters()
+    level = truth[:, 12]
     after = 0.1 * (1 - 0.4 * (1 - np.exp(-15 / 4)))  # to within half a sample
     assert level[999] == 0.1 and level[-1] == pytest.approx(after, rel=1e-4)
-    assert np.all(warming.true_parameters() == warming.nominal.as_array())
-    fault = parse_scenario(dry + FAULT.replace("f_m", "coulomb"))
-    assert fault.events() == (Event("coulomb", 2000, 0.1, pytest.approx(0.15)),)
+    assert np.all(truth[:, :12] == warming.nominal.as_array())
+    faults = [parse_scenario(dry + FAULT.replace("f_m", name)) for name in ("coulomb", "f_c")]
+    assert faults[0].events() == (Event("f_c", 2000, 0.1, pytest.approx(0.15)),)
+    assert faults[0].events() == faults[1].events() and faults[0].hash != faults[1].hash
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ from flexaxis.sim.scenario import Scenario, parse_scenario
 
 FAULT = '[[fault]]\nkind = "step"\nparameter = "f_m"\nat = 10.0\nfactor = 1.5\n'
 TWELVE = "k_T, J_m, J_g, J_a, k_g, k_a, d_g, d_a, f_m, f_g, f_a, r"
-CHANGEABLE = TWELVE.replace("r", "coulomb")
+LAWS = "f_c, f_s, v_s, sigma_0, sigma_1, alpha, beta, kappa, gap"
+CHANGEABLE = TWELVE.replace("r", LAWS)
 
 KINDS = ["step", "ramp", "thermal", "intermittent"]
 TO_ZERO = [
@@ -22,7 +23,7 @@ TO_ZERO = [
 CASES = [
     # unknown words, with the nearest right one
     ("presett = 'n1'", "presett: unknown key 'presett'; known are ", " Did you mean 'preset'?"),
-    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2. Did you mean 'n2'?", ""),
+    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2, wg. Did you mean 'n2'?", ""),
     ("parameters.Jm = 1.0", f"parameters.Jm: unknown parameter 'Jm'; known are {TWELVE}.",
      " Did you mean 'J_m'?"),
     ("identify = ['k_t']", "identify[0]: unknown parameter 'k_t'; ", " Did you mean 'k_T'?"),
@@ -120,8 +121,21 @@ CASES = [
     ("nuisance = []", "nuisance: must have at least one entry, not []", ""),
     (FAULT.replace("fault", "nuisance").replace("10.0", "20.0"),
      "nuisance[0].at: the onset at 20 s is not before the end of the run at 20 s", ""),
-    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: there is no Coulomb friction to change",
-     "set friction.coulomb"),
+    (FAULT.replace("f_m", "coulomb"), "fault[0].parameter: the plant has no f_c: give it the table "
+     "friction or lugre or static_friction", ""),
+    (FAULT.replace("f_m", "f_s"), "fault[0].parameter: the plant has no f_s: give it the ", ""),
+    ("stiffening.gear = 1e4\n" + FAULT.replace("f_m", "kappa"),
+     "fault[0].parameter: kappa of stiffening cannot change in the course of a run", ""),
+    ("identify = ['k_T', 'f_c']", "identify[1]: the plant has no f_c: give it the table", ""),
+    ("friction.coulomb = 0.1\nidentify = ['f_c', 'f_c']",
+     "identify[1]: 'f_c' after 'f_c': name each once", ""),
+    ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
+    ("lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.1, stribeck = 0.5 }\n"
+     "identify = ['f_m', 'f_s']", "identify[1]: 'f_s' cannot be estimated where it is 0:", ""),
+    ("told.f_c = 1.1", "told.f_c: the plant has no f_c: give it the table friction or ", ""),
+    ("told.pole = 24", "told.pole: unknown parameter 'pole'; ", " Did you mean 'poles'?"),
+    ("told.poles = 23.5", "told.poles: must be a whole number of periods in a turn, not 23.5", ""),
+    ("told.torque_limit = 0", "told.torque_limit: must be greater than 0, not 0", ""),
     ("excitation = { kind = 'moves', moove = 1 }",
      "excitation.moove: unknown key 'moove'; known are kind, reach, move, dwell.",
      " Did you mean 'move'?"),
@@ -189,11 +203,12 @@ def test_made_from_python_a_scenario_is_checked_as_well():
 
 
 @pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)
-@pytest.mark.parametrize("name", ["d_g", "d_a", "f_m", "f_g", "f_a", "coulomb"])
+@pytest.mark.parametrize("name", ["d_g", "d_a", "f_m", "f_g", "f_a", "coulomb", "f_c"])
 def test_what_may_be_zero_may_become_zero(fault, name):
     text = 'name = "x"\nduration = 20\nfriction.coulomb = 0.1\nidentify = ["k_T", "f_m"]\n'
     (event, *_) = parse_scenario(text + fault.replace("f_m", name)).events()
-    assert event.parameter == name and event.after == pytest.approx(0, abs=1e-15 * event.before)
+    assert event.parameter == name.replace("coulomb", "f_c")
+    assert event.after == pytest.approx(0, abs=1e-15 * event.before)
 
 
 @pytest.mark.parametrize("fault", TO_ZERO, ids=KINDS)

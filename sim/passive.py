@@ -1,0 +1,139 @@
+"""Friction that MuJoCo does not have, as one compiled function that it calls.
+
+MuJoCo calls one such function for all models of the process, whenever it sums up passive forces.
+Ours looks for rows of friction among the custom numbers of the model (see `sim/friction.py`), which
+a batch holds for each run, and leaves every model without them as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from threading import Lock
+from typing import Any, NamedTuple
+
+import mujoco
+
+from flexaxis.sim.errors import SimulationError
+from flexaxis.sim.friction import LAWS, MARK, WIDTH
+
+_LOCK = Lock()
+_SEARCHED = 1 << 18  # bytes of a structure of the engine: what we look for lies in these
+_NUMBERS = 7919  # custom numbers of a model for looking, a number that no other size has
+
+
+def install() -> None:
+    """Have MuJoCo call our function from now on; the first call compiles it (a second).
+
+    Raises
+    ------
+    SimulationError
+        If another function is installed already.
+    """
+    with _LOCK:
+        if not installed() and mujoco.get_mjcb_passive() is not None:
+            raise SimulationError(
+                "this process has a passive callback of MuJoCo's already, and there is room for "
+                "one: take it out by mujoco.set_mjcb_passive(None) before plants with friction "
+                "laws are made, or run them in a process of their own.",
+                run=0, time=0.0, reason="passive callback in use",
+            )  # fmt: skip
+        mujoco.set_mjcb_passive(_compiled().ctypes)
+
+
+def installed() -> bool:
+    """Return whether MuJoCo calls our function, and not another's."""
+    if not _compiled.cache_info().currsize:
+        return False
+    return mujoco.get_mjcb_passive() is _compiled().ctypes
+
+
+class _Layout(NamedTuple):
+    """Where the fields lie that the function reads and writes, in units of 8 bytes."""
+
+    numbers: int  # of the model: how many custom numbers there are
+    numeric: int  # of the model: their address
+    qpos: int  # of the data, as all that follow
+    qvel: int
+    spring: int
+    passive: int
+
+
+@cache
+def _layout() -> _Layout:
+    """Return where the fields lie in the structures of the MuJoCo that is installed."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint()
+    spec.add_numeric(name="row", size=_NUMBERS, data=[1.0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    fields = (data.qpos, data.qvel, data.qfrc_spring, data.qfrc_passive)
+    return _Layout(
+        _find(model, _NUMBERS),
+        _find(model, model.numeric_data.ctypes.data),
+        *(_find(data, field.ctypes.data) for field in fields),
+    )
+
+
+def _find(structure: Any, value: int) -> int:
+    """Return at which of its words a structure of the engine holds a value."""
+    import ctypes
+
+    words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
+    return next(i for i in range(len(words)) if words[i] == value)
+
+
+@cache
+def _compiled() -> Any:
+    """Return the compiled function."""
+    from numba import cfunc, types
+    from numba.extending import intrinsic
+
+    law = _any_of([table.torque for table in LAWS])
+    numbers, numeric, qpos, qvel, spring, passive = _layout()
+    mark, width = MARK, WIDTH
+
+    @intrinsic
+    def values(context: Any, address: Any) -> Any:
+        """Return the address of numbers as a pointer to them."""
+
+        def convert(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(types.float64)(types.int64), convert
+
+    words = types.CPointer(types.int64)
+
+    @cfunc(types.void(words, words), error_model="numpy")
+    def friction(model: Any, data: Any) -> None:
+        rows = values(model[numeric])
+        for start in range(0, model[numbers] - width + 1, width):
+            if rows[start] != mark:
+                return
+            row = values(model[numeric] + 8 * start)
+            speed, angle = values(data[qvel])[0], values(data[qpos])[0]
+            load = values(data[spring])[0]
+            values(data[passive])[0] -= law(row, speed, angle, load)
+
+    return friction
+
+
+def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
+    """Return the function of a row, and of the motion, that picks the row's law."""
+    from numba.extending import register_jitable  # not njit: a switch of numba's turns that off
+
+    @register_jitable
+    def nothing(row: Any, speed: float, angle: float, load: float) -> float:
+        return 0.0
+
+    if not laws:
+        return nothing
+    this, rest = register_jitable(laws[0]), _any_of(laws[1:], code + 1)
+
+    @register_jitable
+    def either(row: Any, speed: float, angle: float, load: float) -> float:
+        if row[1] == code:
+            return this(row, speed, angle, load)
+        return rest(row, speed, angle, load)
+
+    return either

@@ -1,0 +1,189 @@
+"""Laws of friction that the engine lacks, against solutions found without it."""
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexaxis.sim import passive
+from flexaxis.sim.errors import ParameterError, SimulationError
+from flexaxis.sim.friction import LAWS, WIDTH, StaticFrictionConfig
+from flexaxis.sim.nonlinear import FrictionConfig, LuGreConfig, StiffeningConfig
+from flexaxis.sim.parameters import preset
+from flexaxis.sim.plant import Plant
+
+N1, WG = preset("n1"), preset("wg")
+T = 0.005
+CURVE = {"f_c": 0.74302635727901, "f_s": 3.98628540790595,
+         "alpha": 3.24015074090438, "beta": 0.79943497008153}  # fmt: skip
+
+
+def curve(v, f_c, f_s, alpha, beta):
+    return (f_c + f_s / np.cosh(alpha * v)) * np.tanh(beta * v)
+
+
+def rates(q, x, motor):
+    """d/dt of (φ_m, φ_g, φ_a, v_m, v_g, v_a), equations of motion written out by hand."""
+    m, g, a, vm, vg, va = x
+    gear = q.k_g * (q.r * m - g) + q.d_g * (q.r * vm - vg)
+    arm = q.k_a * (g - a) + q.d_a * (vg - va)
+    return [vm, vg, va, (q.k_T * motor - q.f_m * vm - q.r * gear) / q.J_m,
+            (gear - arm - q.f_g * vg) / q.J_g, (arm - q.f_a * va) / q.J_a]  # fmt: skip
+
+
+def solved(q, u, friction):
+    """Speed after each sample, by an adaptive method; `friction(x, spring torque)` [N m]."""
+
+    def rate(t, x, value):
+        return rates(q, x, (value - friction(x)) / q.k_T)
+
+    x, speed = np.zeros(6), []
+    for value in u:
+        found = solve_ivp(rate, (0, T), x, method="LSODA", args=(value,), rtol=1e-10, atol=1e-13)
+        x = found.y[:, -1]
+        speed.append(x[3])
+    return np.array(speed)
+
+
+def stepped(q, u, *features, substeps=None, law=None):
+    """Speed after each sample, with the steps that a scenario would take."""
+    substeps = substeps or max([5, *(feature.substeps for feature in features)])
+    plant, speed = Plant([q], period=T, substeps=substeps, nonlinear=features), []
+    for k, value in enumerate(u):
+        for name, changed in (law or {}).get(k, {}).items():
+            plant.set_law(name, changed)
+        plant.step(np.array([value]))
+        speed.append(plant.speed_m[0])
+    return np.array(speed)
+
+
+def distance(ours, reference):
+    return np.sqrt(np.mean((ours - reference) ** 2) / np.mean(reference**2))
+
+
+def torque(scale=1.0, N=200):
+    t = np.arange(N) * T
+    return scale * (1.2 * np.sin(2 * np.pi * 3 * t) + 0.6 * np.sin(2 * np.pi * 13 * t))
+
+
+def test_the_published_axis():
+    u = torque(5.0, 400)
+    reference = solved(WG, u, lambda x: curve(x[3], **CURVE))
+    assert distance(stepped(WG, u, StaticFrictionConfig(**CURVE)), reference) < 1e-5
+    assert distance(stepped(WG, u), reference) > 0.3  # and it matters
+
+
+@pytest.mark.parametrize("name", CURVE)
+def test_each_parameter_of_the_curve_can_change_in_a_run(name):
+    u, changed = torque(5.0), CURVE | {name: 1.5 * CURVE[name]}
+    ours = stepped(WG, u, StaticFrictionConfig(**CURVE), law={0: {name: changed[name]}})
+    assert np.array_equal(ours, stepped(WG, u, StaticFrictionConfig(**changed)))
+    assert distance(ours, stepped(WG, u, StaticFrictionConfig(**CURVE))) > 1e-4
+
+
+LUGRE = {"stiffness": 100.0, "damping": 0.3, "coulomb": 0.1, "static": 0.15, "stribeck": 0.5}
+AS_KEYS = {"f_c": {"coulomb": 0.2, "static": 0.25}, "f_s": {"static": 0.3},
+           "v_s": {"stribeck": 0.2}, "sigma_0": {"stiffness": 20.0},
+           "sigma_1": {"damping": 0.6}}  # fmt: skip
+VALUES = {"f_c": 0.2, "f_s": 0.2, "v_s": 0.2, "sigma_0": 20.0, "sigma_1": 0.6}
+
+
+@pytest.mark.parametrize("name", AS_KEYS)
+def test_each_parameter_of_the_bristles_can_change_in_a_run(name):
+    u = torque()
+    ours = stepped(N1, u, LuGreConfig(**LUGRE), law={0: {name: VALUES[name]}})
+    other = stepped(N1, u, LuGreConfig(**LUGRE | AS_KEYS[name]))
+    assert distance(ours, other) < 1e-12  # F_s is F_c and the excess, but for rounding
+    assert distance(ours, stepped(N1, u, LuGreConfig(**LUGRE))) > 1e-4
+
+
+def test_runs_of_a_batch_have_laws_of_their_own():
+    features = [StaticFrictionConfig(**CURVE)]
+    plant = Plant([WG] * 3, period=T, substeps=20, nonlinear=features, threads=2)
+    plant.set_law("f_c", np.array([0.5, 0.74302635727901, 1.0]))
+    speeds = []
+    for value in torque(5.0, 60):
+        plant.step(np.full(3, value))
+        speeds.append(plant.speed_m.copy())
+    for run, level in enumerate([0.5, 0.74302635727901, 1.0]):
+        alone = stepped(WG, torque(5.0, 60), *features, law={0: {"f_c": level}})
+        assert np.array_equal(np.array(speeds)[:, run], alone)
+
+
+def test_other_models_of_the_process_are_left_alone():
+    u, law = torque(), StaticFrictionConfig(**CURVE)
+    falling = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint/><geom size='.1' pos='.1 0 0'/></body></worldbody>"
+        "<custom><numeric name='own' data='1 2 3 4 5 6 7 8 9'/></custom></mujoco>"
+    )
+    bare = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body><joint axis='0 1 0'/><geom size='.1' pos='.1 0 0'/></body>"
+        "</worldbody></mujoco>"
+    )
+
+    def swings():
+        found = []
+        for model in (falling, bare):
+            data = mujoco.MjData(model)
+            mujoco.mj_step(model, data, nstep=200)
+            found.append(data.qpos.copy())
+        return np.array(found)
+
+    mujoco.set_mjcb_passive(None)
+    before = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
+    mixed = Plant([WG], period=T, substeps=20, nonlinear=[law])
+    linear = Plant([N1], period=T, substeps=5)
+    assert passive.installed()
+    speeds = []
+    for value in u:
+        mixed.step(np.array([5 * value]))
+        linear.step(np.array([value]))
+        speeds.append((linear.speed_m[0], mixed.speed_m[0]))
+    after = stepped(N1, u), stepped(N1, u, StiffeningConfig(gear=3e5)), swings()
+    for one, other in zip(before, after, strict=True):
+        assert np.array_equal(one, other)
+    assert np.array_equal(np.array(speeds)[:, 0], before[0])
+    assert np.array_equal(np.array(speeds)[:, 1], stepped(WG, 5 * u, law))
+
+
+def test_what_the_engine_was_made_to_call_by_others_is_not_lost():
+    plant = Plant([WG], period=T, substeps=20, nonlinear=[StaticFrictionConfig(**CURVE)])
+    try:
+        mujoco.set_mjcb_passive(lambda model, data: None)
+        for use in (
+            lambda: Plant([WG], period=T, substeps=20, nonlinear=[StaticFrictionConfig(**CURVE)]),
+            lambda: plant.step(np.zeros(1)),
+        ):
+            with pytest.raises(SimulationError, match="passive callback of MuJoCo's already"):
+                use()
+    finally:
+        mujoco.set_mjcb_passive(None)
+    plant.step(np.ones(1))  # it is put back in
+    assert passive.installed()
+
+
+def test_linear_plants_need_neither_the_callback_nor_its_compiler():
+    code = (
+        "import sys, mujoco\nfrom flexaxis.sim.plant import Plant\n"
+        "from flexaxis.sim.parameters import preset\n"
+        "Plant([preset('n1')], period=.005, substeps=5)\n"
+        "print('numba' in sys.modules, mujoco.get_mjcb_passive())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "None"]
+
+
+def test_wrong_names_and_values():
+    plant = Plant([N1], period=T, substeps=20, nonlinear=[FrictionConfig(coulomb=0.1)])
+    with pytest.raises(ParameterError, match=r"unknown parameter 'f_d'; known are f_c\."):
+        plant.set_law("f_d", 0.1)
+    for value in (-0.1, np.nan):
+        with pytest.raises(ParameterError, match=r"f_c must be zero or positive"):
+            plant.set_law("f_c", value)
+
+
+def test_a_row_has_room_for_every_law():
+    assert all(2 + len(law.model_fields) <= WIDTH for law in LAWS)

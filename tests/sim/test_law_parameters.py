@@ -1,0 +1,107 @@
+"""Parameters of the plant's laws: in scenarios, in records, and what changes them."""
+
+from typing import get_args
+
+import h5py
+import numpy as np
+import pytest
+
+from flexaxis.sim.errors import RecordError
+from flexaxis.sim.law_parameters import FIXED, LAW_NAMES, LAWS
+from flexaxis.sim.nonlinear import Law
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.plant import Plant
+from flexaxis.sim.record import load_record
+from flexaxis.sim.scenario import Scenario, parse_scenario
+from flexaxis.sim.simulate import simulate
+
+LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.15, stribeck = 0.5 }"
+STATIC = "static_friction = { f_c = 0.2, f_s = 0.1, alpha = 3.0, beta = 8.0 }"
+REST = "stiffening.gear = 2e4\nbacklash.gear = 2e-5\ncogging = { amplitude = 0.05, poles = 24 }\n"
+STEP = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = {}\n'
+
+
+def made(*lines):
+    return parse_scenario("\n".join(['name = "x"', "duration = 2.0", *lines]))
+
+
+def test_each_law_has_its_parameters_by_name():
+    scenario = made(LUGRE, REST)
+    assert scenario.laws == {
+        "f_c": 0.1, "f_s": pytest.approx(0.05), "v_s": 0.5, "sigma_0": 100.0, "sigma_1": 0.3,
+        "kappa": 2e4, "gap": 2e-5,
+    }  # fmt: skip
+    assert scenario.parameter_names == (*PARAMETER_NAMES, *scenario.laws)
+    assert list(scenario.laws) == [name for name in LAW_NAMES if name in scenario.laws]
+    assert made(LUGRE, "friction.coulomb = 0.3").laws["f_c"] == 0.3  # the first has the name
+    assert made("cogging = { amplitude = 0.05, poles = 24 }").laws == {} == made().laws
+
+
+def test_every_table_says_what_is_declared_of_it():
+    tables = made(LUGRE, REST, STATIC, "friction.coulomb = 0.1").nonlinear
+    declared = {key: tuple(table.law) for key, table in tables.items() if hasattr(table, "law")}
+    assert declared == dict(LAWS) and list(declared) == list(LAWS)
+    assert {key for key in declared if not isinstance(tables[key], Law)} == set(FIXED)
+    assert {name for names in LAWS.values() for name in names} == set(LAW_NAMES)
+    types = {key: get_args(field.annotation) for key, field in Scenario.model_fields.items()}
+    assert {key for key, each in types.items() if any(hasattr(t, "law") for t in each)} == set(LAWS)
+
+
+def test_a_record_has_them_after_the_twelve_and_keeps_them(tmp_path):
+    (record,) = simulate(made(LUGRE), [3])
+    assert record.parameter_names == (*PARAMETER_NAMES, "f_c", "f_s", "v_s", "sigma_0", "sigma_1")
+    path = record.save(tmp_path / "run.nc")
+    again = load_record(path)
+    assert again.parameter_names == record.parameter_names
+    assert np.array_equal(again.true_parameters, record.true_parameters)
+    with h5py.File(path, "r+") as file:  # readers go by name
+        file["parameter"][:] = file["parameter"][:][::-1]
+        file["true_parameters"][:] = file["true_parameters"][:][:, ::-1]
+    assert np.array_equal(load_record(path).true_parameters, record.true_parameters)
+    with h5py.File(path, "r+") as file:
+        file["parameter"][0] = "sigma_7"
+    with pytest.raises(RecordError, match=r"and may name f_c, f_s, .*; it has \['sigma_7'"):
+        load_record(path)
+
+
+def test_a_fault_of_the_level_of_friction_acts_from_its_sample_on():
+    scenario = made("friction.coulomb = 0.1", 'identify = ["f_m", "f_c"]', STEP.format("f_c", 2.0))
+    (record,) = simulate(scenario, [0])
+    level = record.true_parameters[:, record.parameter_names.index("f_c")]
+    assert np.all(level[:200] == 0.1) and np.all(level[200:] == 0.2)
+    nonlinear = list(scenario.nonlinear.values())
+    plant = Plant([scenario.nominal], period=0.005, substeps=20, nonlinear=nonlinear)
+    speed = []
+    for k, torque in enumerate(record.torque):
+        if k == 200:
+            plant.set_coulomb(0.2)
+        speed.append(plant.speed_m[0])
+        plant.step(np.array([torque]))
+    assert np.array_equal(record.true_speed, speed)
+
+
+@pytest.mark.parametrize("name", ["f_c", "f_s", "v_s", "sigma_0", "sigma_1"])
+def test_every_parameter_of_bristles_can_change(name):
+    scenario = made(LUGRE, STEP.format(name, 0.5))
+    (record,) = simulate(scenario, [0])
+    column = record.true_parameters[:, record.parameter_names.index(name)]
+    assert column[200] == pytest.approx(0.5 * column[199]) and np.ptp(column[:200]) == 0
+    (unchanged,) = simulate(made(LUGRE, f'streams = "{scenario.key}"'), [0])
+    moved = np.abs(record.true_speed - unchanged.true_speed)
+    assert not moved[:201].any() and moved[201:].max() > 1e-3
+
+
+def test_both_names_of_it_are_one_parameter():
+    two = made("friction.coulomb = 0.1", STEP.format("f_c", 2.0), STEP.format("coulomb", 1.5))
+    (event,) = two.events()
+    assert (event.parameter, event.before, event.after) == ("f_c", 0.1, pytest.approx(0.3))
+    assert two.true_parameters()[-1, -1] == pytest.approx(0.3)
+
+
+def test_the_data_sheet_makes_no_axis_nonlinear():
+    scenario = made("told = { poles = 24, torque_limit = 1.75, noise = 0.1, k_g = 1.1 }")
+    assert scenario.data_sheet == {"poles": 24, "torque_limit": 1.75, "noise": 0.1}
+    assert scenario.told_factors == {"k_g": 1.1} and not scenario.linear
+    told = made("told = { poles = 24, torque_limit = 1.75, noise = 0.1 }")
+    assert told.linear and told.record_hash == made().record_hash and told.hash != made().hash
+    assert parse_scenario(told.to_toml()).hash == told.hash
