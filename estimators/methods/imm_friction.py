@@ -57,8 +57,16 @@ class ImmFriction(RecursiveEstimator):
         names = (*track, *learn)
         thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
         design = make_design(
-            model, identify=names, theta0=thought.start, P0=thought.P0, period=period,
-            drift=None, bounds=thought.bounds, output=output, noise=noise, scale=thought.scale,
+            model,
+            identify=names,
+            theta0=thought.start,
+            P0=thought.P0,
+            period=period,
+            drift=None,
+            bounds=thought.bounds,
+            output=output,
+            noise=noise,
+            scale=thought.scale,
         )
         q, p = len(track), len(names)
         super().__init__(tuple(track), output, tuple(b[:q] for b in design.bounds))
@@ -72,11 +80,17 @@ class ImmFriction(RecursiveEstimator):
         W[:q] = walk**2 * period
         W[p + 2] = state_walk
         tuning = joined(
-            tuning, known,
+            tuning,
+            known,
             record(
-                walk=W, jump=np.full(q, jump**2 * period / hold), quiet=1 - rate * period,
-                stay=1 - period / hold, lower=design.lower, upper=design.upper,
-                echo=period / echo, temper=float(temper),
+                walk=W,
+                jump=np.full(q, jump**2 * period / hold),
+                quiet=1 - rate * period,
+                stay=1 - period / hold,
+                lower=design.lower,
+                upper=design.upper,
+                echo=period / echo,
+                temper=float(temper),
             ),
         )
         blocks = design.model.blocks(design.theta0)
@@ -89,12 +103,24 @@ class ImmFriction(RecursiveEstimator):
         P[:, p:, p:] = state_covariance(design, None)
         weights = np.r_[1.0, np.zeros(q)]
         start = joined(
-            start, level_start,
+            start,
+            level_start,
             record(
-                P=P, delta=np.zeros((J, m)), Ph=np.zeros((J, m)), spread=np.zeros(J),
-                shift=np.zeros(J), predicted=weights, probability=weights, logarithm=np.zeros(J),
-                GP=np.zeros((n, m)), GT=np.zeros((m, n)), moved=np.zeros(n), gain=np.zeros(m),
-                parted=np.zeros((J, m)), row=np.zeros((J, m)), share=np.zeros((J, J)),
+                P=P,
+                delta=np.zeros((J, m)),
+                Ph=np.zeros((J, m)),
+                spread=np.zeros(J),
+                shift=np.zeros(J),
+                predicted=weights,
+                probability=weights,
+                logarithm=np.zeros(J),
+                GP=np.zeros((n, m)),
+                GT=np.zeros((m, n)),
+                moved=np.zeros(n),
+                gain=np.zeros(m),
+                parted=np.zeros((J, m)),
+                row=np.zeros((J, m)),
+                share=np.zeros((J, J)),
                 echo=np.array([0.0, 1.0, np.nan]),
             ),
         )
@@ -107,7 +133,7 @@ class ImmFriction(RecursiveEstimator):
         self.log = np.zeros((0, 0))
 
     def _take(self, u, y, valid, estimates, trace):
-        log = np.zeros((len(u), 1 + 2 * len(self.all_names)+ self.state["P"].shape[1]))
+        log = np.zeros((len(u), 1 + 2 * len(self.all_names) + self.state["P"].shape[1]))
         p = len(self.all_names)
         full = np.empty((len(u), p))
         self._loop(self._tuning, self.state, u, y, valid, full, trace, log)
@@ -117,7 +143,9 @@ class ImmFriction(RecursiveEstimator):
 
     @property
     def theta(self):
-        return (self.state["theta"][0] * 1.0)[: len(self.names)] * self._design.scale[: len(self.names)]
+        return (self.state["theta"][0] * 1.0)[: len(self.names)] * self._design.scale[
+            : len(self.names)
+        ]
 
     @property
     def covariance(self):
