@@ -10,6 +10,7 @@ clearly. The filter goes back to k₀, takes the fitted value, and runs through 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,10 +21,11 @@ from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
-from flexaxis.estimators.relocate.beginning import FITTED, NOTICED, Beginning
+from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.opened import Opened, opened
@@ -39,10 +41,11 @@ from flexaxis.estimators.relocate.policy import (
 from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.suspects import widened
 from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.sampled import terms
+from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
 
+NOTHING: Mapping[str, Guess] = MappingProxyType({})
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
 
 
@@ -59,9 +62,9 @@ class Relocate(RecursiveEstimator):
     suspects : sequence of str
         Parameters that are not estimated but may change; a change of one is found, named and
         put into the model.
-    track, learn : mapping of str to float
-        Parameters that are tracked besides, and that are learnt once and never forgotten, with the
-        standard deviations of what is known of them before [SI].
+    track, learn : mapping of str to Guess
+        Parameters that are tracked besides, and that are learnt once and never forgotten, with what
+        is known of them before.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -118,8 +121,8 @@ class Relocate(RecursiveEstimator):
         *,
         identify: Sequence[str] | None = None,
         suspects: Sequence[str] = (),
-        track: Mapping[str, float] | None = None,
-        learn: Mapping[str, float] | None = None,
+        track: Mapping[str, Guess] = NOTHING,
+        learn: Mapping[str, Guess] = NOTHING,
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
         period: float,
@@ -147,24 +150,27 @@ class Relocate(RecursiveEstimator):
         self._walk = 0.0 if walk is None else above_zero("walk", walk, "the relative sd after 1 s")
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
-        super().__init__(narrow.model.names, output, narrow.bounds)
         self._design, self._roles = widened(
-            narrow, model, track=track or {}, learn=learn or {}, suspects=suspects
+            narrow, model, track=track, learn=learn, suspects=suspects
         )
-        design, roles, self._p = self._design, self._roles, len(self.names)
+        design, roles = self._design, self._roles
+        self._p = p = roles.tracked
+        lower, upper = design.bounds
+        super().__init__(design.model.names[:p], output, (lower[:p], upper[:p]))
         fading = roles.fading(design.forgetting, len(design.theta0))
         pattern, _ = split(design.model)
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
         tuning["inflation"] = 1 / fading
         self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
-        sizes = int(tuning["order"][0]), int(tuning["substeps"][0])
-        model_ = terms(design.model, *sizes, period)
         box = design.lower, design.upper
+        model_ = planned(design.model, *box, period)
         self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
         self._rewind = Rewind(model_, box, roles, fading)
         self._beginning = (
-            Beginning(model_, box, design.theta0, roles) if roles.known > roles.named else None
+            Beginning(model_, design, roles, (*track.values(), *learn.values()), model.nominal)
+            if track or learn
+            else None
         )
         self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
         self._policy = Policy(period, gain=gain)
@@ -185,7 +191,7 @@ class Relocate(RecursiveEstimator):
         self._lookout.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
-        self._noise = 0.0  # its variance, when what has a prior of its own began to be learnt
+        self._prior: Prior | None = None  # what was known before, once it is known
         self._fits: list[int] = []  # counts at which all data are to be fitted
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
@@ -232,22 +238,24 @@ class Relocate(RecursiveEstimator):
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
-    def _begin(self, known: Beginning) -> None:
+    def _begin(self, beginning: Beginning) -> None:
         """Begin to learn what has a prior of its own as soon as the noise is known; fit it."""
-        memory, noise = self._memory, self._noise
-        if not noise and memory.state["samples"] >= NOTICED:
-            noise = self._noise = self._design.noise**2 or memory.roughness(NOTICED)
-            tracked = np.arange(len(self._design.theta0)) < self._roles.tracked
-            memory.drift = np.diag(tracked * self._walk**2 * self._design.period / noise)
-            self._fits = [memory.count + round(t / self._design.period) for t in FITTED]
-            self._rewind.to_fit(memory, known, memory.state["theta"].copy(), noise)
+        memory, period = self._memory, self._design.period
+        prior = self._prior or beginning.prior(memory)
+        if prior is None:
+            return
+        if self._prior is None:
+            self._prior = prior
+            tracked = np.arange(len(prior.theta)) < self._roles.tracked
+            memory.drift = np.diag(tracked * self._walk**2 * period / prior.noise)
+            self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
         if memory.count in self._fits:
-            self._rewind.to_fit(memory, known, known.fit(memory, noise), noise)
+            self._rewind.to_fit(memory, prior, beginning.fit(memory, prior))
 
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""
         count = self._memory.count
-        if self._beginning and not self._noise:
+        if self._beginning and self._prior is None:
             return count + 1
         due = [self._lookout.due(count), *self._free.values(), *self._fits]
         if self._case is not None:

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.way import prepare, travel
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms
+from flexaxis.estimators.sampling.sampled import Terms, prepare, travel
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import Beginning
+from flexaxis.estimators.relocate.beginning import Prior
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.memory import Memory
@@ -74,21 +74,19 @@ class Rewind:
     def to_start(self, memory: Memory, first: int, found: Evaluated) -> None:
         """Go back to a sample, and begin anew there with parameters that a search has found."""
         row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.roles.tracked)
-        prior = self.roles.prior
         X, P = np.zeros((1 + len(found.theta), n + 1)), np.zeros_like(row["P"])
         X[0, :n] = memory.stretch(first).x[0]
         P[mine, mine] = SPREAD**2 / found.square
-        P[prior, prior] = self.roles.deviation**2 / found.square
         self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
 
-    def to_fit(self, memory: Memory, known: Beginning, theta: Array, noise: float) -> None:
+    def to_fit(self, memory: Memory, prior: Prior, theta: Array) -> None:
         """Go back as far as is remembered, and begin anew near parameters that explain it all."""
         first, n, mine = memory.first, self.terms.n, np.arange(self.roles.known)
         X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
         X[0, :n] = memory.stretch(first).x[0]
-        P[mine, mine] = known.deviation**2 / noise
+        P[mine, mine] = prior.deviation**2 / prior.noise
         row, signals = memory.beginning(first + 1), memory.signals(first)[1:]
-        self._run(memory, row, theta, (X, P, P), signals, before=known.theta0)
+        self._run(memory, row, theta, (X, P, P), signals, before=prior.theta)
 
     def _run(
         self,

@@ -11,8 +11,8 @@ z, F and c, and one backwards, for their sums with c_k F_(k−1) … (the adjoin
 
 import numpy as np
 
-from flexaxis.estimators.relocate.way import prepare, travel
 from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.sampled import prepare, travel
 
 
 @compiled
@@ -58,7 +58,7 @@ def screen(terms, theta, active, x, u, y, present, variance, lower, upper, sprea
 def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
     """Return z before each sample; ψ, ε (zero in gaps), F and c over it."""
     N, p, n = len(u), len(active), len(x)
-    prepared = prepare(terms, theta, active)
+    prepared = prepare(terms, theta, active, n)
     z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
     F, c = np.empty((N, n, n)), np.empty((N, n))
     X = np.zeros((1 + p + n, n + 1))  # the last n rows: by the state before the sample

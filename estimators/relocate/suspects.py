@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model, increment
-from flexaxis.estimators.recursion.design import Design, above_zero
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.relocate.guesses import POSITIVE, Guess, natural_sizes
 
 Array = NDArray[np.float64]
 
 SUSPECT_BOX = (0.4, 2.5)  # times nominal
-ADDITIVE_BOX = 10.0  # times its scale, for a parameter that may be zero
+LAW_BOX = 1e-6, 1e6  # times a scale of about the right size: no more than a guard
 
 
 @dataclass(frozen=True)
@@ -28,25 +29,22 @@ class Roles:
 
     Attributes
     ----------
-    named, tracked, known : int
-        The first so many parameters are given as the estimate, are tracked, are no suspects: what
+    given, tracked, known : int
+        The first so many parameters have a P(0) that is given, are tracked, are no suspects: what
         is known but not tracked is learnt once.
-    deviation : (known − named,) array
-        Standard deviations of the priors of those that are not given, relative to their scale.
     candidates : (c,) int array
         Those that may be found to have changed.
     """
 
-    named: int
+    given: int
     tracked: int
     known: int
-    deviation: Array
     candidates: NDArray[np.int64]
 
     @property
     def prior(self) -> NDArray[np.int64]:
         """Places of the parameters that begin with a prior of their own."""
-        return np.arange(self.named, self.known)
+        return np.arange(self.given, self.known)
 
     def fading(self, forgetting: float, p: int) -> Array:
         """Return by what each element of P is divided in a sample, (p, p): λ, √λ or one."""
@@ -61,8 +59,8 @@ def widened(
     narrow: Design,
     model: Model,
     *,
-    track: Mapping[str, float],
-    learn: Mapping[str, float],
+    track: Mapping[str, Guess],
+    learn: Mapping[str, Guess],
     suspects: Sequence[str],
 ) -> tuple[Design, Roles]:
     """
@@ -73,40 +71,38 @@ def widened(
     narrow : Design
         Of the identified parameters, which come first in the new one.
     model : Model
-    track, learn : mapping of str to float
-        Parameters that are tracked besides, and that are learnt once, with the standard deviations
-        of their priors [SI].
+    track, learn : mapping of str to Guess
+        Parameters that are tracked besides, and that are learnt once.
     suspects : sequence of str
         Further parameters. One that is in use already is left out, and so is one whose nominal
         value is zero: it has no relative change.
     """
     p, names = len(narrow.theta0), narrow.model.names
     prior = dict(track) | dict(learn)
-    for name, deviation in prior.items():
-        above_zero(f"the prior of {name}", deviation, "a standard deviation in its unit")
     used = {name.removeprefix("1/") for name in (*names, *prior)}
     others = [name for name in suspects if name not in used and model.nominal.get(name) != 0]
     chosen = increment(model, narrow.period) if narrow.output == "increment" else model
     wide = chosen.parametrize([*names, *prior, *others])
-    theta = wide.theta[p:]
-    deviation = np.array([*prior.values(), *np.zeros(len(others))])
-    zero = theta == 0
-    own = np.where(zero, deviation, theta)
-    start = theta / own
+    theta, law = wide.theta[p:], np.array(wide.additive[p:], bool)
+    own = theta.copy()
+    for i, (name, guess) in enumerate(prior.items()):
+        own[i] = theta[i] or guess.at(model.nominal[name], natural_sizes(model.nominal))[1]
     P = np.zeros((len(wide.theta),) * 2)
     P[:p, :p] = narrow.P0
     scale = np.r_[narrow.scale, own]
-    candidates = np.delete(np.arange(len(wide.theta)), p + np.flatnonzero(zero))
+    positive = np.array([name in POSITIVE for name in wide.names[p:]], bool)
+    least = np.where(law, np.where(positive, LAW_BOX[0], -LAW_BOX[1]), SUSPECT_BOX[0])
     design = replace(
         narrow,
         model=wide.relative(scale),
         scale=scale,
-        theta0=np.r_[narrow.theta0, start],
+        theta0=np.r_[narrow.theta0, theta / own],
         P0=P,
         drift=np.zeros_like(P),
         regularization=np.zeros(len(P)),
-        lower=np.r_[narrow.lower, np.where(zero, -ADDITIVE_BOX, SUSPECT_BOX[0])],
-        upper=np.r_[narrow.upper, np.where(zero, ADDITIVE_BOX, SUSPECT_BOX[1])],
+        lower=np.r_[narrow.lower, least],
+        upper=np.r_[narrow.upper, np.where(law, LAW_BOX[1], SUSPECT_BOX[1])],
     )
-    relative = (deviation / np.abs(own))[: len(prior)]
-    return design, Roles(p, p + len(track), p + len(prior), relative, candidates)
+    tracked = p + len(track)
+    candidates = np.r_[np.arange(tracked), tracked + np.flatnonzero(~law[len(track) :])]
+    return design, Roles(p, tracked, p + len(prior), candidates)
