@@ -32,13 +32,7 @@ from flexaxis.sim.nonlinear import (
     SaturationConfig,
     StiffeningConfig,
 )
-from flexaxis.sim.parameters import (
-    DATA_SHEET,
-    DEFAULT_IDENTIFY,
-    PARAMETER_NAMES,
-    AxisParameters,
-    preset,
-)
+from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
@@ -197,21 +191,23 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return law_values(self.nonlinear.values())
+        return Frozen(law_values(self.nonlinear.values()))
+
+    @cached_property
+    def initial(self) -> dict[str, float]:
+        """The P parameters before any fault: the twelve, and those of the plant's laws."""
+        return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The parameters (P,): the twelve, and those of the plant's laws."""
-        return (*PARAMETER_NAMES, *self.laws)
-
-    @property
-    def unchanged(self) -> Array:
-        """Values (P,) of the parameters before any fault."""
-        return np.array([self._unchanged(name) for name in self.parameter_names])
+        """Names of the P parameters."""
+        return tuple(self.initial)
 
     def true_parameters(self) -> Array:
         """Return the parameters (N, P) that act from each sample to the next."""
-        return np.column_stack([self._value(name) for name in self.parameter_names])
+        changes = (*self.fault, *(self.nuisance or ()))
+        values = self.initial.items()
+        return np.column_stack([changed(x, name, changes, self.grid) for name, x in values])
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
@@ -227,7 +223,7 @@ class Scenario(Config):
 
     @cached_property
     def _events(self) -> tuple[Event, ...]:
-        return find_events(self.fault, self.nuisance or (), self.grid, self._unchanged)
+        return find_events(self.fault, self.nuisance or (), self.grid, self.initial.__getitem__)
 
     @cached_property
     def hash(self) -> str:
@@ -285,15 +281,6 @@ class Scenario(Config):
         if not inherit or "streams" in changes or other.key == self.key:
             return other
         return scenario_from(content | {"streams": self.key}, source=self.name)
-
-    def _value(self, name: str) -> Array:
-        """Return a parameter at the samples (N,)."""
-        changes = (*self.fault, *(self.nuisance or ()))
-        return changed(self._unchanged(name), name, changes, self.grid)
-
-    def _unchanged(self, name: str) -> float:
-        """Return a parameter before any change."""
-        return self.laws[name] if name in self.laws else float(getattr(self.nominal, name))
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

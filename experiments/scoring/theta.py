@@ -31,7 +31,7 @@ def true_theta(
 
 def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
     """Return the values (p,) of estimated parameters before any fault."""
-    return true_theta(names, scenario.unchanged, scenario.parameter_names)
+    return true_theta(names, np.array(list(scenario.initial.values())), scenario.parameter_names)
 
 
 def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
@@ -41,8 +41,7 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     """Return the estimated parameters whose errors have a size: of a truth that is not zero."""
-    values = dict(zip(scenario.parameter_names, scenario.unchanged.tolist(), strict=True))
-    return tuple(name for name in names if values.get(physical(name)[0]))
+    return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:
