@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
@@ -20,7 +21,6 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
-from flexaxis.sim.friction import StaticFrictionConfig
 from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.nonlinear import (
@@ -85,8 +85,10 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, static_friction, cogging, backlash, stiffening, saturation, optional
+    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
+    static_friction and the others of `flexaxis.sim.friction`, optional
+        Laws of friction that are written out, a table each.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
@@ -114,7 +116,11 @@ class Scenario(Config):
     controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
-    static_friction: StaticFrictionConfig | None = None
+    static_friction: dry.StaticFrictionConfig | None = None
+    directional_friction: dry.DirectionalFrictionConfig | None = None
+    position_friction: dry.PositionFrictionConfig | None = None
+    load_friction: dry.LoadFrictionConfig | None = None
+    power_friction: dry.PowerFrictionConfig | None = None
     cogging: CoggingConfig | None = None
     backlash: BacklashConfig | None = None
     stiffening: StiffeningConfig | None = None
