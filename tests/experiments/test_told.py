@@ -7,9 +7,11 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.pooling import pool_group
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -114,6 +116,16 @@ def test_rows_are_of_what_is_estimated_and_has_a_truth():
     assert len(run_case(plain, record, spec("Tracks")).rows) == 3
     with pytest.raises(EstimatorError, match=r"estimates f_c, but x has k_T, .*: nothing of it"):
         build(spec("Dry"), plain)
+
+
+def test_who_does_not_estimate_what_changes_is_shown_as_well():
+    scenario = made(ASKED, FAULT)
+    (record,) = simulate(scenario, [0])
+    cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
+    table = score_table([row for case in cases for row in pool_group([case], scenario)])
+    estimators, parameters = (list(column.cells) for column in table.columns[:2])
+    assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
+    assert parameters[1:] == [*LINEAR, "f_c"]
 
 
 def test_q_is_of_the_linear_parameters_of_identify():
