@@ -1,5 +1,7 @@
 """What estimators are told of an axis and asked about it, and how what they answer is scored."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,10 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimate import estimate
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.pooling import pool_group
@@ -145,11 +149,30 @@ def test_a_level_of_friction_near_zero_loses_no_run_and_one_far_above_does():
         theta = truth * [1, 1, 1, factor]
         found = rows(Track(scenario, names, theta, scenario.true_parameters()))
         assert found[0]["diverged"] == lost, factor
-    theta = truth.copy()
-    theta[:90, 3] = 100.0  # before the end of burn-in
-    assert not rows(Track(asked, names, theta, asked.true_parameters()))[0]["diverged"]
     assert found[3]["std"] == pytest.approx(900.0)
     assert started_theta(asked, names)[3] == 0.1
+
+
+@pytest.mark.parametrize(("value", "lost"), [(100.0, False), (np.nan, True)])
+def test_who_is_told_nothing_of_friction_begins_anywhere(value, lost):
+    scenario = made(ASKED).override({"burn_in": 2.0})
+    names = (*LINEAR, "f_c")
+    for last, late in ((400, lost), (650, True)):  # 2 s, and more than 1 s after them
+        theta = theta_over_time(scenario, names)
+        theta[:last, 3] = value
+        found = rows(Track(scenario, names, theta, scenario.true_parameters()))
+        assert found[0]["diverged"] == late
+
+
+def test_the_truth_of_what_a_record_does_not_know_is_left_out(tmp_path, capsys):
+    path = simulate(made(DRY), [0])[0].save(tmp_path / "run.nc")
+    found = estimate(path, spec("Tracks"), tmp_path / "est.nc")
+    assert found.truth == pytest.approx([1.0, 1.25, 0.05, 0.1, np.nan, np.nan], nan_ok=True)
+    command = ["estimate", str(path), "--estimator", f"{__name__}:Tracks", "--json"]
+    assert main([*command, "-o", str(tmp_path / "again.nc")]) == 0
+    assert json.loads(capsys.readouterr().out)["truth"].keys() == {*LINEAR, "f_c"}
+    assert main([*command[:-1], "-o", str(tmp_path / "again.nc")]) == 0
+    assert "c_sin" in capsys.readouterr().out
 
 
 def test_the_card_says_what_is_told():
