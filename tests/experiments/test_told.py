@@ -162,6 +162,9 @@ def test_who_is_told_nothing_of_friction_begins_anywhere(value, lost):
         theta[:last, 3] = value
         found = rows(Track(scenario, names, theta, scenario.true_parameters()))
         assert found[0]["diverged"] == late
+    theta = theta_over_time(scenario, names)
+    theta[:400, 0] = 100.0  # of the axis itself it is told
+    assert rows(Track(scenario, names, theta, scenario.true_parameters()))[0]["diverged"]
 
 
 def test_the_truth_of_what_a_record_does_not_know_is_left_out(tmp_path, capsys):
