@@ -124,6 +124,16 @@ def test_each_parameter_of_the_curve_can_change_in_a_run(name):
     assert distance(ours, stepped(WG, u, StaticFrictionConfig(**CURVE))) > 1e-4
 
 
+def test_of_several_laws_the_right_one_changes():
+    u, uneven = torque(5.0), DirectionalFrictionConfig(f_c=0.1, difference=0.2)
+    curves = [StaticFrictionConfig(**CURVE | {"alpha": alpha}) for alpha in (CURVE["alpha"], 1.0)]
+    ours = stepped(WG, u, uneven, curves[0], law={0: {"alpha": 1.0}})
+    assert np.array_equal(ours, stepped(WG, u, uneven, curves[1]))
+    # both have an f_c: it is that of the first
+    ours = stepped(WG, u, uneven, curves[0], law={0: {"f_c": 0.2}})
+    assert np.array_equal(ours, stepped(WG, u, uneven.model_copy(update={"f_c": 0.2}), curves[0]))
+
+
 LUGRE = {"stiffness": 100.0, "damping": 0.3, "coulomb": 0.1, "static": 0.15, "stribeck": 0.5}
 AS_KEYS = {"f_c": {"coulomb": 0.2, "static": 0.25}, "f_s": {"static": 0.3},
            "v_s": {"stribeck": 0.2}, "sigma_0": {"stiffness": 20.0},
@@ -156,7 +166,8 @@ def test_runs_of_a_batch_have_laws_of_their_own():
 def test_other_models_of_the_process_are_left_alone():
     u, law = torque(), StaticFrictionConfig(**CURVE)
     falling = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><joint/><geom size='.1' pos='.1 0 0'/></body></worldbody>"
+        "<mujoco><worldbody><body><joint axis='0 1 0'/>"
+        "<geom size='.1' pos='.1 0 0'/></body></worldbody>"
         "<custom><numeric name='own' data='1 2 3 4 5 6 7 8 9'/></custom></mujoco>"
     )
     bare = mujoco.MjModel.from_xml_string(
