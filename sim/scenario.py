@@ -55,6 +55,8 @@ class Scenario(Config):
     period : float
         Sampling period T [s], at which the controller runs and signals are sampled; its inverse
         is a whole number.
+    substeps : int, optional
+        Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
     preset : str
         Named parameter set.
     parameters : dict of str to float
@@ -91,6 +93,7 @@ class Scenario(Config):
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
     period: Positive = PERIOD
+    substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
