@@ -80,9 +80,7 @@ class Scenario(Config):
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each.
-    static_friction and the others of `flexaxis.sim.friction`, optional
-        Laws of friction that are written out, a table each.
+        What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
