@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
+from flexaxis.sim import nonlinear as beyond
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
@@ -23,15 +24,6 @@ from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
 from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
-from flexaxis.sim.nonlinear import (
-    BacklashConfig,
-    CoggingConfig,
-    FrictionConfig,
-    LuGreConfig,
-    Nonlinearity,
-    SaturationConfig,
-    StiffeningConfig,
-)
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
@@ -85,8 +77,8 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, …_friction, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each.
+    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+        What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
@@ -113,17 +105,17 @@ class Scenario(Config):
     encoder: EncoderConfig = EncoderConfig()
     filter: FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: FrictionConfig | None = None
-    lugre: LuGreConfig | None = None
+    friction: beyond.FrictionConfig | None = None
+    lugre: beyond.LuGreConfig | None = None
     static_friction: dry.StaticFrictionConfig | None = None
     directional_friction: dry.DirectionalFrictionConfig | None = None
     position_friction: dry.PositionFrictionConfig | None = None
     load_friction: dry.LoadFrictionConfig | None = None
     power_friction: dry.PowerFrictionConfig | None = None
-    cogging: CoggingConfig | None = None
-    backlash: BacklashConfig | None = None
-    stiffening: StiffeningConfig | None = None
-    saturation: SaturationConfig | None = None
+    cogging: beyond.CoggingConfig | None = None
+    backlash: beyond.BacklashConfig | None = None
+    stiffening: beyond.StiffeningConfig | None = None
+    saturation: beyond.SaturationConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
     nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
@@ -162,9 +154,11 @@ class Scenario(Config):
         return cast("dict[str, Table]", {k: v for k, v in fields.items() if isinstance(v, Config)})
 
     @property
-    def nonlinear(self) -> dict[str, Nonlinearity]:
+    def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        return {k: table for k, table in self.tables.items() if isinstance(table, Nonlinearity)}
+        return {
+            k: table for k, table in self.tables.items() if isinstance(table, beyond.Nonlinearity)
+        }
 
     @property
     def sensors(self) -> dict[str, Sensor]:

@@ -131,11 +131,12 @@ def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     That is their value; where a friction has fallen to zero it is the one before, and cogging has
     one size, whatever its phase.
     """
-    values = _values(scenario, scenario.unchanged)
+    nominal = np.array(list(scenario.initial.values()))
+    values = _values(scenario, nominal)
     cogging = np.hypot(values.get("c_sin", 0.0), values.get("c_cos", 0.0))
     before = [
         cogging if name in PHASES else size
-        for name, size in zip(names, model_theta(scenario, names, scenario.unchanged), strict=True)
+        for name, size in zip(names, model_theta(scenario, names, nominal), strict=True)
     ]
     return np.where(theta == 0, before, theta)
 
