@@ -55,6 +55,7 @@ def measured(
     p = len(design.theta0)
     tuning = record(
         forgetting=design.forgetting,
+        inflation=1 / design.fading,  # of each element of P
         drift=design.drift,
         regularization=design.regularization,
         lower=design.lower,
@@ -196,10 +197,10 @@ def predict(tuning, state):
     """Time update of P, eq. (9) or (10), and regularisation, eq. (12)."""
     P, column = state["P"], state["gain"]  # the gain has done its work and lends its place
     p = len(P)
-    growth = 1.0 / tuning["forgetting"]
+    inflation = tuning["inflation"]
     for i in range(p):
         for j in range(p):
-            P[i, j] = growth * P[i, j] + tuning["drift"][i, j]
+            P[i, j] = inflation[i, j] * P[i, j] + tuning["drift"][i, j]
     for axis in range(p):  # (12) measures every parameter once, with weight μ
         mu = tuning["regularization"][axis]
         if mu > 0.0:

@@ -6,8 +6,13 @@ from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.axes import PAPER, real_axis
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.filter import Relocate
+from flexaxis.estimators.relocate.guesses import LEARNT, TRACKED, with_starts
+
+WALK = 1e-3  # 1/√s, of θ/θ(0)
 
 
 def relocate(
@@ -53,6 +58,51 @@ def relocate(
     )
 
 
+def relocate_friction(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    walk: float = WALK,
+    alarm: float = 10.0,
+    gain: float = 14.0,
+    noise: float | None = None,
+) -> Relocate:
+    """
+    Make the filter that rewinds and refits, on a real axis: with friction and what it has besides.
+
+    Tracked are what is identified and f_c; structure, of the axis and of its friction, is learnt
+    once.
+
+    Parameters
+    ----------
+    walk : float
+        Standard deviation by which what is tracked may have changed after a second, relative.
+    alarm, gain, noise
+        As for `relocate`.
+    """
+    model = nominal if isinstance(nominal, Model) else real_axis(with_starts(nominal))
+    known = {name.removeprefix("1/") for name in identify} | set(model.fixed)
+    has = [name for name in model.parameters if name not in known]
+    return Relocate(
+        model,
+        identify=identify,
+        suspects=[name for name in has if name not in model.law_parameters],
+        track={name: guess for name, guess in TRACKED.items() if name in has},
+        learn={name: guess for name, guess in LEARNT.items() if name in has},
+        P0=(SPREAD * model.parametrize(identify).theta) ** 2 if P0 is None else P0,
+        period=period,
+        walk=walk,
+        alarm=alarm,
+        gain=gain,
+        output=output,
+        noise=noise,
+    )
+
+
 ENTRIES = (
     Entry(
         "relocate",
@@ -62,5 +112,14 @@ ENTRIES = (
         default=0.995,
         look=("#882255", "*"),
         rank=30,
+    ),
+    Entry(
+        "relocate-friction",
+        "relocate on an axis with dry friction, play, cogging: learns these once, tracks f_c",
+        relocate_friction,
+        knob="walk",
+        default=WALK,
+        look=("#AA4499", "P"),
+        rank=31,
     ),
 )

@@ -129,22 +129,25 @@ class Hypotheses:
         Where the parameters may be.
     identified : int
         How many of the parameters, the first, are identified.
+    candidates : (c,) int array
+        Parameters that may have changed, the identified ones first.
     """
 
     terms: Terms
     box: tuple[Array, Array]
     identified: int
+    candidates: NDArray[np.int64]
 
     @cached_property
     def choices(self) -> list[NDArray[np.int64]]:
         """Which parameters each hypothesis lets change."""
         several = [np.arange(self.identified)] if self.identified > 1 else []
-        return [np.array([i]) for i in range(len(self.box[0]))] + several
+        return [np.array([i]) for i in self.candidates] + several
 
     @cached_property
     def costs(self) -> Array:
         """Evidence against each before any data [nats]."""
-        single = [0.0 if i < self.identified else UNLIKELY for i in range(len(self.box[0]))]
+        single = [0.0 if i < self.identified else UNLIKELY for i in self.candidates]
         return np.array(single + ([SEVERAL] if self.identified > 1 else []))
 
     def rank(self, past: Past, noise: float, before: Ranking | None) -> Ranking:
@@ -178,14 +181,18 @@ class Hypotheses:
                 Explanation(active, found.get(i, most - behind[i]), fitted.get(i))
                 for i, active in enumerate(self.choices)
             ),
-            singles=len(self.box[0]),
+            singles=len(self.candidates),
         )
 
     def _screen(self, past: Past, noise: float) -> Screened:
         """Return time, size and gain of a change of each parameter, to first order."""
-        onset, change, gain = screen(
+        theta, candidates = past.theta[0], self.candidates
+        p = len(theta)
+        onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
+        onset[candidates], change[candidates], gain[candidates] = screen(
             self.terms,
-            past.theta[0],
+            theta,
+            candidates,
             past.x[0],
             past.u,
             past.y,
@@ -195,7 +202,7 @@ class Hypotheses:
             SPREAD,
         )
         onset = np.minimum(onset, len(past.theta) - 1)
-        return Screened(onset, np.clip(past.theta[0] + change, *self.box), gain)
+        return Screened(onset, np.clip(theta + change, *self.box), gain)
 
     def _explain(self, past: Past, choice: int, seen: Screened, before: Ranking | None) -> Change:
         """Fit one hypothesis, from where it was at the last look and from where it is seen now."""

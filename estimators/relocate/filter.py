@@ -8,8 +8,9 @@ ones fitted to the data since. The one with the most evidence wins, if it explai
 clearly. The filter goes back to k₀, takes the fitted value, and runs through the data again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,9 +21,11 @@ from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.measurement import measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
+from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.opened import Opened, opened
@@ -36,12 +39,13 @@ from flexaxis.estimators.relocate.policy import (
     Retract,
 )
 from flexaxis.estimators.relocate.rewind import Rewind
-from flexaxis.estimators.relocate.suspects import with_suspects
+from flexaxis.estimators.relocate.suspects import widened
 from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.sampled import terms
+from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
 
+NOTHING: Mapping[str, Guess] = MappingProxyType({})
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
 
 
@@ -58,6 +62,9 @@ class Relocate(RecursiveEstimator):
     suspects : sequence of str
         Parameters that are not estimated but may change; a change of one is found, named and
         put into the model.
+    track, learn : mapping of str to Guess
+        Parameters that are tracked besides, and that are learnt once and never forgotten, with what
+        is known of them before.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -68,6 +75,9 @@ class Relocate(RecursiveEstimator):
         Standard deviation of y, in its unit; estimated from the residual by default.
     forgetting : float, optional
         λ of the main filter, for a sample; that of a time constant of 1 s by default.
+    walk : float, optional
+        Standard deviation by which a tracked parameter may have changed after a second, relative to
+        θ(0), in the place of forgetting.
     alarm : float
         Evidence at which the residual is looked into [nats].
     gain : float
@@ -100,7 +110,10 @@ class Relocate(RecursiveEstimator):
         If an option cannot be used.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_hypotheses", "_rewind", "_policy")
+    _shared = (
+        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_beginning",
+        "_policy",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -108,11 +121,14 @@ class Relocate(RecursiveEstimator):
         *,
         identify: Sequence[str] | None = None,
         suspects: Sequence[str] = (),
+        track: Mapping[str, Guess] = NOTHING,
+        learn: Mapping[str, Guess] = NOTHING,
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
         period: float,
         noise: float | None = None,
         forgetting: float | None = None,
+        walk: float | None = None,
         alarm: float = 10.0,
         gain: float = 14.0,
         bounds: tuple[ArrayLike, ArrayLike] | None = None,
@@ -125,27 +141,38 @@ class Relocate(RecursiveEstimator):
             theta0=theta0,
             P0=P0,
             period=period,
-            forgetting=forgetting,
+            forgetting=forgetting if walk is None else 1.0,
             bounds=bounds,
             output=output,
             noise=noise,
             x0=x0,
         )
+        self._walk = 0.0 if walk is None else above_zero("walk", walk, "the relative sd after 1 s")
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
-        super().__init__(narrow.model.names, output, narrow.bounds)
-        self._design = design = with_suspects(narrow, model, suspects)
-        self._p = len(self.names)
+        self._design, self._roles = widened(
+            narrow, model, track=track, learn=learn, suspects=suspects
+        )
+        design, roles = self._design, self._roles
+        self._p = p = roles.tracked
+        lower, upper = design.bounds
+        super().__init__(design.model.names[:p], output, (lower[:p], upper[:p]))
+        fading = roles.fading(design.forgetting, len(design.theta0))
         pattern, _ = split(design.model)
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
+        tuning["inflation"] = 1 / fading
         self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
-        sizes = int(tuning["order"][0]), int(tuning["substeps"][0])
-        model_ = terms(design.model, *sizes, period)
         box = design.lower, design.upper
-        self._hypotheses = Hypotheses(model_, box, self._p)
-        self._rewind = Rewind(model_, box, self._p, design.forgetting)
-        self._lookout = Lookout(model_, box, identified=self._p, period=period)
+        model_ = planned(design.model, *box, period)
+        self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
+        self._rewind = Rewind(model_, box, roles, fading)
+        self._beginning = (
+            Beginning(model_, design, roles, (*track.values(), *learn.values()), model.nominal)
+            if track or learn
+            else None
+        )
+        self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
         self._policy = Policy(period, gain=gain)
         self.reset()
         self._warm_up()
@@ -164,6 +191,8 @@ class Relocate(RecursiveEstimator):
         self._lookout.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
+        self._prior: Prior | None = None  # what was known before, once it is known
+        self._fits: list[int] = []  # counts at which all data are to be fitted
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
         self._memory.state["stop"] = self._next_stop()
@@ -196,6 +225,8 @@ class Relocate(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         memory = self._memory
+        if self._beginning is not None:
+            self._begin(self._beginning)
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -207,10 +238,26 @@ class Relocate(RecursiveEstimator):
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
+    def _begin(self, beginning: Beginning) -> None:
+        """Begin to learn what has a prior of its own as soon as the noise is known; fit it."""
+        memory, period = self._memory, self._design.period
+        prior = self._prior or beginning.prior(memory)
+        if prior is None:
+            return
+        if self._prior is None:
+            self._prior = prior
+            tracked = np.arange(len(prior.theta)) < self._roles.tracked
+            memory.drift = np.diag(tracked * self._walk**2 * period / prior.noise)
+            self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
+        if memory.count in self._fits:
+            self._rewind.to_fit(memory, prior, beginning.fit(memory, prior))
+
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""
         count = self._memory.count
-        due = [self._lookout.due(count), *self._free.values()]
+        if self._beginning and self._prior is None:
+            return count + 1
+        due = [self._lookout.due(count), *self._free.values(), *self._fits]
         if self._case is not None:
             due += [self._case.alarm + 1 + age for age in self._policy.ages]
         return min(when for when in due if when > count)
@@ -272,7 +319,7 @@ class Relocate(RecursiveEstimator):
         if case.accepted is not None:
             self._name(case)
             settled = self._memory.count + round(SETTLED / self._design.period)
-            self._free |= {int(i): settled for i in case.active if i >= self._p}
+            self._free |= {int(i): settled for i in case.active if i >= self._roles.known}
         self._case = None
         self._memory.arm()
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, move, sample
+from flexaxis.estimators.sampling.sampled import Terms, prepare, travel
 
 Array = NDArray[np.float64]
 
@@ -268,7 +268,7 @@ def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, 
     epsilon, colour, variance
         As in `Past`, the residuals right before the stretch.
     """
-    D = sample(terms, theta, active)
+    prepared = prepare(terms, theta, active)
     n, q, order = terms.n, len(active), len(colour)
     X = np.zeros((1 + q, n + 1))
     for i in range(n):
@@ -280,7 +280,7 @@ def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, 
     white = np.empty(1 + q)
     H, g, misfit = np.zeros((q, q)), np.zeros(q), 0.0
     for k in range(len(u)):
-        move(D, X, moved, u[k])
+        travel(prepared, X, moved, u[k])
         X, moved = moved, X
         for a in range(1 + q):
             expected = 0.0

@@ -103,6 +103,15 @@ class Memory:
         return self._states[0]
 
     @property
+    def drift(self) -> Array:
+        """Δ, which P gains in a sample."""
+        return self._tuning["drift"][0]
+
+    @drift.setter
+    def drift(self, value: Array) -> None:
+        self._tuning["drift"][0] = value
+
+    @property
     def count(self) -> int:
         """Samples taken."""
         return int(self.state["count"])
@@ -116,6 +125,18 @@ class Memory:
     def ringing(self) -> bool:
         """Whether there is enough evidence for an alarm."""
         return bool(np.any(self.state["evidence"] > self._tuning["threshold"]))
+
+    def roughness(self, samples: int) -> float:
+        """
+        Return the variance of the noise by the last residuals, whatever a wrong model adds.
+
+        Mean of (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20, as in
+        `flexaxis.estimators.recursion.level`; zero where nothing is known.
+        """
+        last = self.read("epsilon", max(self.count - samples, self.first))
+        rough = np.convolve(last, [1.0, -3.0, 3.0, -1.0], "valid")
+        known = rough[~np.isnan(rough)]
+        return float(np.mean(known**2) / 20) if len(known) > samples // 2 else 0.0
 
     def unlearn(self, row: np.void) -> None:
         """Take for normal what was so at an earlier sample, and neither learn nor listen."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, move, sample
+from flexaxis.estimators.sampling.sampled import Terms, prepare, travel
 
 Array = NDArray[np.float64]
 
@@ -47,8 +47,10 @@ def replay(  # noqa: PLR0917
     claim: Array,
     signals: tuple[Array, Array, NDArray[np.bool_]],
     *,
-    forgetting: float,
+    forgetting: float | Array,
     box: tuple[Array, Array],
+    drift: Array | None = None,
+    before: Array | None = None,
 ) -> Replayed:
     """
     Run the main filter with its model fixed at θ, its state corrected for what it adds to θ.
@@ -68,10 +70,14 @@ def replay(  # noqa: PLR0917
     signals : u (N+1,), y (N,), present (N,)
         Torque held after the start and after each sample, the output at each, and whether it was
         measured.
-    forgetting : float
-        λ.
+    forgetting : float or (p, p) array
+        λ, by which P is divided after each measurement, or one for each of its elements.
     box : (lower, upper), each (p,)
         On which θ is projected; the data are weighed as if it were not there.
+    drift : (p, p) array, optional
+        Δ, which P gains besides.
+    before : (p,) array, optional
+        Parameters at the start, if they are not those that the model is linearised at.
     """
     u, y, present = signals
     N, (rows, columns) = len(u), X.shape
@@ -86,7 +92,11 @@ def replay(  # noqa: PLR0917
         np.ones(N),
     )
     start = X.copy(), P.copy(), claim.copy()
-    _replay(terms, theta, *start, u, np.r_[y, 0.0], np.r_[present, False], forgetting, made)
+    fading = np.broadcast_to(forgetting, P.shape).copy()
+    gained = np.zeros(P.shape) if drift is None else drift
+    delta = np.zeros(p) if before is None else before - theta
+    known = np.r_[y, 0.0], np.r_[present, False]
+    _replay(terms, theta, delta, *start, u, *known, fading, gained, made)
     moved = np.clip(made.theta, *box) - made.theta
     made.theta[:] += moved
     made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])
@@ -94,19 +104,19 @@ def replay(  # noqa: PLR0917
 
 
 @compiled
-def _replay(terms, theta, X, P, claim, u, y, present, forgetting, made):  # noqa: PLR0917
+def _replay(terms, theta, delta, X, P, claim, u, y, present, fading, drift, made):  # noqa: PLR0917
     p, n = len(theta), terms.n
-    D = sample(terms, theta, np.arange(p))
+    prepared = prepare(terms, theta, np.arange(p))
     moved = np.empty_like(X)
     ahead = X
-    delta, gain, spread = np.zeros(p), np.zeros(p), np.zeros(p)
+    gain, spread = np.zeros(p), np.zeros(p)
     for k in range(len(u)):
-        move(D, ahead, moved, u[k])
+        travel(prepared, ahead, moved, u[k])
         ahead, moved = moved, ahead
         # u[k] follows the measurement before; where that is missing, nothing is forgotten
         for i in range(p if k == 0 or present[k - 1] else 0):
             for j in range(p):
-                P[i, j] /= forgetting
+                P[i, j] = P[i, j] / fading[i, j] + drift[i, j]
         if present[k]:
             s, total, epsilon = 1.0, 1.0, y[k] - ahead[0, n]
             for i in range(p):

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.beginning import Prior
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.opened import Opened
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.search import Evaluated
+from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -27,16 +29,16 @@ class Rewind:
     terms : Terms
         The model with all parameters.
     box : (lower, upper), each (p,)
-    identified : int
-        How many of the parameters, the first, are identified.
-    forgetting : float
-        λ of the main filter.
+    roles : Roles
+        What the main filter does with each parameter.
+    fading : (p, p) array
+        By what each element of its P is divided in a sample.
     """
 
     terms: Terms
     box: tuple[Array, Array]
-    identified: int
-    forgetting: float
+    roles: Roles
+    fading: Array
 
     def to_change(
         self, memory: Memory, case: Opened, past: Past, theta: Array, free: Container[int]
@@ -54,7 +56,7 @@ class Rewind:
         theta : (p,) array
             All parameters after it.
         free : container of int
-            Unidentified parameters that are estimated now; all others are taken as known.
+            Suspects that are estimated now; all others are taken as known.
         """
         row, active = case.before.at(case.onset), case.active
         P, claim = row["P"].copy(), row["claim"].copy()
@@ -62,7 +64,7 @@ class Rewind:
         X = np.zeros((1 + len(theta), n + 1))
         X[:, :n] = row["X"][:n, : len(X)].T
         X[1 + active] = 0.0  # what changes now had no influence before
-        known = [i for i in range(self.identified, len(theta)) if i not in free]
+        known = [i for i in range(self.roles.known, len(theta)) if i not in free]
         for M in (P, claim):
             M[known, :] = M[:, known] = M[active, :] = M[:, active] = 0.0
             M[active, active] = (SPREAD * row["theta"][active]) ** 2 / case.normal.variance
@@ -71,11 +73,20 @@ class Rewind:
 
     def to_start(self, memory: Memory, first: int, found: Evaluated) -> None:
         """Go back to a sample, and begin anew there with parameters that a search has found."""
-        row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.identified)
+        row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.roles.tracked)
         X, P = np.zeros((1 + len(found.theta), n + 1)), np.zeros_like(row["P"])
         X[0, :n] = memory.stretch(first).x[0]
         P[mine, mine] = SPREAD**2 / found.square
         self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
+
+    def to_fit(self, memory: Memory, prior: Prior, theta: Array) -> None:
+        """Go back as far as is remembered, and begin anew near parameters that explain it all."""
+        first, n, mine = memory.first, self.terms.n, np.arange(self.roles.known)
+        X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
+        X[0, :n] = memory.stretch(first).x[0]
+        P[mine, mine] = prior.deviation**2 / prior.noise
+        row, signals = memory.beginning(first + 1), memory.signals(first)[1:]
+        self._run(memory, row, theta, (X, P, P), signals, before=prior.theta)
 
     def _run(
         self,
@@ -84,9 +95,18 @@ class Rewind:
         theta: Array,
         start: tuple[Array, Array, Array],
         signals: tuple[Array, NDArray[np.bool_]],
+        *,
+        before: Array | None = None,
     ) -> None:
         u = memory.read("u", int(row["count"]) - 1)
         replayed = replay(
-            self.terms, theta, *start, (u, *signals), forgetting=self.forgetting, box=self.box
+            self.terms,
+            theta,
+            *start,
+            (u, *signals),
+            forgetting=self.fading,
+            drift=memory.drift,
+            box=self.box,
+            before=before,
         )
         memory.rewrite(row, replayed)

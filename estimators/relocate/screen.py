@@ -3,18 +3,20 @@ Judge every time at which every parameter may have changed at once, to first ord
 
 A change δ of parameter i after sample k₀ adds δ ψ(k; k₀) to the output, where the sensitivity ψ
 starts at zero at k₀. It is that of the whole stretch less what had built up until then,
-ψ(k; k₀) = ψ(k) − c A^(k−1−k₀) z(k₀), so that all slopes Σψε and curvatures Σψ² follow from one
-pass forwards, for ψ and z, and one backwards, for their sums with c A^m (the adjoint).
+ψ(k; k₀) = ψ(k) − c_k F_(k−1) … F_k₀ z(k₀), where F_k and c_k are the derivatives of state and
+output after sample k by the state before it, along the trajectory: constant for a linear model, but
+not where friction acts. So all slopes Σψε and curvatures Σψ² follow from one pass forwards, for ψ,
+z, F and c, and one backwards, for their sums with c_k F_(k−1) … (the adjoint).
 """
 
 import numpy as np
 
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import move, sample
+from flexaxis.estimators.sampling.sampled import prepare, travel
 
 
 @compiled
-def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
+def screen(terms, theta, active, x, u, y, present, variance, lower, upper, spread):  # noqa: PLR0917
     """
     Return the best time of a change of each parameter, its size, and what it gains.
 
@@ -24,6 +26,8 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
         The model with all parameters.
     theta : (p,) array
         Parameters before any change.
+    active : (q,) int array
+        Those that may have changed.
     x : (n,) array
         State before the stretch.
     u, y : (N,) arrays
@@ -39,65 +43,25 @@ def screen(terms, theta, x, u, y, present, variance, lower, upper, spread):  # n
 
     Returns
     -------
-    onset : (p,) int array
+    onset : (q,) int array
         Sample of the stretch after which the parameter was different.
-    change : (p,) array
+    change : (q,) array
         By how much.
-    gain : (p,) array
+    gain : (q,) array
         Logarithm of the evidence over that of no change [nats].
     """
-    D = sample(terms, theta, np.arange(len(theta)))
-    z, psi, epsilon = _forwards(D, x, u, y, present)
-    N, p, n = len(u), len(theta), len(x)
-    A, At, c = np.empty((n, n)), np.empty((n, n)), np.empty(n)
-    for i in range(n):
-        c[i] = D[0, n, i]
-        for j in range(n):
-            A[i, j] = At[j, i] = D[0, i, j]
-    a, b, W = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))  # sums with c A^m
-    next_a, next_b, next_W, half = (
-        np.empty((1, n)),
-        np.empty((p, n)),
-        np.empty((n, n)),
-        np.empty((n, n)),
-    )
-    slope, square = np.zeros(p), np.zeros(p)
-    onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
-    for k in range(N - 1, -1, -1):
-        _product(a, A, next_a)
-        _product(b, A, next_b)
-        _product(W, A, half)
-        _product(At, half, next_W)
-        a, next_a, b, next_b, W, next_W = next_a, a, next_b, b, next_W, W
-        for j in range(n if present[k] else 0):
-            a[0, j] += c[j] * epsilon[k]
-            for m in range(n):
-                W[j, m] += c[j] * c[m]
-        for i in range(p):
-            slope[i] += psi[k, i] * epsilon[k]
-            square[i] += psi[k, i] ** 2
-            g, H = slope[i], square[i]
-            for j in range(n):
-                b[i, j] += c[j] * psi[k, i]
-                g -= a[0, j] * z[k, i, j]
-                H -= 2 * b[i, j] * z[k, i, j]
-                for m in range(n):
-                    H += z[k, i, j] * W[j, m] * z[k, i, m]
-            prior = 1 / (spread * theta[i]) ** 2
-            g, H = g / variance, max(H, 0.0) / variance + prior
-            delta = min(max(g / H, lower[i] - theta[i]), upper[i] - theta[i])
-            gained = g * delta - (H * delta**2 + np.log(H / prior)) / 2
-            if gained > gain[i]:
-                onset[i], change[i], gain[i] = k, delta, gained
-    return onset, change, gain
+    ahead = _forwards(terms, theta, active, x, u, y, present)
+    return _backwards(ahead, theta, active, present, variance, lower, upper, spread)
 
 
 @compiled
-def _forwards(D, x, u, y, present):
-    """Return sensitivities z before each sample, and ψ and ε after it, zero in gaps."""
-    N, p, n = len(u), len(D) - 1, len(x)
+def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
+    """Return z before each sample; ψ, ε (zero in gaps), F and c over it."""
+    N, p, n = len(u), len(active), len(x)
+    prepared = prepare(terms, theta, active, n)
     z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
-    X = np.zeros((1 + p, n + 1))
+    F, c = np.empty((N, n, n)), np.empty((N, n))
+    X = np.zeros((1 + p + n, n + 1))  # the last n rows: by the state before the sample
     for i in range(n):
         X[0, i] = x[i]
     moved = np.empty_like(X)
@@ -105,13 +69,64 @@ def _forwards(D, x, u, y, present):
         for i in range(p):
             for j in range(n):
                 z[k, i, j] = X[1 + i, j]
-        move(D, X, moved, u[k])
+        for i in range(n):
+            for j in range(n):
+                X[1 + p + i, j] = 1.0 if i == j else 0.0
+        travel(prepared, X, moved, u[k])
         X, moved = moved, X
+        for j in range(n):
+            c[k, j] = X[1 + p + j, n]
+            for i in range(n):
+                F[k, i, j] = X[1 + p + j, i]
         if present[k]:
             for i in range(p):
                 psi[k, i] = X[1 + i, n]
             epsilon[k] = y[k] - X[0, n]
-    return z, psi, epsilon
+    return z, psi, epsilon, F, c
+
+
+@compiled
+def _backwards(ahead, theta, active, present, variance, lower, upper, spread):  # noqa: PLR0917
+    """Return onset, change and gain of `screen`."""
+    z, psi, epsilon, F, c = ahead
+    N, p, n = z.shape
+    back = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))  # sums of ε, ψ, c with c F … F
+    room = np.empty((1, n)), np.empty((p, n)), np.empty((n, n))
+    half, Ft = np.empty((n, n)), np.empty((n, n))
+    slope, square = np.zeros(p), np.zeros(p)
+    onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
+    for k in range(N - 1, -1, -1):
+        for i in range(n):
+            for j in range(n):
+                Ft[j, i] = F[k, i, j]
+        _product(back[0], F[k], room[0])
+        _product(back[1], F[k], room[1])
+        _product(back[2], F[k], half)
+        _product(Ft, half, room[2])
+        back, room = room, back
+        a, b, W = back
+        for j in range(n if present[k] else 0):
+            a[0, j] += c[k, j] * epsilon[k]
+            for m in range(n):
+                W[j, m] += c[k, j] * c[k, m]
+        for i in range(p):
+            slope[i] += psi[k, i] * epsilon[k]
+            square[i] += psi[k, i] ** 2
+            g, H = slope[i], square[i]
+            for j in range(n):
+                b[i, j] += c[k, j] * psi[k, i]
+                g -= a[0, j] * z[k, i, j]
+                H -= 2 * b[i, j] * z[k, i, j]
+                for m in range(n):
+                    H += z[k, i, j] * W[j, m] * z[k, i, m]
+            here, low, high = theta[active[i]], lower[active[i]], upper[active[i]]
+            prior = 1 / (spread * here) ** 2
+            g, H = g / variance, max(H, 0.0) / variance + prior
+            delta = min(max(g / H, low - here), high - here)
+            gained = g * delta - (H * delta**2 + np.log(H / prior)) / 2
+            if gained > gain[i]:
+                onset[i], change[i], gain[i] = k, delta, gained
+    return onset, change, gain
 
 
 @compiled

@@ -169,7 +169,12 @@ def sample(terms, theta, active):
 
 @compiled
 def move(D, X, moved, u):
-    """Take states and sensitivities [x; y] over one sample; the place of y lends itself to u."""
+    """
+    Take states and sensitivities [x; y] over one sample; the place of y lends itself to u.
+
+    Rows of X beyond those of D are sensitivities to what acts through the state alone, such as the
+    state itself some time ago.
+    """
     size = X.shape[1]
     X[0, size - 1] = u
     for a in range(1, len(X)):
@@ -179,10 +184,15 @@ def move(D, X, moved, u):
         for j in range(size):
             total += D[0, i, j] * X[0, j]
         moved[0, i] = total
-        for a in range(1, len(X)):
+        for a in range(1, len(D)):
             total = 0.0
             for j in range(size):
                 total += D[0, i, j] * X[a, j] + D[a, i, j] * X[0, j]
+            moved[a, i] = total
+        for a in range(len(D), len(X)):
+            total = 0.0
+            for j in range(size):
+                total += D[0, i, j] * X[a, j]
             moved[a, i] = total
 
 
@@ -199,9 +209,9 @@ class Prepared(NamedTuple):
     cleared : (r,) int array
     steps : int
     h : float
-    response : (L, n+1, 1+q) array
+    response : (L, n+1, rows) array
         What a torque of one of each law adds in a part.
-    X : (1+q, n+1) array
+    X : (rows, n+1) array
         Room for states and sensitivities.
     work : tuple of arrays
         Room, as `flexaxis.estimators.sampling.reaction.room` has it.
@@ -222,7 +232,7 @@ class Prepared(NamedTuple):
 
 
 @compiled
-def prepare(terms, theta, active):
+def prepare(terms, theta, active, further=0):
     """
     Return a model at θ, with derivatives by some parameters, ready to `travel`.
 
@@ -232,14 +242,16 @@ def prepare(terms, theta, active):
     theta : (p,) array
     active : (q,) int array
         Which parameters to differentiate by.
+    further : int
+        Rows of the states to come beyond those, which `move` has a word for.
     """
     D = sample(terms, theta, active)
-    L, n, lanes = len(terms.kind), terms.n, 1 + len(active)
+    L, n, lanes = len(terms.kind), terms.n, 1 + len(active) + further
     response = np.zeros((L, n + 1, lanes))
     for i in range(L):
         for m in range(n + 1):
             if m < n - L or m == n:
-                for a in range(lanes):
+                for a in range(len(D)):
                     response[i, m, a] = D[a, m, n - L + i]
     lane = np.full((L, terms.parameter.shape[1]), -1)
     for i in range(L):
@@ -287,7 +299,7 @@ def travel(prepared, X, moved, u):
     Parameters
     ----------
     prepared : Prepared
-    X, moved : (1+q, n+1) arrays
+    X, moved : (rows, n+1) arrays
         Before and after it; the place of y in X lends itself to u. With laws the last states are
         their torques, which are of no account.
     u : float

@@ -32,7 +32,9 @@ def hypotheses(nominal):
     model = wide.relative(wide.theta)
     box = np.full(5, 0.4), np.full(5, 2.5)
     order, substeps = plan(model, *box, T)
-    return Hypotheses(terms(model, order, substeps, T), box, identified=3)
+    return Hypotheses(
+        terms(model, order, substeps, T), box, identified=3, candidates=np.arange(len(box[0]))
+    )
 
 
 @pytest.fixture(scope="module")

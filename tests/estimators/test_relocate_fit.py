@@ -85,7 +85,7 @@ def test_the_screen_is_the_linear_gain_of_every_change_at_every_time(nominal, lo
         steps[onset] = step
         gains[onset] = g * step - H * step**2 / 2 - np.log(H * (0.5 * theta) ** 2) / 2
     onset, change, gain = screen(
-        given, theta, x, u[:N], y, present, 0.3, 0.4 * theta, 2.5 * theta, 0.5
+        given, theta, np.arange(p), x, u[:N], y, present, 0.3, 0.4 * theta, 2.5 * theta, 0.5
     )
     np.testing.assert_allclose(gain, gains.max(axis=0), rtol=1e-6)
     np.testing.assert_array_equal(onset, gains.argmax(axis=0))
