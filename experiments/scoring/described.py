@@ -55,9 +55,7 @@ COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
 
 DESCRIBED: Mapping[str, Described] = {
     "friction": Described(BRISTLES, lambda table: COULOMB),
-    "lugre": Described(
-        BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")
-    ),
+    "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
     "static_friction": Described(STATIC, lambda table: {}, ("f_s", "alpha", "beta")),
     "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),
     "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}, ("gap",)),
@@ -137,9 +135,7 @@ def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     cogging = np.hypot(values.get("c_sin", 0.0), values.get("c_cos", 0.0))
     before = [
         cogging if name in PHASES else size
-        for name, size in zip(
-            names, model_theta(scenario, names, scenario.unchanged), strict=True
-        )
+        for name, size in zip(names, model_theta(scenario, names, scenario.unchanged), strict=True)
     ]
     return np.where(theta == 0, before, theta)
 
