@@ -120,6 +120,17 @@ def test_the_state_at_the_jump_is_that_of_the_plant(name, worst):
     assert np.sqrt(np.mean(error**2)) < worst * np.std(record.true_speed)
 
 
+def test_cogging_acts_as_in_the_plant():
+    """At first: where the motor is slow it takes one valley or the next by a hair."""
+    scenario, record = drawn("cogging_fm_step-v1")
+    truth = scenario.true_parameters()
+    error, without = (
+        [state_at(each, truth, record.torque, k)[2] - record.true_speed[k] for k in range(1, 30, 2)]
+        for each in (scenario, scenario.override({"cogging": None}))
+    )
+    assert np.max(np.abs(error)) < 0.02 < 10 * 0.02 < np.max(np.abs(without))
+
+
 def test_who_knows_less_is_slower():
     scenario, record = drawn("coulomb_fm_step-v1")
     f_m = limits.limits(scenario, scenario.identify, record.torque)[2]
