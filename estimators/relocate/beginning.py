@@ -67,7 +67,7 @@ class Beginning:
         if memory.state["samples"] < samples or not noise > 0:
             return None
         u, y, _ = memory.signals(memory.first)
-        sizes = measured_sizes(u[:-1], y, self.design.period, self.nominal)
+        sizes = measured_sizes(u[:-1, 0], y, self.design.period, self.nominal)
         mine = self.roles.prior
         scale, names = self.design.scale[mine], self.design.model.names
         guesses = [

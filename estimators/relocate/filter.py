@@ -25,6 +25,7 @@ from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, P
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.follow import angle_of
 from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
@@ -162,7 +163,15 @@ class Relocate(RecursiveEstimator):
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
         tuning["inflation"] = 1 / fading
-        self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
+        self._memory = Memory(
+            pattern,
+            tuning,
+            state,
+            alarm=alarm,
+            period=period,
+            angle=angle_of(design.model),
+            increments=output == "increment",
+        )
         box = design.lower, design.upper
         model_ = planned(design.model, *box, period)
         self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)

@@ -92,9 +92,9 @@ def measured_sizes(u: Array, y: Array, period: float, nominal: Mapping[str, floa
 
 
 def natural_sizes(nominal: Mapping[str, float]) -> Sizes:
-    """Return sizes of about a rad of the motor at the pace of the axis: units, and no more."""
-    pace = np.sqrt(nominal["k_a"] / nominal["J_a"]) if "J_a" in nominal else 1.0
-    return _sizes(nominal["J_m"] * pace**2, pace, 1.0, nominal)
+    """Return sizes of a hundredth of a rad at the pace of the axis: units, and no more."""
+    pace = np.sqrt(nominal["k_a"] / nominal["J_a"])
+    return _sizes(0.01 * nominal["J_m"] * pace**2, 0.01 * pace, 0.01, nominal)
 
 
 def _sizes(torque: float, speed: float, angle: float, nominal: Mapping[str, float]) -> Sizes:

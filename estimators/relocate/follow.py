@@ -1,0 +1,69 @@
+"""
+Take a model over a sample from the measured angle.
+
+Where a torque depends on the angle, as cogging does, a model that integrates its own speed would
+run away: on an axis that its controller holds at an angle at which cogging is unstable, the model
+has no controller. So the angle of the model begins every sample where it was measured.
+"""
+
+import numpy as np
+
+from flexaxis.estimators.models.laws import KINDS
+from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.sampling.compiler import compiled, inlined
+from flexaxis.estimators.sampling.sampled import travel
+
+SINUSOID = KINDS.index("sinusoid")
+
+
+def angle_of(model: Parametrization) -> int:
+    """Return which state is the angle on which a torque depends; −1 where there is none."""
+    if model.laws is None:
+        return -1
+    for kind, drive in zip(model.laws.kind, model.laws.drive, strict=True):
+        if kind == SINUSOID:
+            return int(abs(drive[:-1]).argmax())
+    return -1
+
+
+@compiled
+def follow(prepared, X, moved, u):
+    """
+    Take states and sensitivities over one sample, as `travel` does.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    X, moved : (rows, n+1) arrays
+    u : (2,) array
+        Torque held from the start of the sample on, and the motor angle there as measured.
+    """
+    for i in range(len(prepared.kind)):
+        if prepared.kind[i] == SINUSOID:
+            for j in range(prepared.drive.shape[1] - 1):
+                if prepared.drive[i, j] != 0.0:
+                    X[0, j] = u[1]
+                    for a in range(1, len(X)):
+                        X[a, j] = 0.0
+    travel(prepared, X, moved, u[0])
+
+
+@inlined
+def integrate(tuning, state):
+    """
+    Keep the measured angle: what the model made of the last one, moved by what it missed of speed.
+
+    Of increments the sum is the angle itself. The sensitivities of a measured angle are zero.
+    """
+    angle = tuning["angle"]
+    if angle < 0:
+        return
+    X = state["X"]
+    epsilon = state["epsilon"]
+    missed = 0.0 if np.isnan(epsilon) else epsilon
+    weight = 1.0 if tuning["increments"] > 0 else 0.5
+    X[angle, 0] += tuning["period"] * (weight * missed + (1.0 - weight) * state["missed"])
+    state["missed"] = missed
+    for a in range(1, X.shape[1]):
+        X[angle, a] = 0.0
+    state["u"][1] = X[angle, 0]
