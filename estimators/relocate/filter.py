@@ -253,13 +253,16 @@ class Relocate(RecursiveEstimator):
         prior = self._prior or beginning.prior(memory)
         if prior is None:
             return
+        memory.drift = beginning.drift(memory.state, prior, self._walk)
         if self._prior is None:
             self._prior = prior
-            tracked = np.arange(len(prior.theta)) < self._roles.tracked
-            memory.drift = np.diag(tracked * self._walk**2 * period / prior.noise)
             self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
         if memory.count in self._fits:
-            self._rewind.to_fit(memory, prior, beginning.fit(memory, prior))
+            fitted = beginning.fit(memory, prior)
+            if fitted is not None:
+                self._rewind.to_fit(memory, prior, fitted)
+                self._case = None
+                memory.arm()
 
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""

@@ -49,21 +49,23 @@ def follow(prepared, X, moved, u):
 
 
 @inlined
-def integrate(tuning, state):
+def integrate(tuning, state, y, valid):
     """
-    Keep the measured angle: what the model made of the last one, moved by what it missed of speed.
+    Keep the measured angle; its sensitivities are zero.
 
-    Of increments the sum is the angle itself. The sensitivities of a measured angle are zero.
+    Of speeds it is the sum by the trapezoidal rule, of increments the sum itself. In a gap the
+    model's output stands for y.
     """
-    angle = tuning["angle"]
-    if angle < 0:
+    row = tuning["angle"]
+    if row < 0:
         return
+    if not valid:
+        y = state["expected"] if np.isfinite(state["expected"]) else state["last"]
+    before = y if tuning["increments"] > 0 or state["count"] == 0 else state["last"]
+    if state["count"] > 0:
+        state["angle"] += tuning["period"] * 0.5 * (y + before)
+    state["last"] = y
     X = state["X"]
-    epsilon = state["epsilon"]
-    missed = 0.0 if np.isnan(epsilon) else epsilon
-    weight = 1.0 if tuning["increments"] > 0 else 0.5
-    X[angle, 0] += tuning["period"] * (weight * missed + (1.0 - weight) * state["missed"])
-    state["missed"] = missed
+    X[row, 0] = state["u"][1] = state["angle"]
     for a in range(1, X.shape[1]):
-        X[angle, a] = 0.0
-    state["u"][1] = X[angle, 0]
+        X[row, a] = 0.0

@@ -70,6 +70,17 @@ LEARNT = {
     "c_cos": Guess(0.0, 0.1, TORQUE),
 }
 """What is learnt once."""
+TOLD = ("k_g", "J_m", "k_a", "d_g", "d_a")
+"""Of these a data sheet says what they are, and it may be right."""
+ABSENT = (
+    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+    (("f_s",), ("v_s",)),
+    (("v_0",), ()),
+    (("kappa",), ()),
+    (("gap",), ()),
+    (("c_sin", "c_cos"), ()),
+)
+"""What an axis may not have at all, and what means nothing then."""
 POSITIVE = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "v_0", "gap")
 
 

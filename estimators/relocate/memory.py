@@ -97,7 +97,7 @@ class Memory:
         increments: bool = False,
     ) -> None:
         parts = listening(alarm, period)
-        place = record(count=0, stop=-1, u=np.zeros(2), missed=0.0, y=0.0, valid=0)
+        place = record(count=0, stop=-1, u=np.zeros(2), angle=0.0, last=0.0, y=0.0, valid=0)
         where = record(angle=angle, increments=increments, period=period)
         self._tuning = joined(tuning, parts[0], where)
         self._begin = joined(state, parts[1], place)
@@ -257,7 +257,7 @@ def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: 
     measure(tuning, state, y[k], valid[k])
     correct_state(state)
     ringing = listen(tuning, state, y[k])
-    integrate(tuning, state)
+    integrate(tuning, state, y[k], valid[k])
     state["u"][0], state["y"], state["valid"] = u[k], y[k], int(valid[k])
     state["count"] += 1
     ring[(state["count"] - 1) % len(ring)] = state
