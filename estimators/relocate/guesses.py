@@ -74,8 +74,6 @@ TOLD = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """Of these a data sheet says what they are, and it may be right."""
 ABSENT = (
     (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
-    (("f_s",), ("v_s",)),
-    (("v_0",), ()),
     (("kappa",), ()),
     (("gap",), ()),
     (("c_sin", "c_cos"), ()),

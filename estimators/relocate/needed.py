@@ -62,7 +62,7 @@ def needed(
     deviation: Array,
 ) -> tuple[Posterior, list[tuple[Places, Array]]]:
     """
-    Fix all that the data do not ask for, the likeliest first; return what remains and what is fixed.
+    Fix all that the data do not ask for, the likeliest first; return what is left and what fixed.
 
     Parameters
     ----------
