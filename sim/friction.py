@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BaseModel, Field
 
 from flexaxis.sim.config import Config, Positive
-from flexaxis.sim.nonlinear import Place
+from flexaxis.sim.places import Place
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
@@ -81,6 +81,185 @@ class StaticFrictionConfig(Config):
         return f"a friction curve of {self.f_c:g} N m, {self.f_s:g} N m more at low speed"
 
 
+class DirectionalFrictionConfig(Config):
+    r"""Dry friction that is larger in one direction: f_c (1 ± difference).
+
+    .. math:: \tau = f_c (1 + a s) s, \quad s = \tanh(v/v_0)
+
+    Attributes
+    ----------
+    f_c : float
+        Mean of the two directions [N m].
+    difference : float
+        a, by which part the positive direction has more, and the negative one less.
+    smooth : float
+        v₀ [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20  # as all laws here: a sign comes and goes within a millisecond
+    f_c: Positive
+    difference: Annotated[float, Field(ge=-1, le=1)]
+    smooth: Positive = 0.1
+
+    @staticmethod
+    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+        """Return the torque against the motion [N m]."""
+        sign = math.tanh(speed / row[4])
+        return row[2] * (1 + row[3] * sign) * sign
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        add_row(spec, self)
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.f_c}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return row_places(self, law)
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"dry friction of {self.f_c:g} N m, {100 * self.difference:+g} % forwards"
+
+
+class PositionFrictionConfig(Config):
+    r"""Dry friction that depends on where the motor stands, as that of a wave generator.
+
+    .. math:: \tau = f_c (1 + a \sin(n \varphi_m)) \tanh(v/v_0)
+
+    A strain wave gear has two waves in a turn of its input, which the motor turns.
+
+    Attributes
+    ----------
+    f_c : float
+        Mean over a turn [N m].
+    ripple : float
+        a, the part of it that comes and goes.
+    waves : int
+        n, periods in a turn of the motor.
+    smooth : float
+        v₀ [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20
+    f_c: Positive
+    ripple: Annotated[float, Field(gt=0, le=1)]
+    waves: int = Field(default=2, ge=1, le=500)
+    smooth: Positive = 0.1
+
+    @staticmethod
+    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+        """Return the torque against the motion [N m]."""
+        return row[2] * (1 + row[3] * math.sin(row[4] * angle)) * math.tanh(speed / row[5])
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        add_row(spec, self)
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.f_c}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return row_places(self, law)
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        size = f"{self.f_c:g} N m ± {100 * self.ripple:g} %"
+        return f"dry friction of {size}, {self.waves} waves a turn"
+
+
+class LoadFrictionConfig(Config):
+    r"""Dry friction that grows with the torque that the gear transmits.
+
+    .. math:: \tau = (f_c + \mu |\tau_g|) \tanh(v/v_0)
+
+    with the torque of the gear spring on the motor side, :math:`\tau_g = r k_g x_1` on the linear
+    axis.
+
+    Attributes
+    ----------
+    f_c : float
+        Without load [N m].
+    load : float
+        μ, torque of friction over torque transmitted.
+    smooth : float
+        v₀ [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20
+    f_c: Positive
+    load: Positive
+    smooth: Positive = 0.1
+
+    @staticmethod
+    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+        """Return the torque against the motion [N m]."""
+        return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        add_row(spec, self)
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.f_c}
+
+    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
+        """Return where the engine keeps the parameters of its law, and as what."""
+        return row_places(self, law)
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"dry friction of {self.f_c:g} N m and {100 * self.load:g} % of the load"
+
+
+class PowerFrictionConfig(Config):
+    r"""Friction that grows with a power of the speed, as that of grease does.
+
+    .. math:: \tau = c |v|^n \operatorname{sign} v
+
+    smoothed as :math:`c v (v^2 + v_0^2)^{(n-1)/2}`, beside the viscous friction f_m.
+
+    Attributes
+    ----------
+    torque_at_1 : float
+        c, its torque at 1 rad/s [N m].
+    exponent : float
+        n.
+    smooth : float
+        v₀ [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20
+    torque_at_1: Positive
+    exponent: Annotated[float, Field(gt=0, le=3)] = 0.7
+    smooth: Positive = 0.1
+
+    @staticmethod
+    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+        """Return the torque against the motion [N m]."""
+        return row[2] * speed * (speed**2 + row[4] ** 2) ** ((row[3] - 1) / 2)
+
+    def build(self, spec: Any) -> None:
+        """Build it into an `MjSpec`."""
+        add_row(spec, self)
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        return f"friction of {self.torque_at_1:g} N m times speed to the power of {self.exponent:g}"
+
+
 def add_row(spec: Any, table: BaseModel) -> None:
     """Write a law into an `MjSpec`, as a row of numbers."""
     row = [MARK, float(LAWS.index(type(table))), *map(float, table.model_dump().values())]
@@ -89,13 +268,19 @@ def add_row(spec: Any, table: BaseModel) -> None:
 
 def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
     """Return where the engine keeps the parameters of a law in its row, and their values."""
-    places = (Place("numeric_data", _row_name(table), _FIRST + i) for i in range(len(law)))
-    return dict(zip(places, law.values(), strict=True))
+    place = {name: _FIRST + i for i, name in enumerate(type(table).model_fields)}
+    return {Place("numeric_data", _row_name(table), place[n]): value for n, value in law.items()}
 
 
 def _row_name(table: BaseModel) -> str:
     return type(table).__name__
 
 
-LAWS: tuple[Any, ...] = (StaticFrictionConfig,)
+LAWS: tuple[Any, ...] = (
+    StaticFrictionConfig,
+    DirectionalFrictionConfig,
+    PositionFrictionConfig,
+    LoadFrictionConfig,
+    PowerFrictionConfig,
+)
 """The laws that are compiled; a row names its law by the place in here."""

@@ -47,7 +47,7 @@ def closed_loop(
     reference : ndarray (N, R)
         Wanted motor angle [rad].
     white : callable
-        The noise of the sensors, if the controller sees what they read.
+        The noise on the torque, and of the sensors if the controller sees what they read.
     threads : int
         Threads that share the runs.
     progress : callable, optional
@@ -63,12 +63,15 @@ def closed_loop(
     drive = _Drive(scenario, runs, threads)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
+    disturbance = scenario.noise.on_torque(white)
     torque, speed = np.empty((2, samples, runs))
     angles = np.empty((samples, runs, 3))
     for k in range(samples):
         changes.make(drive.plant, k)
         speed[k], angles[k] = drive.plant.speed_m, drive.plant.angles
         (seen,) = read(angles[k : k + 1, :, 0])
+        if disturbance is not None:
+            drive.disturbance = disturbance[k]
         torque[k] = drive.advance(reference[k], reference[min(k + 1, samples - 1)], seen)
         if progress and ((k + 1) % _REPORT_EVERY == 0 or k + 1 == samples):
             progress((k + 1) / samples)
@@ -88,8 +91,9 @@ class _Changes:
         if k in self._moves:
             plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
         if k in self._turns:
-            for i in np.flatnonzero(self._laws[k] != self._laws[k - 1]):
-                plant.set_law(self._names[i], self._laws[k, i])
+            for name, before, now in zip(self._names, *self._laws[k - 1 : k + 1], strict=True):
+                if before != now:
+                    plant.set_law(name, now)
 
 
 def _changing(values: Array) -> set[int]:
@@ -98,7 +102,13 @@ def _changing(values: Array) -> set[int]:
 
 
 class _Drive:
-    """Controller and plant over one sample, with what goes on between samples."""
+    """Controller and plant over one sample, with what goes on between samples.
+
+    Attributes
+    ----------
+    disturbance : ndarray (R,) or None
+        What acts in this sample beside the commands [N m]; they are logged without.
+    """
 
     def __init__(self, scenario: Scenario, runs: int, threads: int) -> None:
         config, delay = scenario.controller, scenario.delay.torque_ticks
@@ -110,11 +120,12 @@ class _Drive:
         between = scenario.period * self._every / self._ticks
         self._controller = Controller(config, runs, period=between)
         self._on_the_way = deque(np.zeros((delay, runs)))
+        self.disturbance: Array | None = None
         nonlinear = list(scenario.nonlinear.values())
         self.plant = Plant(
             [scenario.nominal] * runs,
             period=period,
-            substeps=substeps(nonlinear, period),
+            substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
             threads=threads,
             nonlinear=nonlinear,
         )
@@ -129,5 +140,6 @@ class _Drive:
                 goal = wanted + part * (wanted_next - wanted) if tick else wanted
                 commands.append(self._controller.torque(goal, seen))
             self._on_the_way.append(commands[-1])
-            self.plant.step(self._on_the_way.popleft())
+            acting = self._on_the_way.popleft()
+            self.plant.step(acting if self.disturbance is None else acting + self.disturbance)
         return self._logged(commands)

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from pydantic import Field, model_validator
 
 from flexaxis.sim.config import Config, Positive
+from flexaxis.sim.places import Place
 
 SPAN = 0.005  # s, of which `substeps` says into how many steps it is cut
 LINEAR_SUBSTEPS = 5
@@ -33,14 +34,6 @@ class Nonlinearity(Protocol):
         """Build it into an `MjSpec`."""
 
 
-class Place(NamedTuple):
-    """Where the engine keeps a number: field of its model, named object, column if it has some."""
-
-    field: str
-    owner: str
-    column: int | None = None
-
-
 @runtime_checkable
 class Law(Protocol):
     """A nonlinearity with parameters that can change in a run."""
@@ -53,15 +46,17 @@ class Law(Protocol):
         """Return where the engine keeps parameters such as these, and as what."""
 
 
-def substeps(features: Iterable[Nonlinearity], period: float) -> int:
+def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
     """Return the steps of the engine in a period [s], fine enough for all features.
+
+    ``least`` is that of 5 ms.
 
     Examples
     --------
     >>> [substeps([], period) for period in (0.001, 0.0025, 0.005, 0.01)]
     [1, 3, 5, 10]
     """
-    finest = max([LINEAR_SUBSTEPS, *(feature.substeps for feature in features)])
+    finest = max([LINEAR_SUBSTEPS, least, *(feature.substeps for feature in features)])
     return math.ceil(finest * period / SPAN - 1e-9)
 
 

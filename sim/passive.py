@@ -7,6 +7,7 @@ a batch holds for each run, and leaves every model without them as it is.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from functools import cache
 from threading import Lock
@@ -77,8 +78,6 @@ def _layout() -> _Layout:
 
 def _find(structure: Any, value: int) -> int:
     """Return at which of its words a structure of the engine holds a value."""
-    import ctypes
-
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
     return next(i for i in range(len(words)) if words[i] == value)
 
@@ -93,15 +92,13 @@ def _compiled() -> Any:
     numbers, numeric, qpos, qvel, spring, passive = _layout()
     mark, width = MARK, WIDTH
 
-    @intrinsic
-    def values(context: Any, address: Any) -> Any:
-        """Return the address of numbers as a pointer to them."""
-
+    def pointer(context: Any, address: Any) -> Any:
         def convert(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
 
         return types.CPointer(types.float64)(types.int64), convert
 
+    values: Any = intrinsic(pointer)  # of an address, the numbers that are there
     words = types.CPointer(types.int64)
 
     @cfunc(types.void(words, words), error_model="numpy")

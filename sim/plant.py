@@ -15,28 +15,11 @@ from flexaxis.models_mjcf import model_files
 from flexaxis.sim import passive
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.friction import LAWS
-from flexaxis.sim.nonlinear import Law, Nonlinearity, Place
+from flexaxis.sim.nonlinear import Law, Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
+from flexaxis.sim.places import CubicSprings, KeptLaw, parameter_places
 
 Array = NDArray[np.float64]
-
-# Where the engine keeps each parameter. Of the six transmission ratios of an actuator only the
-# first acts on a hinge; of the inertias all three stay equal, so that they belong to a possible body.
-_PLACES = {
-    "k_T": Place("actuator_gear", "motor", 0),
-    "J_m": Place("body_inertia", "motor"),
-    "J_g": Place("body_inertia", "gear"),
-    "J_a": Place("body_inertia", "arm"),
-    "k_g": Place("tendon_stiffness", "gear"),
-    "k_a": Place("tendon_stiffness", "arm"),
-    "d_g": Place("tendon_damping", "gear"),
-    "d_a": Place("tendon_damping", "arm"),
-    "f_m": Place("dof_damping", "motor"),
-    "f_g": Place("dof_damping", "gear"),
-    "f_a": Place("dof_damping", "arm"),
-    "r": Place("wrap_prm", "gear"),
-}
-_KINDS = {"body": "body", "tendon": "tendon", "dof": "joint", "actuator": "actuator"}
 
 # The engine derives constants from these; after a change it has to derive them again.
 _DERIVED_FROM = frozenset({"J_m", "J_g", "J_a", "r"})
@@ -83,10 +66,12 @@ class Plant:
         model = _compile(period / substeps, nonlinear)
         self._batch = Batch(model, len(values), threads)
         self._substeps = substeps
-        self._places = _places(self._batch, model)
-        self._springs = _Springs(self._batch, model) if model.tendon_stiffnesspoly.any() else None
+        self._places = parameter_places(self._batch, model)
+        self._springs = (
+            CubicSprings(self._batch, model) if model.tendon_stiffnesspoly.any() else None
+        )
         laws = [each for each in nonlinear if isinstance(each, Law)]
-        self._laws = [_KeptLaw(self._batch, model, law) for law in laws]
+        self._laws = [KeptLaw(self._batch, model, law.law, law.kept) for law in laws]
         self._values = np.full_like(values, np.nan)
         self._angle: Array = self._batch.bind("qpos")
         self._speed: Array = self._batch.bind("qvel")
@@ -239,36 +224,6 @@ class _Quiet(AbstractContextManager[None]):
 _QUIET = _Quiet()
 
 
-class _Springs:
-    """Springs whose law is cubic: with their stiffness, all of the law scales."""
-
-    def __init__(self, batch: Batch, model: mujoco.MjModel) -> None:
-        self._ratio = model.tendon_stiffnesspoly / model.tendon_stiffness[:, None]
-        self._linear: Array = batch.expand("tendon_stiffness")
-        self._higher: Array = batch.expand("tendon_stiffnesspoly")
-
-    def scale(self) -> None:
-        self._higher[...] = self._linear[..., None] * self._ratio
-
-
-class _KeptLaw:
-    """A law in the engine: what its parameters are now, and where the engine keeps them."""
-
-    def __init__(self, batch: Batch, model: mujoco.MjModel, feature: Law) -> None:
-        self._now: dict[str, float | Array] = dict(feature.law)
-        self._kept = feature.kept
-        self._places = {at: _place(batch, model, at) for at in self._kept(self._now)}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self._now)
-
-    def set(self, name: str, values: float | Array) -> None:
-        self._now[name] = values
-        for place, value in self._kept(self._now).items():
-            self._places[place][...] = value
-
-
 def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
     xml, _ = model_files("three_mass")
     spec = mujoco.MjSpec.from_string(xml)
@@ -297,21 +252,3 @@ def _check_columns(values: Array, columns: NDArray[np.int64]) -> None:
         for run, value in enumerate(values[:, column].tolist()):
             if problem := parameter_problem(name, value):
                 raise ParameterError(f"{name} of run {run} {problem}.")
-
-
-def _places(batch: Batch, model: mujoco.MjModel) -> list[Array]:
-    """Return, for each parameter, the live array (R, ...) of the engine that holds it."""
-    return [_place(batch, model, _PLACES[name]) for name in PARAMETER_NAMES]
-
-
-def _place(batch: Batch, model: mujoco.MjModel, place: Place) -> Array:
-    """Return the live array (R, ...) of the engine that holds what is kept in a place."""
-    values: Array = batch.expand(place.field)
-    match place.field:
-        case "wrap_prm":  # the coefficient of the motor in the tendon
-            return values[:, model.tendon_adr[model.tendon(place.owner).id]]
-        case "numeric_data":  # all custom numbers, one after the other
-            return values[:, model.numeric_adr[model.numeric(place.owner).id] + place.column]
-    kind = _KINDS[place.field.split("_", maxsplit=1)[0]]
-    rows = values[:, getattr(model, kind)(place.owner).id]
-    return rows if place.column is None else rows[:, place.column]

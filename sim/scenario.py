@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
+from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
@@ -20,7 +21,6 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
-from flexaxis.sim.friction import StaticFrictionConfig
 from flexaxis.sim.keys import set_key, suffix
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.nonlinear import (
@@ -69,6 +69,8 @@ class Scenario(Config):
     period : float
         Sampling period T [s], at which the controller runs and signals are sampled; its inverse
         is a whole number.
+    substeps : int, optional
+        Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
     preset : str
         Named parameter set.
     parameters : dict of str to float
@@ -91,8 +93,10 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, static_friction, cogging, backlash, stiffening, saturation, optional
+    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each.
+    static_friction and the others of `flexaxis.sim.friction`, optional
+        Laws of friction that are written out, a table each.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
@@ -103,6 +107,7 @@ class Scenario(Config):
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
     period: Positive = PERIOD
+    substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
@@ -120,7 +125,11 @@ class Scenario(Config):
     controller: ControllerConfig = ControllerConfig()
     friction: FrictionConfig | None = None
     lugre: LuGreConfig | None = None
-    static_friction: StaticFrictionConfig | None = None
+    static_friction: dry.StaticFrictionConfig | None = None
+    directional_friction: dry.DirectionalFrictionConfig | None = None
+    position_friction: dry.PositionFrictionConfig | None = None
+    load_friction: dry.LoadFrictionConfig | None = None
+    power_friction: dry.PowerFrictionConfig | None = None
     cogging: CoggingConfig | None = None
     backlash: BacklashConfig | None = None
     stiffening: StiffeningConfig | None = None

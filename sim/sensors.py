@@ -72,7 +72,7 @@ def _unchanged(values: Array) -> Array:
 
 
 class NoiseConfig(Config):
-    """White measurement noise; the table ``[noise]`` of a scenario.
+    """White noise; the table ``[noise]`` of a scenario.
 
     Attributes
     ----------
@@ -80,11 +80,23 @@ class NoiseConfig(Config):
         Standard deviation on the motor speed [rad/s].
     angle : float
         Standard deviation on the motor angle, before the encoder rounds it [rad].
+    torque : float, optional
+        Standard deviation of what acts over what is commanded, new in every sample [N m]. The log
+        has the command, so that this is an error in the input, and no noise of the output.
     """
 
-    exact: ClassVar[bool] = True
     speed: NotNegative = 0.1
     angle: NotNegative = 0.0
+    torque: Positive | None = None
+
+    @property
+    def exact(self) -> bool:
+        """Whether what is logged as the torque is what acts."""
+        return self.torque is None
+
+    def on_torque(self, white: White) -> Array | None:
+        """Return what acts beside the commands (N, R) [N m], or None for nothing."""
+        return self.torque * white("noise.torque") if self.torque else None
 
     def stage(self, signal: Signal, white: White, period: float) -> Stage:
         """Return the adding of noise to a signal."""
@@ -94,7 +106,8 @@ class NoiseConfig(Config):
 
     def in_words(self) -> str:
         """Return how much noise there is."""
-        found = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle")]
+        found = [(self.speed, "rad/s on the speed"), (self.angle, "rad on the angle"),
+                 (self.torque, "N m on the torque that acts")]  # fmt: skip
         return "; ".join(f"noise of {value:g} {words}" for value, words in found if value)
 
 

@@ -19,7 +19,12 @@ ESTIMATORS_MAY_USE = {
     "estimators/models/statespace.py": {"control"},
     "estimators/models/model.py": {"control"},
 }
-KNOW_MUJOCO = {"sim/plant.py", "experiments/reporting/view.py", "experiments/studies/speed.py"}
+KNOW_MUJOCO = {
+    "sim/plant.py",
+    "sim/passive.py",
+    "experiments/reporting/view.py",
+    "experiments/studies/speed.py",
+}
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
 
 

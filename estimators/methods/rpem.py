@@ -39,10 +39,11 @@ class Rpem(CompiledFilter):
     Parameters
     ----------
     model : Model
-        Linear grey-box model, such as ``three_mass(nominal)``.
+        Grey-box model, such as ``three_mass(nominal)``; with nonlinear laws too, along whose
+        trajectory the sensitivities are then propagated.
     identify : sequence of str, optional
         Parameters to estimate, or their inverses; the model's own choice by default. All others
-        stay at the model's nominal values.
+        stay at the model's nominal values, but for those that are learnt.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -80,6 +81,12 @@ class Rpem(CompiledFilter):
         that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes
         nothing, to the last bit, until it acts, as in a long standstill; infinite for the paper's
         method as it is.
+    learn : sequence of str
+        Parameters that are learnt once: of what is known of them nothing is forgotten, and they do
+        not drift. ``theta0``, ``P0``, ``bounds`` and ``scale`` are given for them too, behind the
+        others.
+    scale : (p,) array_like, optional
+        Size that each parameter may have, where one of a law starts at zero; θ(0) by default.
 
     Attributes
     ----------
@@ -89,6 +96,8 @@ class Rpem(CompiledFilter):
         The box in use.
     theta, psi : (p,) arrays
         The estimate, and the gradient of ŷ at the estimate before.
+    learnt : dict of str to (float, float)
+        Value and claimed standard deviation of what is learnt once.
     P : (p, p) array
         P(t+1|t), for a noise variance of one; set it to reset the filter after a known change.
     covariance : (p, p) array
@@ -131,6 +140,8 @@ class Rpem(CompiledFilter):
         state_correction: bool = False,
         robust: float = 0.0,
         ceiling: float = CEILING,
+        learn: Sequence[str] = (),
+        scale: ArrayLike | None = None,
     ) -> None:
         design = make_design(
             model,
@@ -145,6 +156,8 @@ class Rpem(CompiledFilter):
             bounds=bounds,
             output=output,
             x0=x0,
+            learn=learn,
+            scale=scale,
         )
         pattern, _ = split(design.model)
         parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling)
@@ -158,7 +171,7 @@ class Rpem(CompiledFilter):
     @P.setter
     def P(self, value: ArrayLike) -> None:
         squares = np.outer(self._design.scale, self._design.scale)
-        given = covariance_matrix("P", value, len(self.names)) / squares
+        given = covariance_matrix("P", value, len(squares)) / squares
         self.state["P"][0] = self.state["claim"][0] = given
         self.state["granted"][0] = np.diag(given)
 

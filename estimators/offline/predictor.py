@@ -29,12 +29,13 @@ def predict(
         Sampling period T [s].
     """
     transition, gain, output = sampled_system(model, theta, period)
-    outputs = _respond(transition, gain, output, np.ascontiguousarray(u, float))
+    outputs = respond(transition, gain, output, np.ascontiguousarray(u, float))
     return outputs[:, -1], outputs[:, :-1]
 
 
 @compiled
-def _respond(transition, gain, output, u):
+def respond(transition, gain, output, u):
+    """Return output @ X (N, m) of X[k+1] = Φ X[k] + Γ u[k], from rest."""
     X = np.zeros(len(transition))
     outputs = np.empty((len(u), len(output)))
     for k in range(len(u)):

@@ -50,6 +50,8 @@ class Design:
         Standard deviation of y, in its unit; 0 where it has to be estimated.
     x0 : (n,) array
         State before the first sample.
+    tracked : int
+        The first so many parameters are tracked, and are the estimate; the others are learnt once.
     """
 
     model: Parametrization
@@ -65,12 +67,27 @@ class Design:
     upper: Array
     noise: float
     x0: Array
+    tracked: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that are tracked."""
+        return self.model.names[: self.tracked]
 
     @property
     def bounds(self) -> tuple[Array, Array]:
-        """The box of θ."""
+        """The box of the parameters that are tracked."""
         sides = self.lower * self.scale, self.upper * self.scale
-        return np.minimum(*sides), np.maximum(*sides)
+        return np.minimum(*sides)[: self.tracked], np.maximum(*sides)[: self.tracked]
+
+    @property
+    def fading(self) -> Array:
+        """By what each element of P is divided in a sample, (p, p): λ, √λ or one."""
+        fading = np.full(self.P0.shape, self.forgetting)
+        learnt = slice(self.tracked, None)
+        fading[learnt] = fading[:, learnt] = np.sqrt(self.forgetting)
+        fading[learnt, learnt] = 1.0
+        return fading
 
 
 def make_design(
@@ -89,6 +106,7 @@ def make_design(
     x0: ArrayLike | None = None,
     relative: bool = True,
     scale: ArrayLike | None = None,
+    learn: Sequence[str] = (),
 ) -> Design:
     """
     Check the options of `flexaxis.estimators.Rpem`, which explains them, and fill in defaults.
@@ -99,6 +117,9 @@ def make_design(
         Whether the design is in θ/θ(0); else in θ, as the paper has it.
     scale : (p,) array_like, optional
         By what θ is divided in the place of θ(0): needed where parameters of laws start at zero.
+    learn : sequence of str
+        Parameters that are learnt once: nothing of them is forgotten, and they do not drift. All
+        that is given for each parameter, but drift, is given for these too, behind the others.
 
     Raises
     ------
@@ -109,11 +130,13 @@ def make_design(
         raise EstimatorError(f"unknown output {output!r}: {did_you_mean(str(output), OUTPUTS)}")
     above_zero("period", period, "the sampling period in seconds")
     chosen = increment(model, period) if output == "increment" else model
-    parametrization = chosen.parametrize(identify)
+    tracked = model.identify if identify is None else identify
+    parametrization = chosen.parametrize([*tracked, *learn])
     p = len(parametrization.names)
     start = finite_vector("theta0", parametrization.theta if theta0 is None else theta0, p)
     lower, upper = _box(start, bounds, np.array(parametrization.additive))
-    weight, modification = _time_update(forgetting, drift, period, p)
+    weight, modification = _time_update(forgetting, drift, period, len(tracked))
+    modification = np.pad(modification, (0, len(learn)))
     scale = _scale(start, scale) if relative else np.ones(p)
     sides = lower / scale, upper / scale
     squares = np.outer(scale, scale)
@@ -131,6 +154,7 @@ def make_design(
         upper=np.maximum(*sides),
         noise=0.0 if noise is None else above_zero("noise", noise, "the standard deviation of y"),
         x0=_state("x0", x0, parametrization),
+        tracked=len(tracked),
     )
 
 

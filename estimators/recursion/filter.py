@@ -155,7 +155,8 @@ class CompiledFilter(RecursiveEstimator):
     design : Design
         Names, output, scale and box.
     read : callable
-        ``read(state)`` gives η (p,) and the covariance (p, p) that is claimed of it.
+        ``read(state)`` gives η and the covariance that is claimed of it, of all parameters or of
+        those that are tracked.
 
     Attributes
     ----------
@@ -173,7 +174,7 @@ class CompiledFilter(RecursiveEstimator):
         design: Design,
         read: Callable[[Any], tuple[Array, Array]],
     ) -> None:
-        super().__init__(design.model.names, design.output, design.bounds)
+        super().__init__(design.names, design.output, design.bounds)
         self._design, self._loop, self._tuning = design, loop, tuning
         self._begin, self._read = start, read
         self.reset()
@@ -193,14 +194,30 @@ class CompiledFilter(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return self._read(self.state)[0] * self._design.scale
+        return self._all()[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._read(self.state)[1] * np.outer(self._design.scale, self._design.scale)
+        p = len(self.names)
+        return self._all()[1][:p, :p]
+
+    @property
+    def learnt(self) -> dict[str, tuple[float, float]]:
+        """Value and claimed standard deviation of each parameter that is learnt once."""
+        theta, covariance = self._all()
+        p, deviation = len(self.names), np.sqrt(np.diag(covariance))
+        names = self._design.model.names[p:]
+        return dict(
+            zip(names, zip(theta[p:].tolist(), deviation[p:].tolist(), strict=True), strict=True)
+        )
+
+    def _all(self) -> tuple[Array, Array]:
+        eta, covariance = self._read(self.state)
+        scale = self._design.scale[: len(eta)]
+        return eta * scale, covariance * np.outer(scale, scale)
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
         self._loop(self._tuning, self.state, u, y, valid, estimates, trace)
-        estimates *= self._design.scale
+        estimates *= self._design.scale[: len(self.names)]

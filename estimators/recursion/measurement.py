@@ -55,7 +55,7 @@ def measured(
     p = len(design.theta0)
     tuning = record(
         forgetting=design.forgetting,
-        inflation=np.full((p, p), 1 / design.forgetting),  # of each element of P
+        inflation=1 / design.fading,  # of each element of P
         drift=design.drift,
         regularization=design.regularization,
         lower=design.lower,

@@ -9,65 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.models.axes import three_mass
-from flexaxis.estimators.models.model import Model, increment
-from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.extended import sampled_system
-from flexaxis.experiments.scoring.theta import true_theta
-from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.experiments.scoring.described import model_theta, sizes, true_model
+from flexaxis.experiments.scoring.true_path import jump_gradient, state_at
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
 PRIOR = 0.5  # standard deviation of θ after a jump, relative to θ, before anything is measured
-
-
-def jump_gradient(
-    model: Parametrization,
-    theta: ArrayLike,
-    u: ArrayLike,
-    x: ArrayLike,
-    *,
-    period: float,
-) -> Array:
-    """
-    Return the gradient ψ₀ (N, p) at the N samples from a jump on.
-
-    The state at the jump does not depend on the new θ, so the sensitivities start at zero there:
-    information comes slower than in steady state, where ψ remembers the past.
-
-    Parameters
-    ----------
-    model : Parametrization
-    theta : (p,) array_like
-        Parameters after the jump.
-    u : (N,) array_like
-        Torque from the jump on.
-    x : (n,) array_like
-        State at the jump.
-    period : float
-        Sampling period T [s].
-    """
-    transition, gain, output = sampled_system(model, theta, period)
-    X = np.zeros(len(transition))
-    X[-model.n :] = x
-    return _driven(transition, gain, X, np.asarray(u, float))[:-1] @ output[:-1].T
-
-
-@compiled
-def _driven(transition, gain, x, u):
-    """Return the states (N+1, n) that u takes x to."""
-    states = np.empty((len(u) + 1, len(x)))
-    states[0] = x
-    for k in range(len(u)):
-        states[k + 1] = transition @ states[k] + gain * u[k]
-    return states
 
 
 def cramer_rao(psi: ArrayLike, variance: float, theta: ArrayLike) -> Array:
@@ -132,9 +84,9 @@ def jump_bound(
     Parameters
     ----------
     scenario : Scenario
-        Without friction or backlash, for they have no linear model, and with noise.
+        Such as `flexaxis.experiments.scoring.described.describes`, and with noise.
     names : sequence of str
-        Estimated parameters.
+        Parameters that are unknown after it.
     index, stop : int
         Samples from the event on, to this one.
     u : (N,) array_like
@@ -142,12 +94,12 @@ def jump_bound(
     """
     truth = scenario.true_parameters()
     u = np.asarray(u, float)
-    x = _state(scenario, truth, u, index)
-    model = linear_model(scenario, truth[index]).parametrize(names)
-    theta = true_theta(names, truth[index])
+    x = state_at(scenario, truth, u, index)
+    model = true_model(scenario, truth[index]).parametrize(names)
+    theta = model_theta(scenario, names, truth[index])
     psi = jump_gradient(model, theta, u[index:stop], x, period=scenario.period)
     # A friction that has fallen to zero gives the prior no scale; its nominal value does.
-    scale = np.where(theta == 0, true_theta(names, scenario.nominal.as_array()), theta)
+    scale = sizes(scenario, names, theta)
     variance = noise_variance(scenario)
     bound = cramer_rao(psi, variance, scale)
     alone = [cramer_rao(psi[:, [i]], variance, scale[[i]])[:, 0, 0] for i in range(len(names))]
@@ -164,24 +116,6 @@ def noise_variance(scenario: Scenario) -> float:
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
     return 2 * (scenario.noise.angle**2 + step**2 / 12) / scenario.period**2
-
-
-def linear_model(scenario: Scenario, parameters: Array) -> Model:
-    """Return the estimators' model of an axis with some parameters (12,), of what they read."""
-    model = three_mass(dict(zip(PARAMETER_NAMES, parameters.tolist(), strict=True)))
-    return increment(model, scenario.period) if scenario.output == "increment" else model
-
-
-def _state(scenario: Scenario, truth: Array, u: Array, index: int) -> Array:
-    """Return the true state (n,) at a sample, through every change before it."""
-    edges = [0, *(np.flatnonzero((np.diff(truth[:index], axis=0) != 0).any(axis=1)) + 1), index]
-    x = np.zeros(len(linear_model(scenario, truth[0]).states))
-    for first, last in pairwise(edges):
-        model = linear_model(scenario, truth[first]).parametrize(["k_T"])
-        transition, gain, _ = sampled_system(model, model.theta, scenario.period)
-        A, b = transition[model.n :, model.n :].copy(), gain[model.n :].copy()
-        x = _driven(A, b, x, u[first:last])[-1]
-    return x
 
 
 def tracking_covariance(

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.predictor import predict
-from flexaxis.experiments.scoring.bounds import linear_model, noise_variance
+from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
+from flexaxis.experiments.scoring.described import linear_model
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
 from flexaxis.sim.law_parameters import LAW_NAMES

@@ -15,6 +15,7 @@ from flexaxis.experiments.scoring.bounds import (
     noise_variance,
 )
 from flexaxis.experiments.scoring.case import Track, finite, lag_of
+from flexaxis.experiments.scoring.described import describes, tracked, with_structure
 from flexaxis.experiments.scoring.theta import physical, started_theta, theta_over_time
 from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.sim.faults import Step
@@ -82,33 +83,48 @@ ALARMS = tuple(Detection.__dataclass_fields__)
 def limits(scenario: Scenario, names: Sequence[str], torque: Array) -> list[Limits]:
     """Return the limits of each estimated parameter, none of them where `bounded` has none."""
     spans = bounded(scenario, names)
+    unknown = tracked(scenario, names)
     found = []
     for i, name in enumerate(names):
         if name not in spans:
             found.append(Limits())
             continue
         window = spans[name]
-        allowed = jump_bound(scenario, names, window.start, window.stop, torque)
-        unknown, single = allowed.unknown[:, i], allowed.single[:, i]
+        allowed = jump_bound(scenario, unknown, window.start, window.stop, torque)
+        deviation, single = allowed.unknown[:, i], allowed.single[:, i]
         found.append(
             Limits(
                 lag_null=_lag_null(scenario, names, i, window),
-                lag_bound=lag_bound(unknown, window.D, period=scenario.period),
+                lag_bound=lag_bound(deviation, window.D, period=scenario.period),
                 lag_bound_single=lag_bound(single, window.D, period=scenario.period),
-                bound={str(n): float(unknown[n] / window.D) for n in RMSE_AT if n < len(unknown)},
+                bound={str(n): float(deviation[n] / window.D) for n in RMSE_AT if n < len(single)},
             )
         )
     return found
 
 
+def lag_bound_with_structure(scenario: Scenario, name: str, torque: Array) -> float | None:
+    """Return the lag on the bound of whoever takes the structure for unknown besides [s].
+
+    That is whatever `flexaxis.experiments.scoring.described.with_structure` names, all of it
+    unknown after the jump, as if nothing had been learnt before; None where `bounded` has none.
+    """
+    window = bounded(scenario, scenario.identify).get(name)
+    if window is None:
+        return None
+    unknown = with_structure(scenario, tracked(scenario, scenario.identify))
+    allowed = jump_bound(scenario, unknown, window.start, window.stop, torque).unknown
+    return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
+
+
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:
     """Return the estimated parameters for which a bound is defined, with the window it is for.
 
-    The bound is that of a single step on an axis that the linear model describes and on which
-    nothing else changes but by steps; the excitation must be on when it comes, and there must be
-    noise, for without it nothing is unknown.
+    The bound is that of a single step on an axis that a model describes, whether or not estimators
+    know how, and on which nothing else changes but by steps; the excitation must be on when it
+    comes, and there must be noise, for without it nothing is unknown.
     """
-    if scenario.nuisance or not scenario.linear or not noise_variance(scenario) > 0:
+    if scenario.nuisance or not describes(scenario) or not noise_variance(scenario) > 0:
         return {}
     if not all(isinstance(fault, Step) for fault in scenario.fault):
         return {}

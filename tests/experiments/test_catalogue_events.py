@@ -5,7 +5,8 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.sim.faults import CHANGEABLE
 
-OVERLAPPING = {"warming_fm_step-v1"}  # a step while the same parameter warms up
+# a step while the same parameter warms up
+OVERLAPPING = {"warming_fm_step-v1", "temperature_fm_step-v1"}
 
 
 def settles(change):
@@ -52,7 +53,7 @@ def by_hand(scenario):
         for fault in scenario.fault
         for time, factor in switches(fault, scenario.duration)
     ]
-    values, events = scenario.nominal.as_dict(), []
+    values, events = scenario.nominal.as_dict() | scenario.laws, []
     for index, _, name, factor in sorted(steps):
         events.append((name, index, values[name], values[name] * factor))
         values[name] *= factor
@@ -74,6 +75,7 @@ def test_events_are_those_of_the_file(name):
         assert event[2:] == pytest.approx(other[2:], rel=1e-14)  # roundings of the product
 
 
-def test_the_step_of_a_warm_axis():
-    (event,) = find_scenario("warming_fm_step-v1").events()
+@pytest.mark.parametrize("name", sorted(OVERLAPPING))
+def test_the_step_of_a_warm_axis(name):
+    (event,) = find_scenario(name).events()
     assert event.after / event.before == pytest.approx(1.5, rel=1e-14)

@@ -16,6 +16,7 @@ import numpy as np
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.bench import Bench
+from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.record import Record
 from flexaxis.sim.simulate import simulate, versions
 
@@ -132,22 +133,25 @@ def _change(old: Any, new: Any, *, rtol: float, atol: float = 0.0) -> float:
 
 
 def digest(record: Record) -> dict[str, list[Any]]:
-    """Return the SHA-256 of the bytes of each signal, and its projections."""
+    """Return the SHA-256 of the bytes of each signal, and its projections.
+
+    The twelve parameters of the axis are one signal, and those of its laws another.
+    """
+    signals = {signal: getattr(record, signal) for signal in SIGNALS}
+    axis, laws = np.split(record.true_parameters, [len(PARAMETER_NAMES)], axis=1)
+    signals |= {"true_parameters": axis} | ({"laws": laws} if laws.size else {})
     return {
-        signal: [
-            sha256(getattr(record, signal).tobytes()).hexdigest(),
-            *projections(record, signal),
-        ]
-        for signal in SIGNALS
+        signal: [sha256(values.tobytes()).hexdigest(), *projections(values, signal)]
+        for signal, values in signals.items()
     }
 
 
-def projections(record: Record, signal: str) -> list[float]:
+def projections(values: np.ndarray, signal: str) -> list[float]:
     """Return weighted sums of a signal: one changed sample moves them all.
 
     The weights are ±1 to ±2, so that no sample counts for little.
     """
-    values = getattr(record, signal).ravel()
+    values = values.ravel()
     key = int.from_bytes(sha256(signal.encode()).digest()[:16], "big")
     rng = np.random.Generator(np.random.Philox(key=key))
     sums = []

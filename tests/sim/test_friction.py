@@ -10,7 +10,15 @@ from scipy.integrate import solve_ivp
 
 from flexaxis.sim import passive
 from flexaxis.sim.errors import ParameterError, SimulationError
-from flexaxis.sim.friction import LAWS, WIDTH, StaticFrictionConfig
+from flexaxis.sim.friction import (
+    LAWS,
+    WIDTH,
+    DirectionalFrictionConfig,
+    LoadFrictionConfig,
+    PositionFrictionConfig,
+    PowerFrictionConfig,
+    StaticFrictionConfig,
+)
 from flexaxis.sim.nonlinear import FrictionConfig, LuGreConfig, StiffeningConfig
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.plant import Plant
@@ -30,15 +38,15 @@ def rates(q, x, motor):
     m, g, a, vm, vg, va = x
     gear = q.k_g * (q.r * m - g) + q.d_g * (q.r * vm - vg)
     arm = q.k_a * (g - a) + q.d_a * (vg - va)
-    return [vm, vg, va, (q.k_T * motor - q.f_m * vm - q.r * gear) / q.J_m,
+    return [vm, vg, va, (motor - q.f_m * vm - q.r * gear) / q.J_m,
             (gear - arm - q.f_g * vg) / q.J_g, (arm - q.f_a * va) / q.J_a]  # fmt: skip
 
 
 def solved(q, u, friction):
-    """Speed after each sample, by an adaptive method; `friction(x, spring torque)` [N m]."""
+    """Speed after each sample, by an adaptive method; `friction(x)` [N m]."""
 
     def rate(t, x, value):
-        return rates(q, x, (value - friction(x)) / q.k_T)
+        return rates(q, x, q.k_T * value - friction(x))
 
     x, speed = np.zeros(6), []
     for value in u:
@@ -74,6 +82,38 @@ def test_the_published_axis():
     reference = solved(WG, u, lambda x: curve(x[3], **CURVE))
     assert distance(stepped(WG, u, StaticFrictionConfig(**CURVE)), reference) < 1e-5
     assert distance(stepped(WG, u), reference) > 0.3  # and it matters
+
+
+def load(q, x):
+    """Torque of the gear spring on the motor side."""
+    return q.r * q.k_g * (q.r * x[0] - x[1])
+
+
+UNEVEN = {
+    "direction": (DirectionalFrictionConfig(f_c=0.1, difference=0.3),
+                  lambda x: 0.1 * np.tanh(x[3] / 0.1) * (1 + 0.3 * np.tanh(x[3] / 0.1))),
+    "position": (PositionFrictionConfig(f_c=0.1, ripple=0.5),
+                 lambda x: 0.1 * (1 + 0.5 * np.sin(2 * x[0])) * np.tanh(x[3] / 0.1)),
+    "load": (LoadFrictionConfig(f_c=0.03, load=0.1),
+             lambda x: (0.03 + 0.1 * abs(load(N1, x))) * np.tanh(x[3] / 0.1)),
+    "power": (PowerFrictionConfig(torque_at_1=0.04),
+              lambda x: 0.04 * x[3] / (x[3] ** 2 + 0.1**2) ** 0.15),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNEVEN)
+def test_what_no_model_contains(name):
+    u = torque()
+    table, law = UNEVEN[name]
+    reference = solved(N1, u, law)
+    assert distance(stepped(N1, u, table), reference) < 1e-5
+    assert distance(stepped(N1, u), reference) > 0.01  # and it matters
+
+
+def test_laws_add_up():
+    u = torque(N=100)
+    reference = solved(N1, u, lambda x: sum(law(x) for _, law in UNEVEN.values()))
+    assert distance(stepped(N1, u, *(table for table, _ in UNEVEN.values())), reference) < 1e-5
 
 
 @pytest.mark.parametrize("name", CURVE)

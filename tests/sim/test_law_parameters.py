@@ -17,6 +17,10 @@ from flexaxis.sim.simulate import simulate
 
 LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.15, stribeck = 0.5 }"
 STATIC = "static_friction = { f_c = 0.2, f_s = 0.1, alpha = 3.0, beta = 8.0 }"
+UNEVEN = (
+    "directional_friction = { f_c = 0.1, difference = 0.2 }\n"
+    "position_friction = { f_c = 0.1, ripple = 0.5 }\nload_friction = { f_c = 0.1, load = 0.1 }"
+)
 REST = "stiffening.gear = 2e4\nbacklash.gear = 2e-5\ncogging = { amplitude = 0.05, poles = 24 }\n"
 STEP = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = {}\n'
 
@@ -38,7 +42,7 @@ def test_each_law_has_its_parameters_by_name():
 
 
 def test_every_table_says_what_is_declared_of_it():
-    tables = made(LUGRE, REST, STATIC, "friction.coulomb = 0.1").nonlinear
+    tables = made(LUGRE, REST, STATIC, UNEVEN, "friction.coulomb = 0.1").nonlinear
     declared = {key: tuple(table.law) for key, table in tables.items() if hasattr(table, "law")}
     assert declared == dict(LAWS) and list(declared) == list(LAWS)
     assert {key for key in declared if not isinstance(tables[key], Law)} == set(FIXED)
@@ -74,7 +78,7 @@ def test_a_fault_of_the_level_of_friction_acts_from_its_sample_on():
     speed = []
     for k, torque in enumerate(record.torque):
         if k == 200:
-            plant.set_coulomb(0.2)
+            plant.set_law("f_c", 0.2)
         speed.append(plant.speed_m[0])
         plant.step(np.array([torque]))
     assert np.array_equal(record.true_speed, speed)

@@ -99,6 +99,24 @@ def test_saturation_limits_what_acts_and_not_what_is_logged(make):
     assert close(record.true_speed, exact_ticks(scenario, command)[1][::5])
 
 
+@pytest.mark.parametrize("late", [None, 0.002])
+def test_noise_on_the_torque_acts_and_is_not_logged(late, make):
+    scenario = make(
+        "noise.torque = 0.05\n" + (f"delay.torque = {late}\n" if late else ""), duration=2.0
+    )
+    (record,) = simulate(scenario, [2])
+    noise = 0.05 * stream(scenario.key, 2, "noise.torque").standard_normal(scenario.samples)
+    assert not scenario.linear and scenario.sensors["noise"].in_words().endswith(
+        "noise of 0.05 N m on the torque that acts"
+    )
+    ticks = round((late or 0.0) / TICK)
+
+    def command(k, angle):
+        return (record.torque[(k - ticks) // 5] if k >= ticks else 0.0) + noise[k // 5]
+
+    assert close(record.true_speed, exact_ticks(scenario, command)[1][::5])
+
+
 def test_the_level_of_coulomb_friction_changes_when_told(make):
     scenario = make(
         'friction.coulomb = 0.1\n[[fault]]\nkind = "step"\nparameter = "coulomb"\nat = 1.0\n'
@@ -116,7 +134,7 @@ def test_the_level_of_coulomb_friction_changes_when_told(make):
         speed = []
         for k, value in enumerate(record.torque):
             if k == change:
-                plant.set_coulomb(0.2)
+                plant.set_law("f_c", 0.2)
             speed.append(plant.speed_m[0])
             plant.step(np.array([value]))
         assert np.array_equal(record.true_speed, speed) == agrees

@@ -219,7 +219,7 @@ def test_coulomb_friction_can_change_in_a_run():
     speeds = []
     for k in range(600):
         if k == 300:
-            plant.set_coulomb(0.2)
+            plant.set_law("f_c", 0.2)
         plant.step(np.array([0.15]))
         speeds.append(plant.speed_m[0])
     assert speeds[299] > 0.5 and abs(speeds[-1]) < 1e-3

@@ -29,7 +29,7 @@ CASES = [
     ("identify = ['k_t']", "identify[0]: unknown parameter 'k_t'; ", " Did you mean 'k_T'?"),
     ("identify = ['k_T', '1/Ja']", "identify[1]: unknown parameter '1/Ja'; ",
      " Did you mean '1/J_a'?"),
-    ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle.",
+    ("noise.sped = 0.1", "noise.sped: unknown key 'sped'; known are speed, angle, torque.",
      " Did you mean 'speed'?"),
     ("controller.kp = 3", "controller.kp: unknown key 'kp'; known are Kp, Kv, Ki, tau, rate, log.",
      " Did you mean 'Kp'?"),

@@ -1,0 +1,121 @@
+"""How far what drives the laws of a model moves, from a torque and the linear model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import N1, three_mass
+from flexaxis.estimators.models.formula import multiply_out
+from flexaxis.estimators.models.known import is_axis
+from flexaxis.estimators.models.laws import INPUT, Law
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.predictor import respond
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """
+    How far what drives a law moves, rms.
+
+    Attributes
+    ----------
+    drive : float
+        Of what drives it: a speed, a twist, an angle or a torque.
+    force : float
+        Torque of the law that would move its state as the rms input does.
+    rate : float
+        Of the derivative of the drive, over the drive [1/s].
+    """
+
+    drive: float
+    force: float
+    rate: float
+
+
+NOMINAL: Mapping[str, Sizes] = {
+    "bristle": Sizes(drive=5.0, force=0.85, rate=176.0),
+    "spring": Sizes(drive=7.5e-4, force=9.4e-4, rate=146.0),
+    "sinusoid": Sizes(drive=0.0424, force=0.85, rate=118.0),
+    "clip": Sizes(drive=0.85, force=0.85, rate=0.0),
+}
+"""By kind of law, of the nominal axis on its reference."""
+
+
+def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tuple[Law, Sizes]]:
+    """
+    Return the laws of a model with their sizes.
+
+    Parameters
+    ----------
+    model : Model
+    torque : (N,) array_like or None
+        Of a run in which the axis moves [N m]; None stands for the reference of the nominal axis.
+    period : float
+        Sampling period [s].
+
+    Raises
+    ------
+    EstimatorError
+        If the torque cannot be used, or there is none and this is not the nominal axis.
+    """
+    if torque is None:
+        return [(law, _stored(model, law)) for law in model.laws]
+    u = np.ascontiguousarray(torque, float)
+    if u.ndim != 1 or not len(u) or not np.all(np.isfinite(u)) or not u.any():
+        raise EstimatorError(
+            "torque must be that of a run in which the axis moves: (N,) finite values, not all 0"
+        )
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    A, B, _ = one.matrices(one.theta)
+    return [(law, _sizes(model, law, (A, B[:, 0], period), u)) for law in model.laws]
+
+
+def _sizes(model: Model, law: Law, linear: tuple[Array, Array, float], u: Array) -> Sizes:
+    A, B, period = linear
+    n = len(B)
+    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+    held = np.zeros((n + 1, n + 1))
+    held[:n, :n], held[:n, n] = A, B
+    sampled = expm(held * period)
+    rows = np.array([drive, drive @ A])
+    w, change = respond(sampled[:n, :n].copy(), sampled[:n, n].copy(), rows, u).T
+    driven = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
+    force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
+    if not driven > 0:
+        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
+    return Sizes(driven, force, float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / driven)
+
+
+def _force(model: Model, law: Law, B: Array) -> float:
+    """Return the torque of a law that moves its state as an input of one does."""
+    for state, formula in law.acts.items():
+        i = list(model.states).index(state)
+        factor = sum(
+            c * float(np.prod([model.nominal[name] ** e for name, e in powers.items()]))
+            for c, powers in multiply_out(formula)
+        )
+        if B[i] and factor:
+            return abs(float(B[i]) / factor)
+    return 1.0
+
+
+def _stored(model: Model, law: Law) -> Sizes:
+    """Return the sizes of the nominal axis on its reference, if the model is that."""
+    linear = three_mass(model.nominal) if set(N1) <= set(model.nominal) else None
+    if linear is None or tuple(model.states[: len(linear.states)]) != tuple(linear.states):
+        known = False
+    else:
+        known = is_axis(linear, "n1", [p for p in linear.parameters if p != "r"])
+    if not known or law.kind not in NOMINAL:
+        raise EstimatorError(
+            "how large friction, play and cogging can be is known only of the nominal axis; for "
+            "another one give torque, that of some tens of seconds in which it moves"
+        )
+    return NOMINAL[law.kind]

@@ -1,0 +1,255 @@
+"""
+What an axis may have beyond its linear model, before any of it is known: start, deviation, box.
+
+Nobody knows the dry friction of an axis, its play or its cogging beforehand, but all of them are of
+about the size of what moves: torques of laws are fractions of the rms torque, speeds at which
+friction changes are fractions of the rms speed, a gap is one of the rms twist. These sizes are
+taken from the torque of a run and the linear model, so that they hold for any axis and any units.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import PAPER, real_axis
+from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import Sizes, measured
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Guess:
+    """
+    What is thought of a parameter of a law before it is seen, in units of its size.
+
+    Attributes
+    ----------
+    start, deviation : float
+        Where an estimate starts, and the standard deviation of that.
+    lower, upper : float
+        The box.
+    """
+
+    start: float
+    deviation: float
+    lower: float
+    upper: float
+
+
+# Published and simulated axes lie within a deviation or two: an industrial robot's axis has
+# f_c .14, f_s .8 of the rms torque, and friction changes at .07 to .2 of the rms speed (Wernholt
+# and Gunnarsson 2006). Levels stay above 0, as bristles without strength have no stiffness.
+GUESSES: Mapping[str, Mapping[str, Guess]] = {
+    "bristle": {
+        "coulomb": Guess(0.05, 0.15, 1e-5, 3.0),  # of the torque
+        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
+        "stribeck": Guess(0.15, 0.1, 0.02, 1.0),  # of the speed
+        "stiffness": Guess(6.0, 6.0, 0.5, 1e3),  # of the torque over the angle
+        "damping": Guess(0.5, 1.0, 0.0, 10.0),  # of the torque over the speed
+        "softness": Guess(0.02, 0.04, 1e-3, 1.0),  # of the speed
+    },
+    "static": {
+        "coulomb": Guess(0.05, 0.15, 0.0, 3.0),  # of the torque
+        "breakaway": Guess(0.02, 0.15, 0.0, 5.0),  # of the torque
+        "alpha": Guess(10.0, 5.0, 1.0, 50.0),  # over the speed
+        "beta": Guess(20.0, 10.0, 1.0, 100.0),  # over the speed
+    },
+    "spring": {
+        "cubic": Guess(0.0, 0.03, -0.03, 1.0),  # over the squared twist
+        "gap": Guess(0.02, 0.05, 0.0, 2.0),  # of the twist
+    },
+    "sinusoid": {
+        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+    },
+    "clip": {"limit": Guess(5.0, 1.0, 0.1, 100.0)},  # of the torque
+}
+"""By kind of law and role, in units of `Sizes`."""
+
+TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
+"""What changes while an axis is in use: the paper's three, and dry friction."""
+LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
+"""What of the linear model is computed rather than measured, but does not change in use."""
+DATA_SHEET = ("poles", "torque_limit")
+"""Parameters of laws that are told or not there at all."""
+
+TOLD = 0.2  # relative deviation of a parameter that a data sheet or an old log tells
+DAMPING = 0.3  # of one that damps, which hardly anybody measures
+FIRM = 0.1  # of the other parameters of the structure: masses and springs are computed
+BOX = (0.1, 10.0)  # times the start, of all these
+
+
+@dataclass(frozen=True)
+class Prior:
+    """
+    What is thought of parameters θ before the first sample.
+
+    Attributes
+    ----------
+    names : tuple of str
+    start, deviation : (p,) arrays
+        θ(0) and its standard deviation.
+    lower, upper : (p,) arrays
+        The box.
+    scale : (p,) array
+        By which θ is made relative: θ(0), or the deviation where that is zero or may become it.
+    """
+
+    names: tuple[str, ...]
+    start: Array
+    deviation: Array
+    lower: Array
+    upper: Array
+    scale: Array
+
+    @property
+    def P0(self) -> Array:
+        """Variances (p,)."""
+        return self.deviation**2
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The box, as filters take it."""
+        return self.lower, self.upper
+
+
+def with_laws(
+    nominal: Mapping[str, float] | Model, *, torque: ArrayLike | None = None, period: float
+) -> Model:
+    """
+    Return the axis with all that a real one has, each parameter that is not told at its start.
+
+    Parameters
+    ----------
+    nominal : mapping of str to float, or Model
+        Nominal values as for `flexaxis.estimators.models.axes.real_axis`, those of laws only where
+        they are known; or a model with laws of its own, which is returned.
+    torque : (N,) array_like, optional
+        Torque of a run [N m], for the sizes; without it those of the nominal axis.
+    period : float
+        Sampling period [s].
+
+    Raises
+    ------
+    EstimatorError
+        If there is no torque, and the axis is not the nominal one of the benchmark.
+    """
+    if isinstance(nominal, Model):
+        return nominal
+    missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 1.0, "sigma_1": 0.0, "v_0": 0.0}
+    missing |= {"kappa": 0.0, "gap": 0.0}
+    missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
+    empty = real_axis(missing | dict(nominal))
+    start = {
+        name: _guess(role, law, sizes).start
+        for law, sizes in measured(empty, torque, period)
+        for role, name in law.parameters.items()
+        if isinstance(name, str) and name not in nominal
+    }
+    return replace(empty, nominal=dict(empty.nominal) | start)
+
+
+def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str, ...]:
+    """
+    Return what there is to learn once about a model: of its linear part, and of its laws.
+
+    Parameters
+    ----------
+    model : Model
+        As from `with_laws`.
+    tracked : sequence of str
+        What is tracked instead.
+    """
+    taken = {name.removeprefix("1/") for name in tracked}
+    laws = [name for law in model.laws for name in law.names if name not in DATA_SHEET]
+    found = dict.fromkeys([*(p for p in LEARNT if p in model.parameters), *laws])
+    return tuple(name for name in found if name not in taken)
+
+
+def prior(
+    model: Model,
+    names: Sequence[str],
+    *,
+    torque: ArrayLike | None = None,
+    period: float,
+    told: Sequence[str] = (),
+    spread: float = TOLD,
+) -> Prior:
+    """
+    Return what is thought of parameters before they are seen.
+
+    Parameters
+    ----------
+    model : Model
+        As from `with_laws`.
+    names : sequence of str
+        Parameters or their inverses; the paper's three have the deviation ``spread``.
+    torque, period
+        As for `with_laws`.
+    told : sequence of str
+        Parameters of laws that are known; they have the deviation `TOLD` or that of their size,
+        whichever is smaller.
+    spread : float
+        Deviation of the tracked parameters of the linear model, relative to θ(0).
+    """
+    guesses: dict[str, Guess] = {}
+    if any(name in model.law_parameters for name in names):
+        for law, sizes in measured(model, torque, period):
+            for role, name in law.parameters.items():
+                if isinstance(name, str) and name in names:
+                    guesses[name] = _guess(role, law, sizes)
+    rows = []
+    for name, start in zip(names, model.parametrize(names).theta, strict=True):
+        if name in guesses:
+            rows.append(_of_law(guesses[name], start, name in told))
+        else:
+            deviation = abs(start) * _relative(model, name, spread)
+            box = sorted(factor * start for factor in BOX)
+            rows.append((start, deviation, *box, start))
+    return Prior(tuple(names), *np.array(rows, float).reshape(-1, 5).T)
+
+
+def _relative(model: Model, name: str, spread: float) -> float:
+    physical = name.removeprefix("1/")
+    if name in PAPER or name in model.identify or physical in model.nonzero:
+        return spread
+    return DAMPING if physical in model.nonnegative else FIRM
+
+
+def _of_law(guess: Guess, start: float, told: bool) -> tuple[float, float, float, float, float]:
+    deviation = guess.deviation
+    if told and start:
+        deviation = min(deviation, TOLD * abs(start))
+    lower, upper = min(guess.lower, start), max(guess.upper, 10 * start)
+    return start, deviation, lower, upper, guess.deviation
+
+
+def _guess(role: str, law: Law, sizes: Sizes) -> Guess:
+    """Return what is thought of a parameter of a law, in its unit."""
+    unit = {
+        "coulomb": sizes.force,
+        "breakaway": sizes.force,
+        "sine": sizes.force,
+        "cosine": sizes.force,
+        "limit": sizes.drive,
+        "stribeck": sizes.drive,
+        "softness": sizes.drive,
+        "gap": sizes.drive,
+        "alpha": 1 / sizes.drive,
+        "beta": 1 / sizes.drive,
+        "stiffness": sizes.force * sizes.rate / sizes.drive,
+        "damping": sizes.force / sizes.drive,
+        "cubic": 1 / sizes.drive**2,
+    }.get(role, 1.0)
+    guess = GUESSES[law.kind].get(role)
+    if guess is None:  # a data-sheet value, such as a number of poles
+        raise EstimatorError(
+            f"nothing is known of the parameter {law.parameters[role]!r} of a law {law.kind!r} "
+            "beforehand; it cannot be learnt, so give it as a nominal value"
+        )
+    return Guess(*(unit * x for x in (guess.start, guess.deviation, guess.lower, guess.upper)))

@@ -1,0 +1,144 @@
+"""The estimators' model of an axis as it truly is, where a model can describe it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.axes import (
+    BRISTLES,
+    COGGING,
+    GEAR_SPRING,
+    LIMIT,
+    STATIC,
+    three_mass,
+    with_angle,
+)
+from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.scenario import Scenario
+
+Array = NDArray[np.float64]
+
+STIFF = 1e4  # N m/rad: bristles for Coulomb friction bend by 1e-5 rad at .1 N m; see the tests
+STRUCTURE = ("J_m", "k_g", "k_a", "d_g", "d_a")
+"""Parameters of the linear axis that an estimator may learn once; inertia and friction of the gear
+and friction of the arm, which hardly act, and the gear ratio it takes as told."""
+
+
+@dataclass(frozen=True)
+class Described:
+    """How a model describes one table of a scenario.
+
+    Attributes
+    ----------
+    law : Law
+    values : callable
+        ``values(table)``: parameters of the law that are not among the parameters of the plant.
+    learnt : tuple of str
+        Parameters of the law that an estimator may learn once.
+    """
+
+    law: Law
+    values: Callable[[Any], Mapping[str, float]]
+    learnt: tuple[str, ...] = ()
+
+
+PHASES = ("c_sin", "c_cos")
+COULOMB = {"f_s": 0.0, "v_s": 0.0, "sigma_0": STIFF, "sigma_1": 0.0, "v_0": 0.0}
+
+DESCRIBED: Mapping[str, Described] = {
+    "friction": Described(BRISTLES, lambda table: COULOMB),
+    "lugre": Described(BRISTLES, lambda table: {"v_0": 0.0}, ("f_s", "v_s", "sigma_0", "sigma_1")),
+    "static_friction": Described(STATIC, lambda table: {}, ("f_s", "alpha", "beta")),
+    "stiffening": Described(GEAR_SPRING, lambda table: {"gap": 0.0}, ("kappa",)),
+    "backlash": Described(GEAR_SPRING, lambda table: {"kappa": 0.0}, ("gap",)),
+    "cogging": Described(
+        COGGING,
+        lambda table: {"c_sin": table.amplitude, "c_cos": 0.0, "poles": float(table.poles)},
+        PHASES,
+    ),
+    "saturation": Described(LIMIT, lambda table: {"torque_limit": table.torque}),
+}
+"""The tables of a scenario that have a law in the estimators' models, by key."""
+
+DRY = ("friction", "lugre", "static_friction")
+"""Tables whose laws share their parameters, so that a model has one of them."""
+
+
+def describes(scenario: Scenario) -> bool:
+    """Return whether a model describes the records, for whoever is told the truth."""
+    tables = scenario.tables
+    known = all(table.exact or key in DESCRIBED for key, table in tables.items())
+    return known and sum(key in tables for key in DRY) <= 1
+
+
+def linear_model(scenario: Scenario, parameters: Array) -> Model:
+    """Return the linear model of an axis with some parameters (12,), of what estimators read."""
+    return _read(scenario, three_mass(dict(zip(PARAMETER_NAMES, parameters.tolist(), strict=True))))
+
+
+def true_model(scenario: Scenario, parameters: Array) -> Model:
+    """Return the model of an axis with some parameters (P,), of what estimators read."""
+    laws: list[Law] = []
+    for part in _described(scenario).values():
+        laws += [part.law] * (part.law not in laws)
+    model = three_mass(_values(scenario, parameters))
+    if COGGING in laws:
+        model = with_angle(model)
+    return _read(scenario, replace(model, laws=tuple(laws)) if laws else model)
+
+
+def _read(scenario: Scenario, model: Model) -> Model:
+    return increment(model, scenario.period) if scenario.output == "increment" else model
+
+
+def _values(scenario: Scenario, parameters: Array) -> dict[str, float]:
+    """Return all parameters of the model by name, from those of the plant (P,)."""
+    values: dict[str, float] = {}
+    for key, part in _described(scenario).items():
+        values |= part.values(scenario.tables[key])
+    return values | dict(zip(scenario.parameter_names, parameters.tolist(), strict=True))
+
+
+def model_theta(scenario: Scenario, names: Sequence[str], parameters: Array) -> Array:
+    """Return the values (p,) of parameters of the model, from those of the plant (P,)."""
+    values = _values(scenario, parameters)
+    return true_theta(names, np.array(list(values.values())), tuple(values))
+
+
+def tracked(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
+    """Return what nobody is told of after a jump: the estimated parameters, and dry friction."""
+    return (*names, *(name for name in ("f_c",) if name in scenario.laws and name not in names))
+
+
+def with_structure(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
+    """Return these parameters, and those that an estimator may have to learn besides."""
+    learnt = [name for part in _described(scenario).values() for name in part.learnt]
+    mine = {physical(name)[0] for name in names}
+    return (*names, *(name for name in (*STRUCTURE, *learnt) if name not in mine))
+
+
+def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
+    """Return the sizes (p,) by which a prior judges parameters θ (p,).
+
+    That is their value; where a friction has fallen to zero it is the one before, and cogging has
+    one size, whatever its phase.
+    """
+    values = _values(scenario, scenario.unchanged)
+    cogging = np.hypot(values.get("c_sin", 0.0), values.get("c_cos", 0.0))
+    before = [
+        cogging if name in PHASES else size
+        for name, size in zip(names, model_theta(scenario, names, scenario.unchanged), strict=True)
+    ]
+    return np.where(theta == 0, before, theta)
+
+
+def _described(scenario: Scenario) -> dict[str, Described]:
+    return {key: DESCRIBED[key] for key in scenario.tables if key in DESCRIBED}

@@ -1,0 +1,77 @@
+"""What is thought of friction, play and cogging beforehand: sizes, whatever the units."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models.axes import N1, three_mass
+from flexaxis.estimators.offline.sizes import NOMINAL
+from flexaxis.estimators.offline.structure import TRACKED, prior, structure_names, with_laws
+
+PERIOD = 0.005
+RNG = np.random.default_rng(0)
+TORQUE = np.convolve(RNG.normal(size=8000), np.ones(4) / 2, "same")
+TORQUE *= 0.85 / TORQUE.std()
+
+
+def in_other_units(nominal, torque_unit):
+    """Return N1 with torques, inertias, springs and dampings in another unit; k_T has none."""
+    kept = {"k_T", "r"}
+    return {n: v if n in kept else v * torque_unit for n, v in nominal.items()}
+
+
+def test_a_prior_has_the_units_of_the_axis():
+    names = (*TRACKED, *structure_names(with_laws(N1, torque=TORQUE, period=PERIOD)))
+    here = prior(with_laws(N1, torque=TORQUE, period=PERIOD), names, torque=TORQUE, period=PERIOD)
+    scaled = with_laws(in_other_units(N1, 100.0), torque=100 * TORQUE, period=PERIOD)
+    there = prior(scaled, names, torque=100 * TORQUE, period=PERIOD)
+    torques = {"f_m", "f_c", "f_s", "sigma_0", "sigma_1", "k_g", "J_m", "k_a", "d_g", "d_a"}
+    unit = np.array([100.0 if n in torques else 0.01 if n == "1/J_a" else 1.0 for n in names])
+    for field in ("start", "deviation", "lower", "upper", "scale"):
+        np.testing.assert_allclose(getattr(here, field) * unit, getattr(there, field), rtol=1e-9)
+
+
+def test_the_box_holds_the_start_and_the_scale_is_not_zero():
+    model = with_laws(N1 | {"poles": 24.0}, torque=TORQUE, period=PERIOD)
+    names = (*TRACKED, *structure_names(model))
+    assert {"c_sin", "kappa", "gap", "sigma_0"} <= set(names)
+    assert "poles" not in names
+    made = prior(model, names, torque=TORQUE, period=PERIOD)
+    assert np.all((made.lower <= made.start) & (made.start <= made.upper))
+    assert np.all(made.deviation > 0)
+    assert np.all(made.scale != 0)
+
+
+def test_the_stored_sizes_are_those_of_the_nominal_reference():
+    from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.scoring.nominal import nominal_torque
+
+    nominal = N1 | {"poles": 24.0, "torque_limit": 1.75}
+    torque = nominal_torque(find_scenario("fm_step-v1"))
+    measured = with_laws(nominal, torque=torque, period=PERIOD).nominal
+    stored = with_laws(nominal, period=PERIOD).nominal
+    assert len(NOMINAL) == 4
+    assert measured == pytest.approx(stored, rel=0.02)
+
+
+def test_without_a_torque_only_the_nominal_axis_is_known():
+    with pytest.raises(EstimatorError, match="give torque"):
+        with_laws(N1 | {"k_g": 1e6}, period=PERIOD)
+    with pytest.raises(EstimatorError, match="in which the axis moves"):
+        with_laws(N1, torque=np.zeros(100), period=PERIOD)
+
+
+def test_what_is_told_is_believed_more():
+    model = with_laws(N1 | {"f_c": 0.1}, torque=TORQUE, period=PERIOD)
+    open_, told = (
+        prior(model, ["f_c"], torque=TORQUE, period=PERIOD, told=names) for names in ((), ("f_c",))
+    )
+    assert model.nominal["f_c"] == 0.1
+    assert told.deviation[0] == pytest.approx(0.02)
+    assert open_.deviation[0] > 0.05
+
+
+def test_a_model_of_ones_own_is_kept():
+    model = three_mass(N1)
+    assert with_laws(model, period=PERIOD) is model
+    assert structure_names(model) == ("k_g", "J_m", "k_a", "d_g", "d_a")

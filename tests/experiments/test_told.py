@@ -1,0 +1,146 @@
+"""What estimators are told of an axis and asked about it, and how what they answer is scored."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.table import rows
+from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
+from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.scenario import parse_scenario
+from flexaxis.sim.simulate import simulate
+
+LINEAR = ("k_T", "1/J_a", "f_m")
+DRY = "friction.coulomb = 0.1\n"
+ASKED = DRY + 'identify = ["k_T", "1/J_a", "f_m", "f_c"]\n'
+SHEET = "told = { poles = 24, torque_limit = 1.75, noise = 0.2, k_g = 1.1 }\n"
+FAULT = '[[fault]]\nkind = "step"\nparameter = "f_c"\nat = 2.0\nfactor = 1.5\n'
+
+
+def made(text="", fault=""):
+    return parse_scenario(f'name = "x"\nduration = 4.0\nburn_in = 0.5\n{text}{fault}')
+
+
+class Asks:
+    """A user's class that keeps what it is given, and answers with the truth it made up."""
+
+    names, output, laws = LINEAR, "speed", False
+
+    def __init__(self, nominal, period, *, identify=(), noise=None):
+        self.nominal, self.asked, self.noise = dict(nominal), tuple(identify), noise
+        self.theta = np.array([1.0, 1.25, 0.05, 0.1, 0.0, 0.3])[: len(self.names)]
+        self.covariance = np.diag(np.arange(1.0, 1 + len(self.names)))
+
+    def step(self, u, y):
+        return self.theta
+
+
+class Tracks(Asks):
+    names, laws = (*LINEAR, "f_c", "c_sin", "f_s"), True
+
+
+class Dry(Asks):
+    names = ("f_c",)
+
+
+def spec(name):
+    return parse(f"{__name__}:{name}")
+
+
+def test_the_data_sheet_reaches_everybody_as_it_is():
+    nominal = build(spec("Asks"), made(SHEET)).nominal
+    assert nominal.pop("poles") == 24 and nominal.pop("torque_limit") == 1.75
+    assert nominal.pop("noise") == 0.2
+    assert nominal.keys() == set(PARAMETER_NAMES) and nominal["k_g"] == pytest.approx(1.166e5)
+
+
+def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
+    for text in ("", ASKED):
+        assert started_nominal(made(text)).keys() == set(PARAMETER_NAMES)
+    told = started_nominal(made(DRY + "told.f_c = 1.2\n"))
+    assert told["f_c"] == pytest.approx(0.12) and len(told) == 13
+
+
+@pytest.mark.parametrize("name", list(REGISTRY))
+def test_every_estimator_is_as_ever_where_it_is_told_more_than_it_knows(name):
+    scenario = made(ASKED + "told = { poles = 24, torque_limit = 1.75 }\n", FAULT)
+    told, plain = build(parse(name), scenario), build(parse(name), made(DRY))
+    assert list(told.names)[:3] == list(LINEAR)
+    rng = np.random.default_rng(1)
+    u, y = rng.normal(size=(2, 30))
+    if not REGISTRY[name].laws:
+        onsets = {"oracle-reset"}  # is told of the fault besides
+        first = [np.array([e.step(a, b) for a, b in zip(u, y, strict=True)]) for e in (told, plain)]
+        assert name in onsets or np.array_equal(*first)
+
+
+def test_noise_is_told_where_the_scenario_says_so_and_options_go_before():
+    assert build(spec("Asks"), made(SHEET)).noise == 0.2
+    assert build(spec("Asks"), made()).noise is None
+    assert build(parse(f"{__name__}:Asks[noise = 0.3]"), made(SHEET)).noise == 0.3
+    rpem = build(parse("rpem-forgetting"), made("told.noise = 0.2\n"))
+    assert rpem.noise_variance == pytest.approx(0.04)
+
+
+def test_only_who_has_laws_is_asked_for_them():
+    assert build(spec("Asks"), made(ASKED)).asked == LINEAR
+    assert build(spec("Tracks"), made(ASKED)).asked == (*LINEAR, "f_c")
+    assert build(spec("Tracks"), made(DRY)).asked == LINEAR
+    with pytest.raises(EstimatorError, match=r"does not declare `laws`.*nothing but f_c: leave"):
+        build(parse("rpem-forgetting"), made(DRY + 'identify = ["f_c"]\n'))
+
+
+def test_rows_are_of_what_is_estimated_and_has_a_truth():
+    scenario = made(ASKED, FAULT)
+    (record,) = simulate(scenario, [0])
+    linear = {row["parameter"]: row for row in run_case(scenario, record, spec("Asks")).rows}
+    assert list(linear) == list(LINEAR) and not any(row["changed"] for row in linear.values())
+    more = {row["parameter"]: row for row in run_case(scenario, record, spec("Tracks")).rows}
+    assert list(more) == [*LINEAR, "f_c"]  # there is no c_sin, and of f_s there is none
+    assert more["f_c"]["changed"] and more["f_c"]["lag"] == pytest.approx(2.0)
+    assert more["f_c"]["bias"] == pytest.approx(0, abs=1e-12)
+    assert more["f_c"]["excess"] == linear["f_m"]["excess"]
+    assert more["f_c"]["nees"] == pytest.approx(0, abs=1e-12)  # of the four alone
+    besides = made(DRY)  # f_c is scored where it is known, whatever is asked for
+    (record,) = simulate(besides, [0])
+    assert [r["parameter"] for r in run_case(besides, record, spec("Tracks")).rows][3:] == ["f_c"]
+    plain = made()
+    (record,) = simulate(plain, [0])
+    assert len(run_case(plain, record, spec("Tracks")).rows) == 3
+    with pytest.raises(EstimatorError, match=r"estimates f_c, but x has k_T, .*: nothing of it"):
+        build(spec("Dry"), plain)
+
+
+def test_q_is_of_the_linear_parameters_of_identify():
+    M = information(made(ASKED))
+    assert not M[3].any() and not M[:, 3].any()
+    # the phases of the nominal run are other ones, so that Q is the same but for some per cent
+    assert np.diag(M)[:3] == pytest.approx(np.diag(information(made(DRY))), rel=0.05)
+
+
+def test_a_level_of_friction_near_zero_loses_no_run_and_one_far_above_does():
+    asked, besides = made(ASKED), made(DRY)
+    names = (*LINEAR, "f_c")
+    truth = theta_over_time(asked, names)
+    for scenario, factor, lost in (
+        (asked, 0.0, False), (asked, 11.0, True), (besides, 11.0, False), (besides, np.nan, True)
+    ):  # fmt: skip
+        theta = truth * [1, 1, 1, factor]
+        found = rows(Track(scenario, names, theta, scenario.true_parameters()))
+        assert found[0]["diverged"] == lost, factor
+    assert found[3]["std"] == pytest.approx(900.0)
+    assert started_theta(asked, names)[3] == 0.1
+
+
+def test_the_card_says_what_is_told():
+    card = reference_card(made(SHEET))
+    assert card["data sheet"].startswith("told 24 periods of cogging a turn; told a limit of 1.75")
+    assert card["unmodelled"] == "told k_g × 1.1"
+    assert "told noise of 0.2" in in_a_line(made(SHEET))
+    assert reference_card(made())["data sheet"] == "nothing"
