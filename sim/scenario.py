@@ -22,7 +22,7 @@ from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
-from flexaxis.sim.keys import set_key, suffix
+from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
@@ -53,8 +53,7 @@ class Scenario(Config):
     difficulty : {"easy", "medium", "hard"}, optional
         What to expect of a good estimator.
     period : float
-        Sampling period T [s], at which the controller runs and signals are sampled; its inverse
-        is a whole number.
+        Sampling period T [s] of controller and signals; its inverse is a whole number.
     substeps : int, optional
         Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
     preset : str
@@ -66,8 +65,7 @@ class Scenario(Config):
     start : float
         Where the estimates of these start, over nominal.
     told : dict of str to float, optional
-        What estimators are told of the other parameters, over the truth, and what stands in the
-        data sheet (`DATA_SHEET`), as it is.
+        What estimators are told of others, over the truth, and of the `DATA_SHEET`, as it is.
     output : {"speed", "increment"}
         What the estimators read.
     burn_in : float
@@ -153,8 +151,7 @@ class Scenario(Config):
     def tables(self) -> dict[str, Table]:
         """The tables of axis, loop and sensors that are not off, by key."""
         fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
-        tables = {key: value for key, value in fields.items() if isinstance(value, Config)}
-        return cast("dict[str, Table]", tables)
+        return cast("dict[str, Table]", {k: v for k, v in fields.items() if isinstance(v, Config)})
 
     @property
     def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
@@ -198,11 +195,15 @@ class Scenario(Config):
         """Names of the P parameters."""
         return tuple(self.initial)
 
+    @property
+    def unchanged(self) -> Array:
+        """Values (P,) of the parameters before any fault."""
+        return np.array(list(self.initial.values()))
+
     def true_parameters(self) -> Array:
         """Return the parameters (N, P) that act from each sample to the next."""
         changes = (*self.fault, *(self.nuisance or ()))
-        values = self.initial.items()
-        return np.column_stack([changed(x, name, changes, self.grid) for name, x in values])
+        return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
@@ -265,11 +266,7 @@ class Scenario(Config):
             If a key is unknown or a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
-        for key, value in changes.items():
-            try:
-                set_key(content, key, value)
-            except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-                raise ScenarioError(f"{self.name}: {key}: no such key to override") from None
+        set_keys(content, changes, source=self.name)
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
         other = scenario_from(content, source=self.name)

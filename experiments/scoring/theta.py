@@ -31,7 +31,7 @@ def true_theta(
 
 def nominal_theta(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
     """Return the values (p,) of estimated parameters before any fault."""
-    return true_theta(names, np.array(list(scenario.initial.values())), scenario.parameter_names)
+    return true_theta(names, scenario.unchanged, scenario.parameter_names)
 
 
 def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.float64]:
