@@ -125,7 +125,7 @@ class _Drive:
         self.plant = Plant(
             [scenario.nominal] * runs,
             period=period,
-            substeps=substeps(nonlinear, period),
+            substeps=substeps(nonlinear, period, least=scenario.substeps or 1),
             threads=threads,
             nonlinear=nonlinear,
         )

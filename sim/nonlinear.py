@@ -46,15 +46,17 @@ class Law(Protocol):
         """Return where the engine keeps parameters such as these, and as what."""
 
 
-def substeps(features: Iterable[Nonlinearity], period: float) -> int:
+def substeps(features: Iterable[Nonlinearity], period: float, *, least: int = 1) -> int:
     """Return the steps of the engine in a period [s], fine enough for all features.
+
+    ``least`` is that of 5 ms.
 
     Examples
     --------
     >>> [substeps([], period) for period in (0.001, 0.0025, 0.005, 0.01)]
     [1, 3, 5, 10]
     """
-    finest = max([LINEAR_SUBSTEPS, *(feature.substeps for feature in features)])
+    finest = max([LINEAR_SUBSTEPS, least, *(feature.substeps for feature in features)])
     return math.ceil(finest * period / SPAN - 1e-9)
 
 

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
+from flexaxis.sim import nonlinear as beyond
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
@@ -23,15 +24,6 @@ from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
 from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
-from flexaxis.sim.nonlinear import (
-    BacklashConfig,
-    CoggingConfig,
-    FrictionConfig,
-    LuGreConfig,
-    Nonlinearity,
-    SaturationConfig,
-    StiffeningConfig,
-)
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
@@ -62,6 +54,8 @@ class Scenario(Config):
         What to expect of a good estimator.
     period : float
         Sampling period T [s] of controller and signals; its inverse is a whole number.
+    substeps : int, optional
+        Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
     preset : str
         Named parameter set.
     parameters : dict of str to float
@@ -95,6 +89,7 @@ class Scenario(Config):
     group: str | None = None
     difficulty: Literal["easy", "medium", "hard"] | None = None
     period: Positive = PERIOD
+    substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
@@ -110,17 +105,17 @@ class Scenario(Config):
     encoder: EncoderConfig = EncoderConfig()
     filter: FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: FrictionConfig | None = None
-    lugre: LuGreConfig | None = None
+    friction: beyond.FrictionConfig | None = None
+    lugre: beyond.LuGreConfig | None = None
     static_friction: dry.StaticFrictionConfig | None = None
     directional_friction: dry.DirectionalFrictionConfig | None = None
     position_friction: dry.PositionFrictionConfig | None = None
     load_friction: dry.LoadFrictionConfig | None = None
     power_friction: dry.PowerFrictionConfig | None = None
-    cogging: CoggingConfig | None = None
-    backlash: BacklashConfig | None = None
-    stiffening: StiffeningConfig | None = None
-    saturation: SaturationConfig | None = None
+    cogging: beyond.CoggingConfig | None = None
+    backlash: beyond.BacklashConfig | None = None
+    stiffening: beyond.StiffeningConfig | None = None
+    saturation: beyond.SaturationConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
     nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
@@ -159,9 +154,11 @@ class Scenario(Config):
         return cast("dict[str, Table]", {k: v for k, v in fields.items() if isinstance(v, Config)})
 
     @property
-    def nonlinear(self) -> dict[str, Nonlinearity]:
+    def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        return {k: table for k, table in self.tables.items() if isinstance(table, Nonlinearity)}
+        return {
+            k: table for k, table in self.tables.items() if isinstance(table, beyond.Nonlinearity)
+        }
 
     @property
     def sensors(self) -> dict[str, Sensor]:

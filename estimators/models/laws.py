@@ -42,6 +42,7 @@ ROLES: Mapping[str, tuple[str, ...]] = {
 """What the parameters of each kind of law are, in the order in which compiled code takes them."""
 KINDS = tuple(ROLES)
 REMEMBERS = ("bristle",)  # kinds with a state of their own
+NEEDED = {"bristle": ("stiffness",)}  # roles that must be above 0
 MOST_ROLES = max(map(len, ROLES.values()))
 INPUT = "input"
 
@@ -89,6 +90,10 @@ class Law:
                     f"law {self.kind!r} has no parameter {role!r}: "
                     + did_you_mean(role, ROLES[self.kind])
                 )
+        for role in NEEDED.get(self.kind, ()):
+            given = self.parameters.get(role, 0.0)
+            if not isinstance(given, str) and not given > 0:
+                raise EstimatorError(f"law {self.kind!r} needs a {role} above 0")
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:
@@ -101,6 +106,12 @@ class Law:
     def names(self) -> tuple[str, ...]:
         """Names of its parameters in the model."""
         return tuple(name for name in self.parameters.values() if isinstance(name, str))
+
+    @property
+    def positive(self) -> tuple[str, ...]:
+        """Names of those that must be above 0."""
+        needed = (self.parameters.get(role) for role in NEEDED.get(self.kind, ()))
+        return tuple(name for name in needed if isinstance(name, str))
 
     @property
     def remembers(self) -> bool:

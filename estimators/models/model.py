@@ -113,7 +113,7 @@ class Model:
 
     def _check_signs(self) -> None:
         for names, allowed, words in (
-            (self.positive, np.greater, "above 0"),
+            ((*self.positive, *self._law_positive), np.greater, "above 0"),
             (self.nonnegative, np.greater_equal, "0 or above it"),
             (self.nonzero, np.not_equal, "other than 0"),
         ):
@@ -131,6 +131,10 @@ class Model:
         used |= self.law_parameters
         order = list(self.nominal)
         return tuple(sorted(used, key=lambda p: (order.index(p) if p in order else len(order), p)))
+
+    @property
+    def _law_positive(self) -> tuple[str, ...]:
+        return tuple(name for law in self.laws for name in law.positive)
 
     @property
     def _remembering(self) -> int:

@@ -1,13 +1,16 @@
-"""A user's own linear grey-box model from tables, such as those of a TOML."""
+"""A user's own grey-box model from tables, such as those of a TOML."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.laws import ROLES, Law
 from flexaxis.estimators.models.model import Model
 
 _KEYS = ("name", "states", "A", "B", "C", "nominal")
+_LAW_KEYS = ("kind", "drive", "acts", "parameters")
 
 
 def model_from_tables(tables: Mapping[str, Any]) -> Model:
@@ -18,8 +21,10 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
     ----------
     tables : mapping
         Either ``model``, the name of a shipped one, or its own ``name``, ``states``, ``A`` (rows
-        of formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. Other
-        keys are left to the caller.
+        of formulas), ``B`` and ``C``; and ``nominal``, the value of each parameter [SI]. To either
+        ``law``, a list of tables with ``kind``, ``drive``, ``acts`` and ``parameters``, adds
+        nonlinear laws as `flexaxis.estimators.models.laws.Law` has them. Other keys are left to
+        the caller.
 
     Raises
     ------
@@ -30,6 +35,17 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
     --------
     >>> model_from_tables({"model": "one_mass", "nominal": {"k_T": 1, "J_m": 2, "f_m": 3}}).states
     ('speed_motor',)
+    >>> model_from_tables({
+    ...     "model": "one_mass",
+    ...     "nominal": {"k_T": 1, "J_m": 2, "f_m": 3, "f_c": 0.1},
+    ...     "law": [{
+    ...         "kind": "static",
+    ...         "drive": {"speed_motor": 1},
+    ...         "acts": {"speed_motor": "-1/J_m"},
+    ...         "parameters": {"coulomb": "f_c", "beta": 20},
+    ...     }],
+    ... }).parameters
+    ('k_T', 'J_m', 'f_m', 'f_c')
     """
     nominal = tables.get("nominal", {})
     if not isinstance(nominal, Mapping) or not all(_is_number(v) for v in nominal.values()):
@@ -38,7 +54,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
         name = str(tables["model"])
         if name not in MODELS:
             raise EstimatorError(f"unknown model {name!r}: {did_you_mean(name, MODELS)}")
-        return MODELS[name].factory(nominal)
+        return _with_laws(MODELS[name].factory(nominal), tables.get("law", []))
     missing = [key for key in _KEYS if key not in tables]
     if missing:
         raise EstimatorError(
@@ -46,7 +62,7 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
             f'model with model = "…": {", ".join(MODELS)}'
         )
     try:
-        return Model(
+        model = Model(
             name=str(tables["name"]),
             states=tuple(map(str, tables["states"])),
             A=tuple(tuple(map(str, row)) for row in tables["A"]),
@@ -59,6 +75,42 @@ def model_from_tables(tables: Mapping[str, Any]) -> Model:
             'A takes rows of formulas, A = [["0", "1"], ["-k/J_m", "-d/J_m"]]; states, B and C '
             'take one text for each state, B = ["0", "k_T/J_m"]'
         ) from error
+    return _with_laws(model, tables.get("law", []))
+
+
+def _with_laws(model: Model, tables: Any) -> Model:
+    if not isinstance(tables, Sequence) or not all(isinstance(t, Mapping) for t in tables):
+        raise EstimatorError("law takes a list of tables, each [[law]] with its kind")
+    laws = tuple(_law(table, f"law[{i}]") for i, table in enumerate(tables))
+    return replace(model, laws=(*model.laws, *laws)) if laws else model
+
+
+def _law(table: Mapping[str, Any], key: str) -> Law:
+    for name in table:
+        if name not in _LAW_KEYS:
+            raise EstimatorError(f"{key}.{name}: {did_you_mean(str(name), _LAW_KEYS)}")
+    parts = {name: table.get(name, {}) for name in _LAW_KEYS[1:]}
+    for name, part in parts.items():
+        if not isinstance(part, Mapping):
+            raise EstimatorError(f"{key}.{name} takes a table, such as {{ speed_motor = 1.0 }}")
+    drive, acts, parameters = parts.values()
+    if not all(map(_is_number, drive.values())) or not all(
+        _is_number(value) or isinstance(value, str) for value in parameters.values()
+    ):
+        roles = ", ".join(ROLES.get(str(table.get("kind")), ("unknown",)))
+        raise EstimatorError(
+            f"{key}: drive takes numbers, and parameters names or numbers; the roles of "
+            f"{table.get('kind')!r} are {roles}"
+        )
+    try:
+        return Law(
+            str(table.get("kind", "")),
+            {name: float(value) for name, value in drive.items()},
+            {name: str(formula) for name, formula in acts.items()},
+            dict(parameters),
+        )
+    except EstimatorError as error:
+        raise EstimatorError(f"{key}: {error}") from error
 
 
 def _is_number(value: object) -> bool:

@@ -141,7 +141,7 @@ def with_laws(
     """
     if isinstance(nominal, Model):
         return nominal
-    missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 0.0, "sigma_1": 0.0, "v_0": 0.0}
+    missing = {"f_c": 0.0, "f_s": 0.0, "v_s": 0.0, "sigma_0": 1.0, "sigma_1": 0.0, "v_0": 0.0}
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
     empty = real_axis(missing | dict(nominal))

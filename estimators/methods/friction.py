@@ -1,0 +1,172 @@
+"""
+The paper's method on an axis with friction: it tracks what changes, and learns the rest once.
+
+Cogging is not among what it learns: the angle that drives it is a sum of speeds, which nothing
+corrects in a predictor by output error, and its sensitivities grow without end.
+"""
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal
+from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import measured
+from flexaxis.estimators.offline.structure import Prior, prior, structure_names, with_laws
+from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
+
+FRICTION = ("bristle", "static")  # kinds of law that a speed drives
+NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
+# an axis is off its model before that is learnt, the first steps are too long
+SPREAD = 0.05  # standard deviation of θ(0), relative to it: a new axis is about as it was designed
+WALK = 0.01  # 1/√s, of θ/θ(0): the memory is then about a second where σ is 2 % of the speed
+CEILING = 10 * CALM  # of R̂ P, relative to θ(0)²: a deviation of 10 %, twice that of the start
+
+
+def rpem_friction(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    forgetting: float | None = None,
+    noise: float | None = None,
+    robust: float = ROBUST,
+    ceiling: float = CEILING,
+) -> Rpem:
+    """
+    Make the method with a forgetting factor, on a model with dry friction and play.
+
+    It tracks what is identified and the level f_c of dry friction; the structure of the axis is
+    learnt once, from what is known of any axis (`flexaxis.estimators.offline.structure`).
+
+    Parameters
+    ----------
+    P0
+        Taken as by every entry, and left: P(0) is that of the priors.
+    torque : (N,) array_like, optional
+        Of a run in which the axis moves [N m], for the sizes of friction and play.
+    forgetting : float, optional
+        λ of a sample, for what is tracked.
+    noise, robust, ceiling
+        As for `Rpem`.
+    """
+    model, tracked, learn, known = _known(nominal, period, identify, torque)
+    return Rpem(
+        model,
+        identify=tracked,
+        learn=learn,
+        theta0=known.start,
+        P0=known.P0 / _variance(model, torque, period, noise),
+        bounds=known.bounds,
+        scale=known.scale,
+        period=period,
+        forgetting=forgetting_factor(forgetting, period),
+        output=output,
+        noise=noise,
+        state_correction=True,
+        robust=robust,
+        ceiling=ceiling,
+    )
+
+
+def rpem_friction_drift(
+    nominal: Nominal,
+    period: float,
+    *,
+    identify: Sequence[str] = PAPER,
+    output: str = "speed",
+    P0: ArrayLike | None = None,
+    torque: ArrayLike | None = None,
+    walk: float = WALK,
+    noise: float | None = None,
+    robust: float = ROBUST,
+    ceiling: float = CEILING,
+) -> Rpem:
+    """
+    Make the method with covariance modification, on a model with dry friction and play.
+
+    Parameters
+    ----------
+    P0, torque, noise, robust, ceiling
+        As for `rpem_friction`.
+    walk : float
+        Standard deviation of the random walk of what is tracked after a second, relative to θ(0).
+    """
+    above_zero("walk", walk, "the standard deviation of θ after a second, relative to θ(0)")
+    model, tracked, learn, known = _known(nominal, period, identify, torque)
+    variance = _variance(model, torque, period, noise)
+    return Rpem(
+        model,
+        identify=tracked,
+        learn=learn,
+        theta0=known.start,
+        P0=known.P0 / variance,
+        bounds=known.bounds,
+        scale=known.scale,
+        period=period,
+        drift=period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
+        output=output,
+        noise=noise,
+        state_correction=True,
+        robust=robust,
+        ceiling=ceiling,
+    )
+
+
+def _known(
+    nominal: Nominal, period: float, identify: Sequence[str], torque: ArrayLike | None
+) -> tuple[Model, tuple[str, ...], tuple[str, ...], Prior]:
+    """Return the model, what is tracked and what is learnt of it, and what is known of both."""
+    above_zero("period", period, "the sampling period in seconds")
+    if not isinstance(nominal, Model):
+        nominal = {name: value for name, value in nominal.items() if name != "poles"}
+    model = with_laws(nominal, torque=torque, period=period)
+    dry = [name for name in ("f_c",) if name in model.law_parameters and name not in identify]
+    tracked = (*identify, *dry)
+    learn = structure_names(model, tracked)
+    known = prior(model, (*tracked, *learn), torque=torque, period=period, spread=SPREAD)
+    return model, tracked, learn, known
+
+
+def _variance(model: Model, torque: ArrayLike | None, period: float, noise: float | None) -> float:
+    """Return σ² that P(0) reckons with."""
+    if noise is not None:
+        return above_zero("noise", noise, "the standard deviation of y") ** 2
+    speeds = [sizes.drive for law, sizes in measured(model, torque, period) if law.kind in FRICTION]
+    if not speeds:
+        raise EstimatorError(
+            f"model {model.name!r} has no law of friction, whose speed says how large noise may "
+            "be; give noise, the standard deviation of y"
+        )
+    return float((NOISE * max(speeds)) ** 2)
+
+
+ENTRIES = (
+    Entry(
+        "rpem-friction",
+        "the paper's method with a forgetting factor, on a model with dry friction and play",
+        rpem_friction,
+        knob="forgetting",
+        default=0.995,
+        look=("#332288", "o"),
+        rank=5.2,
+        laws=True,
+    ),
+    Entry(
+        "rpem-friction-drift",
+        "the paper's method with covariance modification, on a model with dry friction and play",
+        rpem_friction_drift,
+        knob="walk",
+        default=WALK,
+        look=("#AA4499", "o"),
+        rank=5.4,
+        laws=True,
+    ),
+)
