@@ -77,8 +77,8 @@ class Scenario(Config):
         Whether the controller sees the true motor angle or the measured one.
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
-    filter, friction, lugre, …_friction, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each.
+    filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
+        What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
