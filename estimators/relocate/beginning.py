@@ -6,7 +6,7 @@ where it forgets nothing. So the first seconds are fitted anew from what was kno
 until they say more than that.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,8 +17,9 @@ from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import Guess, measured_sizes
+from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import Terms
@@ -26,6 +27,9 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
+EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
+WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
+LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -35,6 +39,13 @@ class Prior(NamedTuple):
     theta: Array
     deviation: Array
     noise: float
+
+
+class Fitted(NamedTuple):
+    """θ (p,) that explains the data, and which of it they ask for; the rest is as it was told."""
+
+    theta: Array
+    active: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -67,7 +78,7 @@ class Beginning:
         if memory.state["samples"] < samples or not noise > 0:
             return None
         u, y, _ = memory.signals(memory.first)
-        sizes = measured_sizes(u[:-1], y, self.design.period, self.nominal)
+        sizes = measured_sizes(u[:-1, 0], y, self.design.period, self.nominal)
         mine = self.roles.prior
         scale, names = self.design.scale[mine], self.design.model.names
         guesses = [
@@ -85,24 +96,89 @@ class Beginning:
         """Where the parameters may be."""
         return self.design.lower, self.design.upper
 
-    def fit(self, memory: Memory, prior: Prior) -> Array:
-        """Return the most probable parameters (p,) for all data that are remembered."""
+    def drift(self, state: np.void, prior: Prior, walk: float) -> Array:
+        """
+        Return Δ (p, p), what P gains in a sample.
+
+        What is tracked walks, relative to θ(0). The sum of speeds is an angle that wanders by T σ
+        in a sample, and so does the phase of what depends on it: a sin Nφ + b cos Nφ by N T σ.
+        """
+        design, T = self.design, self.design.period
+        theta, in_use = state["theta"], np.diag(state["P"]) > 0
+        tracked = np.arange(len(theta)) < self.roles.tracked
+        drift = np.diag((tracked & in_use) * walk**2 * T / prior.noise)
+        if design.output == "speed" and "c_sin" in design.model.names:
+            turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
+            a, b = (in_use * theta)[turning] * design.scale[turning]
+            along = self.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
+            drift[np.ix_(turning, turning)] += np.outer(along, along)
+        return drift
+
+    def fit(self, memory: Memory, prior: Prior) -> Fitted | None:
+        """Explain all data that are remembered, with no more parameters than they ask for."""
+        names, every = self.design.model.names, np.arange(self.roles.known)
+        few = np.array([i for i in every if i < self.roles.tracked or names[i] in LINEAR])
+        first = self._descend(memory, prior, few, (prior.theta, memory.state["theta"].copy()))
+        whole = self._descend(memory, prior, every, (first.theta,))
+        samples = memory.count - memory.first
+        if not np.isfinite(whole.square):
+            return None
+        if whole.square > EXPLAINED * samples:
+            return Fitted(whole.theta, every)
+        less = self._reduced(memory, prior, whole)
+        return less or Fitted(whole.theta, every)
+
+    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated) -> Fitted | None:
+        """Return a fit with less parameters than the whole, None if it explains much less."""
+        known, questions = self.roles.known, self._questions(prior)
+        posterior = Posterior(np.arange(known), whole.theta[:known], whole.H)
+        mean, deviation = prior.theta[:known], prior.deviation
+        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation)
+        theta = prior.theta.copy()
+        theta[active.active] = active.theta
+        for places, told in fixed:
+            theta[places] = told
+        theta = np.clip(theta, *self.box)
+        found = self._descend(memory, prior, active.active, (theta,))
+        if found.square > whole.square + WORSE:
+            return None
+        return Fitted(found.theta, active.active)
+
+    def _questions(self, prior: Prior) -> list[Question]:
+        """Return what may be as it was told, for parameters that the model has."""
+        names = self.design.model.names[: self.roles.known]
+        lower = self.design.lower
+
+        def places(of: Sequence[str]) -> NDArray[np.int64]:
+            return np.array([names.index(name) for name in of if name in names], np.int64)
+
+        absent = [
+            Question(places(of), np.maximum(lower[places(of)], 0.0), places(with_them))
+            for of, with_them in ABSENT
+            if set(of) <= set(names)
+        ]
+        sheet = [places([name]) for name in TOLD if name in names]
+        return absent + [Question(i, prior.theta[i], places([])) for i in sheet]
+
+    def _descend(
+        self, memory: Memory, prior: Prior, active: NDArray[np.int64], starts: Sequence[Array]
+    ) -> Evaluated:
+        """Return the most probable values of some parameters, all others as they are."""
         u, y, present = memory.signals(memory.first)
-        x = memory.stretch(memory.first).x[0]
-        active, nothing = np.arange(self.roles.known), np.zeros(ORDER)
+        x, nothing = memory.stretch(memory.first).x[0], np.zeros(ORDER)
         signals = u[:-1].copy(), y, present, nothing, nothing, prior.noise, active
+        deviation = prior.deviation[active]
 
         def evaluate(theta: Array) -> Evaluated:
             square, H, g = normal_equations(self.terms, theta, x, *signals)
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
-            off = (theta - prior.theta)[active] / prior.deviation
-            H += np.diag(prior.deviation**-2)
-            return Evaluated(theta, square + off @ off, H, g - off / prior.deviation)
+            off = (theta - prior.theta)[active] / deviation
+            H += np.diag(deviation**-2)
+            return Evaluated(theta, square + off @ off, H, g - off / deviation)
 
-        starts = prior.theta, memory.state["theta"].copy()
         start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
         descent = Descent(start, self.box, active)
         while not descent.done:
             descent.take(evaluate(descent.trial))
-        return descent.at.theta
+        return descent.at

@@ -25,6 +25,7 @@ from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, P
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.follow import angle_of
 from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
@@ -162,7 +163,15 @@ class Relocate(RecursiveEstimator):
         parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
         tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
         tuning["inflation"] = 1 / fading
-        self._memory = Memory(pattern, tuning, state, alarm=alarm, period=period)
+        self._memory = Memory(
+            pattern,
+            tuning,
+            state,
+            alarm=alarm,
+            period=period,
+            angle=angle_of(design.model),
+            increments=output == "increment",
+        )
         box = design.lower, design.upper
         model_ = planned(design.model, *box, period)
         self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
@@ -244,13 +253,16 @@ class Relocate(RecursiveEstimator):
         prior = self._prior or beginning.prior(memory)
         if prior is None:
             return
+        memory.drift = beginning.drift(memory.state, prior, self._walk)
         if self._prior is None:
             self._prior = prior
-            tracked = np.arange(len(prior.theta)) < self._roles.tracked
-            memory.drift = np.diag(tracked * self._walk**2 * period / prior.noise)
             self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
         if memory.count in self._fits:
-            self._rewind.to_fit(memory, prior, beginning.fit(memory, prior))
+            fitted = beginning.fit(memory, prior)
+            if fitted is not None:
+                self._rewind.to_fit(memory, prior, fitted)
+                self._case = None
+                memory.arm()
 
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""

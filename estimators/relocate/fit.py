@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.follow import follow
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, prepare, travel
+from flexaxis.estimators.sampling.sampled import Terms, prepare
 
 Array = NDArray[np.float64]
 
@@ -34,8 +35,10 @@ class Past(NamedTuple):
         State.
     likelihood : (m,) array
         Logarithm of the likelihood of the filter up to there [nats].
-    u, y : (N,) arrays
-        Torque held after sample j of these, and the output one sample later; N ≥ m.
+    u : (N, 2) array
+        Torque held after sample j of these, and the motor angle at it; N ≥ m.
+    y : (N,) array
+        The output one sample later.
     present : (N,) bool array
         Where y is measured.
     epsilon : (m + ORDER,) array
@@ -264,7 +267,7 @@ def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, 
         As for `explain`.
     x : (n,) array
         State before the stretch, which does not depend on θ.
-    u, y, present : (N,) arrays
+    u, y, present : (N, 2), (N,), (N,) arrays
     epsilon, colour, variance
         As in `Past`, the residuals right before the stretch.
     """
@@ -280,7 +283,7 @@ def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, 
     white = np.empty(1 + q)
     H, g, misfit = np.zeros((q, q)), np.zeros(q), 0.0
     for k in range(len(u)):
-        travel(prepared, X, moved, u[k])
+        follow(prepared, X, moved, u[k])
         X, moved = moved, X
         for a in range(1 + q):
             expected = 0.0

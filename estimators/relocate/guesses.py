@@ -70,6 +70,15 @@ LEARNT = {
     "c_cos": Guess(0.0, 0.1, TORQUE),
 }
 """What is learnt once."""
+TOLD = ("k_g", "J_m", "k_a", "d_g", "d_a")
+"""Of these a data sheet says what they are, and it may be right."""
+ABSENT = (
+    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+    (("kappa",), ()),
+    (("gap",), ()),
+    (("c_sin", "c_cos"), ()),
+)
+"""What an axis may not have at all, and what means nothing then."""
 POSITIVE = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "v_0", "gap")
 
 
@@ -92,9 +101,9 @@ def measured_sizes(u: Array, y: Array, period: float, nominal: Mapping[str, floa
 
 
 def natural_sizes(nominal: Mapping[str, float]) -> Sizes:
-    """Return sizes of about a rad of the motor at the pace of the axis: units, and no more."""
-    pace = np.sqrt(nominal["k_a"] / nominal["J_a"]) if "J_a" in nominal else 1.0
-    return _sizes(nominal["J_m"] * pace**2, pace, 1.0, nominal)
+    """Return sizes of a hundredth of a rad at the pace of the axis: units, and no more."""
+    pace = np.sqrt(nominal["k_a"] / nominal["J_a"])
+    return _sizes(0.01 * nominal["J_m"] * pace**2, 0.01 * pace, 0.01, nominal)
 
 
 def _sizes(torque: float, speed: float, angle: float, nominal: Mapping[str, float]) -> Sizes:

@@ -21,6 +21,7 @@ from flexaxis.estimators.recursion.measurement import (
 )
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.relocate.colour import NORMAL, listen, listening, resting
+from flexaxis.estimators.relocate.follow import integrate
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern
@@ -78,14 +79,27 @@ class Memory:
         Evidence that raises an alarm [nats].
     period : float
         Sampling period [s].
+    angle : int
+        State that is the motor angle, if a torque depends on it; else −1.
+    increments : bool
+        Whether y is increments of the angle.
     """
 
     def __init__(
-        self, pattern: Pattern, tuning: Record, state: Record, *, alarm: float, period: float
+        self,
+        pattern: Pattern,
+        tuning: Record,
+        state: Record,
+        *,
+        alarm: float,
+        period: float,
+        angle: int = -1,
+        increments: bool = False,
     ) -> None:
         parts = listening(alarm, period)
-        place = record(count=0, stop=-1, u=0.0, y=0.0, valid=0)
-        self._tuning = joined(tuning, parts[0])
+        place = record(count=0, stop=-1, u=np.zeros(2), angle=0.0, last=0.0, y=0.0, valid=0)
+        where = record(angle=angle, increments=increments, period=period)
+        self._tuning = joined(tuning, parts[0], where)
         self._begin = joined(state, parts[1], place)
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
@@ -186,7 +200,11 @@ class Memory:
         return values
 
     def signals(self, first: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return u from a sample on, and y, and whether it was measured, from one sample later."""
+        """
+        Return inputs from a sample on, and y, and whether it was measured, from one sample later.
+
+        Inputs (N, 2) are the torque held after each sample, and the motor angle at it.
+        """
         y, valid = self.read("y", first + 1), self.read("valid", first + 1)
         return self.read("u", first), y, valid > 0
 
@@ -239,7 +257,8 @@ def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: 
     measure(tuning, state, y[k], valid[k])
     correct_state(state)
     ringing = listen(tuning, state, y[k])
-    state["u"], state["y"], state["valid"] = u[k], y[k], int(valid[k])
+    integrate(tuning, state, y[k], valid[k])
+    state["u"][0], state["y"], state["valid"] = u[k], y[k], int(valid[k])
     state["count"] += 1
     ring[(state["count"] - 1) % len(ring)] = state
     if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.follow import follow
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, prepare, travel
+from flexaxis.estimators.sampling.sampled import Terms, prepare
 
 Array = NDArray[np.float64]
 
@@ -67,9 +68,9 @@ def replay(  # noqa: PLR0917
         State, and its sensitivities, at the start.
     P, claim : (p, p) arrays
         At the start.
-    signals : u (N+1,), y (N,), present (N,)
-        Torque held after the start and after each sample, the output at each, and whether it was
-        measured.
+    signals : u (N+1, 2), y (N,), present (N,)
+        Torque held after the start and after each sample, and the motor angle there; the output at
+        each sample, and whether it was measured.
     forgetting : float or (p, p) array
         λ, by which P is divided after each measurement, or one for each of its elements.
     box : (lower, upper), each (p,)
@@ -111,7 +112,7 @@ def _replay(terms, theta, delta, X, P, claim, u, y, present, fading, drift, made
     ahead = X
     gain, spread = np.zeros(p), np.zeros(p)
     for k in range(len(u)):
-        travel(prepared, ahead, moved, u[k])
+        follow(prepared, ahead, moved, u[k])
         ahead, moved = moved, ahead
         # u[k] follows the measurement before; where that is missing, nothing is forgotten
         for i in range(p if k == 0 or present[k - 1] else 0):

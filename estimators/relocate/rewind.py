@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import Prior
+from flexaxis.estimators.relocate.beginning import Fitted, Prior
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.memory import Memory
@@ -79,14 +79,15 @@ class Rewind:
         P[mine, mine] = SPREAD**2 / found.square
         self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
 
-    def to_fit(self, memory: Memory, prior: Prior, theta: Array) -> None:
+    def to_fit(self, memory: Memory, prior: Prior, fitted: Fitted) -> None:
         """Go back as far as is remembered, and begin anew near parameters that explain it all."""
-        first, n, mine = memory.first, self.terms.n, np.arange(self.roles.known)
-        X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
+        (theta, active), first, n = fitted, memory.first, self.terms.n
+        X, P, before = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2), theta.copy()
         X[0, :n] = memory.stretch(first).x[0]
-        P[mine, mine] = prior.deviation**2 / prior.noise
+        P[active, active] = prior.deviation[active] ** 2 / prior.noise
+        before[active] = prior.theta[active]
         row, signals = memory.beginning(first + 1), memory.signals(first)[1:]
-        self._run(memory, row, theta, (X, P, P), signals, before=prior.theta)
+        self._run(memory, row, theta, (X, P, P), signals, before=before)
 
     def _run(
         self,

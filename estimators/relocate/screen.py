@@ -11,8 +11,9 @@ z, F and c, and one backwards, for their sums with c_k F_(k−1) … (the adjoin
 
 import numpy as np
 
+from flexaxis.estimators.relocate.follow import follow
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import prepare, travel
+from flexaxis.estimators.sampling.sampled import prepare
 
 
 @compiled
@@ -30,8 +31,10 @@ def screen(terms, theta, active, x, u, y, present, variance, lower, upper, sprea
         Those that may have changed.
     x : (n,) array
         State before the stretch.
-    u, y : (N,) arrays
-        Torque held after sample j, and the output one sample later.
+    u : (N, 2) array
+        Torque held after sample j, and the motor angle at it.
+    y : (N,) array
+        The output one sample later.
     present : (N,) bool array
         Where y is measured.
     variance : float
@@ -72,7 +75,7 @@ def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
         for i in range(n):
             for j in range(n):
                 X[1 + p + i, j] = 1.0 if i == j else 0.0
-        travel(prepared, X, moved, u[k])
+        follow(prepared, X, moved, u[k])
         X, moved = moved, X
         for j in range(n):
             c[k, j] = X[1 + p + j, n]

@@ -47,7 +47,7 @@ class Search:
     identified : int
     x : (n,) array
         State before the stretch.
-    signals : u, y, present, (N,) each
+    signals : u (N, 2), y (N,), present (N,)
         As of `flexaxis.estimators.relocate.fit.Past`.
 
     Attributes

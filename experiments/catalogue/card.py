@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexaxis.experiments.scoring.theory import bounded
+from flexaxis.experiments.scoring.limits import bounded
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 

@@ -55,7 +55,7 @@ def ranked(hypotheses, simulated):
             theta=np.ones((100, 5)),
             x=states,
             likelihood=-np.cumsum(epsilon**2) / SIGMA**2 / 2,
-            u=run.u[since : since + length],
+            u=np.c_[run.u, 0 * run.u][since : since + length],
             y=run.y[since + 1 : since + length + 1],
             present=np.ones(length, bool),
             epsilon=np.r_[np.zeros(4), epsilon],

@@ -48,7 +48,7 @@ def test_explain_finds_parameter_and_time_of_a_change_without_noise(nominal, sim
     squares = (run.y[able] - np.array(states)[able, 2]) ** 2 / 1e-4
     past = Past(
         np.tile(model.theta, (count, 1)), np.array(states)[able], -np.cumsum(squares) / 2,
-        run.u[first:-1], run.y[first + 1 :], np.ones(399 - first, bool),
+        np.c_[run.u, 0 * run.u][first:-1], run.y[first + 1 :], np.ones(399 - first, bool),
         np.zeros(count + 2), np.zeros(2), 1e-4,
     )  # fmt: skip
     found = {
@@ -85,7 +85,17 @@ def test_the_screen_is_the_linear_gain_of_every_change_at_every_time(nominal, lo
         steps[onset] = step
         gains[onset] = g * step - H * step**2 / 2 - np.log(H * (0.5 * theta) ** 2) / 2
     onset, change, gain = screen(
-        given, theta, np.arange(p), x, u[:N], y, present, 0.3, 0.4 * theta, 2.5 * theta, 0.5
+        given,
+        theta,
+        np.arange(p),
+        x,
+        np.c_[u, 0 * u][:N],
+        y,
+        present,
+        0.3,
+        0.4 * theta,
+        2.5 * theta,
+        0.5,
     )
     np.testing.assert_allclose(gain, gains.max(axis=0), rtol=1e-6)
     np.testing.assert_array_equal(onset, gains.argmax(axis=0))
@@ -104,7 +114,7 @@ def test_a_coloured_residual_is_fitted_by_generalised_least_squares(nominal, loo
         z_next = np.c_[z, np.zeros(3)] @ D[0].T + D[1:] @ now
         x, z, psi[k], y[k] = (D[0] @ now)[:5], z_next[:, :5], z_next[:, 5], (D[0] @ now)[5]
     misfit, H, g = normal_equations(
-        given, theta, np.zeros(5), loop.u[:N], y + noise, np.ones(N, bool), before, colour, 2.0,
+        given, theta, np.zeros(5), np.c_[loop.u, 0 * loop.u][:N], y + noise, np.ones(N, bool), before, colour, 2.0,
         np.arange(3),
     )  # fmt: skip
     whitener = np.r_[1.0, -colour]

@@ -31,7 +31,7 @@ def test_replay_is_least_squares(nominal, loop):
     y_hat, psi = predict(model, theta, loop.u[: N + 2], period=T)
     spread = (0.1 * theta) ** 2
     start = np.zeros((4, 6)), np.diag(spread), np.diag(spread)
-    signals = loop.u[: N + 1], loop.y[1 : N + 1], np.ones(N, bool)
+    signals = np.c_[loop.u, 0 * loop.u][: N + 1], loop.y[1 : N + 1], np.ones(N, bool)
     found = replay(
         terms(model, order, substeps, T), theta, *start, signals, forgetting=1.0, box=BOX
     )
