@@ -17,7 +17,7 @@ from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, Guess, measured_sizes
+from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -105,8 +105,10 @@ class Beginning:
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
-        tracked = np.arange(len(theta)) < self.roles.tracked
-        drift = np.diag((tracked & in_use) * walk**2 * T / prior.noise)
+        walks = np.zeros(len(theta))
+        for i, name in enumerate(design.model.names[: self.roles.tracked]):
+            walks[i] = walk * WALKS.get(name, 1.0) * in_use[i]
+        drift = np.diag(walks**2 * T / prior.noise)
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
             a, b = (in_use * theta)[turning] * design.scale[turning]
@@ -167,15 +169,15 @@ class Beginning:
         u, y, present = memory.signals(memory.first)
         x, nothing = memory.stretch(memory.first).x[0], np.zeros(ORDER)
         signals = u[:-1].copy(), y, present, nothing, nothing, prior.noise, active
-        deviation = prior.deviation[active]
+        known, deviation = self.roles.known, prior.deviation
 
         def evaluate(theta: Array) -> Evaluated:
             square, H, g = normal_equations(self.terms, theta, x, *signals)
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
-            off = (theta - prior.theta)[active] / deviation
-            H += np.diag(deviation**-2)
-            return Evaluated(theta, square + off @ off, H, g - off / deviation)
+            off = (theta - prior.theta)[:known] / deviation
+            H += np.diag(deviation[active] ** -2)
+            return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
         start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
         descent = Descent(start, self.box, active)
