@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
 EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
+ITERATIONS = 60  # of a fit, at most
+CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
@@ -180,7 +182,7 @@ class Beginning:
             return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
         start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
-        descent = Descent(start, self.box, active)
+        descent = Descent(start, self.box, active, iterations=ITERATIONS, converged=CONVERGED)
         while not descent.done:
             descent.take(evaluate(descent.trial))
         return descent.at
