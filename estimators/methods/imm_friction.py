@@ -39,6 +39,8 @@ LATER = 1.0  # s after an alarm, when what changed is named again
 BEFORE = 0.05  # s before an onset, as of when θ is as it was
 BEGUN = 0.05  # probability of a jump from which on it may have begun
 SIGNIFICANT = 9.0  # χ² of one degree of freedom, below which nothing explains an alarm
+CERTAIN = 12.0  # that which an alarm needs
+AGES = (0.01, 0.02, 0.02, 0.05, 0.1, 0.1, 0.2)  # s between looks at a jump that may become significant
 
 
 class ImmFriction(RecursiveEstimator):
@@ -126,6 +128,8 @@ class ImmFriction(RecursiveEstimator):
     def _start(self) -> None:
         self.state = self._begin.copy()
         self._found: list[Finding] = []
+        self._case: int | None = None  # onset of a jump that is not significant yet
+        self._ages: list[float] = []
         self.alarm = False
 
     @property
@@ -176,15 +180,28 @@ class ImmFriction(RecursiveEstimator):
         """Do what is due after a sample: tell of a jump, or name it again."""
         state = self.state[0]
         now = int(state["samples_taken"]) - 1
-        size = len(state["ring"])
-        jumping = state["ring"][now % size, -1]
-        if now == state["due"]:
+        if now == state["due"] and self._case is None:
             self._found[-1] = self._named(self._found[-1], now)
-        elif state["armed"] and jumping > self._tuning[0]["alarm_above"]:
-            self.alarm = True
+        elif self._case is None:
             self.state["armed"], self.state["calm"] = 0, 0
-            self.state["due"] = now + round(LATER / self._design.period)
-            self._found.append(self._named(Finding(now, self._onset(now), (), ()), now))
+            self._case, self._ages = self._onset(now), list(AGES)
+        if self._case is not None:
+            self._look(now)
+
+    def _look(self, now: int) -> None:
+        """Tell of a jump as soon as the change is significant."""
+        assert self._case is not None
+        seen = self._named(Finding(now, self._case, (), ()), now)
+        if seen.parameters:
+            self.alarm = True
+            self._found.append(seen)
+            later, self._case = LATER, None
+        elif self._ages:
+            later = self._ages.pop(0)
+        else:
+            self._case = None
+            return
+        self.state["due"] = now + round(later / self._design.period)
 
     def _onset(self, now: int) -> int:
         """Return the sample at which a jump began to be likely."""
@@ -203,7 +220,8 @@ class ImmFriction(RecursiveEstimator):
         covariance = (before + after)[q : q + q * q].reshape(q, q)
         change = single_change(after[:q] - before[:q], covariance)
         i = change.index
-        if change.gain < SIGNIFICANT or before[i] == 0.0:
+        least = SIGNIFICANT if finding.parameters else CERTAIN
+        if change.gain < least or before[i] == 0.0:
             return replace(finding, parameters=(), ratio=(), interval=(), reason=UNEXPLAINED)
         ratio = 1 + change.size / before[i]
         half = Z95 * change.deviation / abs(before[i])
@@ -255,6 +273,7 @@ def imm_friction(
     torque: ArrayLike | None = None,
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
+    suspect: Sequence[str] = (),
     walk: float = WALK,
     jump: float = 0.22,
     rate: float = 1e-3,
@@ -299,6 +318,7 @@ def imm_friction(
         model,
         track=tracked,
         learn=learnt,
+        suspect=tuple(n for n in suspect if n in learnt),
         torque=torque,
         period=period,
         told=told,
