@@ -11,7 +11,8 @@ from flexaxis.estimators.finding import UNEXPLAINED, Finding
 from flexaxis.estimators.methods.start import Nominal
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.structure import TRACKED, prior, structure_names, with_laws
+from flexaxis.estimators.offline.structure import LEARNT, TRACKED, prior, structure_names, with_laws
+from flexaxis.estimators.recursion.as_told import as_told, told_records
 from flexaxis.estimators.recursion.changes import Z95, single_change
 from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -19,6 +20,7 @@ from flexaxis.estimators.recursion.joint import start_sample, state_covariance, 
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.modal import Modes, modal_records
+from flexaxis.estimators.recursion.records import joined
 from flexaxis.estimators.recursion.shared import (
     foresee,
     learn_from,
@@ -38,9 +40,18 @@ WALK = 7e-4  # 1/√s, of θ over its scale
 LATER = 1.0  # s after an alarm, when what changed is named again
 BEFORE = 0.05  # s before an onset, as of when θ is as it was
 BEGUN = 0.05  # probability of a jump from which on it may have begun
+SUSPECTED = 0.1  # of what is learnt once: how often it jumps, over how often what is tracked does
 SIGNIFICANT = 9.0  # χ² of one degree of freedom, below which nothing explains an alarm
 CERTAIN = 12.0  # that which an alarm needs
-AGES = (0.01, 0.02, 0.02, 0.05, 0.1, 0.1, 0.2)  # s between looks at a jump that may become significant
+AGES = (
+    0.01,
+    0.02,
+    0.02,
+    0.05,
+    0.1,
+    0.1,
+    0.2,
+)  # s between looks at a jump that may become significant
 
 
 class ImmFriction(RecursiveEstimator):
@@ -86,6 +97,7 @@ class ImmFriction(RecursiveEstimator):
         torque: ArrayLike | None = None,
         period: float,
         told: Sequence[str] = (),
+        groups=(),
         output: str = "speed",
         noise: float | None = None,
         walk: float = WALK,
@@ -116,14 +128,30 @@ class ImmFriction(RecursiveEstimator):
         W[: len(track)] = walk**2 * period
         which = tuple(names.index(name) for name in (*track, *suspect))
         variances = np.full(len(which), jump**2 * period / hold)
-        modes = Modes(which, W, variances, rate, hold)
+        rates = rate * np.where(np.arange(len(which)) < len(track), 1.0, SUSPECTED)
+        modes = Modes(which, W, variances, rates / rates.sum() * rate, hold)
         covariance = state_covariance(design, None)
-        self._tuning, self._begin = modal_records(design, pattern, modes, covariance)
+        parts = (
+            modal_records(design, pattern, modes, covariance),
+            told_records(len(track), self._told_groups(groups)),
+        )
+        self._tuning, self._begin = (joined(*pair) for pair in zip(*parts, strict=True))
         self._loop = shared_loop(pattern)
         self._which = np.array(which)
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
+
+    def _told_groups(self, groups):
+        names = self._design.model.names
+        found = []
+        for group in groups:
+            inside = [n for n in group if n in names]
+            if inside:
+                i = np.array([names.index(n) for n in inside])
+                told = [group[n] for n in inside] / self._design.scale[i]
+                found.append((i, told))
+        return found
 
     def _start(self) -> None:
         self.state = self._begin.copy()
@@ -166,15 +194,21 @@ class ImmFriction(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done, full = 0, np.empty((len(u), len(self._design.scale)))
+        done = 0
         while done < len(u):
             self.alarm = False
             rest = slice(done, None)
             done += self._loop(
-                self._tuning, self.state, u[rest], y[rest], valid[rest], full[rest], trace[rest]
+                self._tuning,
+                self.state,
+                u[rest],
+                y[rest],
+                valid[rest],
+                estimates[rest],
+                trace[rest],
             )
             self._attend()
-        estimates[:] = full[:, : len(self.names)] * self._design.scale[: len(self.names)]
+        estimates *= self._design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample: tell of a jump, or name it again."""
@@ -255,10 +289,8 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
         weigh_all(state, repeated)
     mix_all(tuning, state)
     recentre(tuning, state)
-    p = estimates.shape[1]
-    for i in range(p):
-        estimates[k, i] = state["theta"][i]
-    start_sample(state["X"], len(state["moved"]), p)
+    as_told(tuning, state, estimates[k])
+    start_sample(state["X"], len(state["moved"]), len(tuning["lower"]))
     show(state, trace[k])
     return watch(tuning, state)
 
@@ -273,7 +305,8 @@ def imm_friction(
     torque: ArrayLike | None = None,
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
-    suspect: Sequence[str] = (),
+    suspect: Sequence[str] = ("J_m", "k_g"),
+    shrink=(0, 1, 2, 3),
     walk: float = WALK,
     jump: float = 0.22,
     rate: float = 1e-3,
@@ -311,6 +344,13 @@ def imm_friction(
     tracked = tuple(dict.fromkeys([*identify, *(n for n in track if _has(model, n, identify))]))
     found = structure_names(model, tracked)
     learnt = found if learn == "auto" else () if learn == "none" else tuple(learn)
+    groups = [
+        {n: model.nominal[n] for n in LEARNT if n in learnt},
+        {"kappa": 0.0, "gap": 0.0},
+        {"c_sin": 0.0, "c_cos": 0.0},
+        {"f_c": 0.0, "f_s": 0.0},
+    ]
+    groups = [groups[i] for i in shrink]
     told = () if isinstance(nominal, Model) else tuple(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
@@ -322,6 +362,7 @@ def imm_friction(
         torque=torque,
         period=period,
         told=told,
+        groups=groups,
         output=output,
         noise=noise,
         walk=walk,
