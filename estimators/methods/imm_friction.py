@@ -37,6 +37,7 @@ from flexaxis.estimators.sampling.pattern import Pattern, split
 Array = NDArray[np.float64]
 
 WALK = 7e-4  # 1/√s, of θ over its scale
+COMMISSIONING = 4.0  # s, which are gone through twice
 LATER = 1.0  # s after an alarm, when what changed is named again
 BEFORE = 0.05  # s before an onset, as of when θ is as it was
 BEGUN = 0.05  # probability of a jump from which on it may have begun
@@ -105,6 +106,7 @@ class ImmFriction(RecursiveEstimator):
         rate: float = 1e-3,
         hold: float = 0.1,
         spread: float = 0.2,
+        commissioning: float = COMMISSIONING,
     ) -> None:
         names = (*track, *learn)
         self.prior = prior(model, names, torque=torque, period=period, told=told, spread=spread)
@@ -138,6 +140,7 @@ class ImmFriction(RecursiveEstimator):
         self._tuning, self._begin = (joined(*pair) for pair in zip(*parts, strict=True))
         self._loop = shared_loop(pattern)
         self._which = np.array(which)
+        self._commissioning = round(commissioning / period)
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
@@ -156,6 +159,8 @@ class ImmFriction(RecursiveEstimator):
     def _start(self) -> None:
         self.state = self._begin.copy()
         self._found: list[Finding] = []
+        self._first: list[tuple[Array, Array, NDArray[np.bool_]]] = []
+        self.state["due"] = self._commissioning - 1
         self._case: int | None = None  # onset of a jump that is not significant yet
         self._ages: list[float] = []
         self.alarm = False
@@ -198,23 +203,46 @@ class ImmFriction(RecursiveEstimator):
         while done < len(u):
             self.alarm = False
             rest = slice(done, None)
-            done += self._loop(
-                self._tuning,
-                self.state,
-                u[rest],
-                y[rest],
-                valid[rest],
-                estimates[rest],
-                trace[rest],
-            )
+            given = u[rest], y[rest], valid[rest]
+            taken = self._loop(self._tuning, self.state, *given, estimates[rest], trace[rest])
+            self._keep(*(values[:taken] for values in given))
+            done += taken
             self._attend()
         estimates *= self._design.scale[: len(self.names)]
+
+    def _keep(self, u: Array, y: Array, valid: NDArray[np.bool_]) -> None:
+        """Keep the samples of commissioning."""
+        left = self._commissioning - sum(len(part[0]) for part in self._first)
+        if left > 0:
+            self._first.append((u[:left].copy(), y[:left].copy(), valid[:left].copy()))
+
+    def _again(self) -> None:
+        """
+        Go through the samples of commissioning once more, from what was learnt in them.
+
+        The first pass is linearised where nothing is known yet; the second, a step of Gauss and
+        Newton, where it ended. What it may deviate by from there is what it was in the first.
+        """
+        u, y, valid = (np.concatenate(parts) for parts in zip(*self._first, strict=True))
+        learnt = self.state["theta"].copy()
+        self.state = self._begin.copy()
+        self.state["theta"] = learnt
+        taken, estimates, trace = 0, np.empty((len(u), len(self.names))), np.empty((len(u), 3))
+        while taken < len(u):  # jumps stop it, of which nobody is told
+            given = (values[taken:] for values in (u, y, valid, estimates, trace))
+            taken += self._loop(self._tuning, self.state, *given)
+        self.state["due"], self.state["armed"], self.state["calm"] = -1, 0, 0
+        self._first = []
 
     def _attend(self) -> None:
         """Do what is due after a sample: tell of a jump, or name it again."""
         state = self.state[0]
         now = int(state["samples_taken"]) - 1
-        if now == state["due"] and self._case is None:
+        if self._first and now + 1 == self._commissioning:
+            self._again()
+        elif now < self._commissioning:
+            return
+        elif now == state["due"] and self._case is None:
             self._found[-1] = self._named(self._found[-1], now)
         elif self._case is None:
             self.state["armed"], self.state["calm"] = 0, 0
@@ -313,6 +341,7 @@ def imm_friction(
     hold: float = 0.1,
     noise: float | None = None,
     spread: float = 0.2,
+    commissioning: float = COMMISSIONING,
 ) -> ImmFriction:
     """
     Make the interacting multiple models of an axis with friction.
@@ -370,6 +399,7 @@ def imm_friction(
         rate=rate,
         hold=hold,
         spread=spread,
+        commissioning=commissioning,
     )
 
 
