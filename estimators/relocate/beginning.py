@@ -17,7 +17,7 @@ from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, Guess, measured_sizes
+from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
 EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
+ITERATIONS = 60  # of a fit, at most
+CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
@@ -105,8 +107,10 @@ class Beginning:
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
-        tracked = np.arange(len(theta)) < self.roles.tracked
-        drift = np.diag((tracked & in_use) * walk**2 * T / prior.noise)
+        walks = np.zeros(len(theta))
+        for i, name in enumerate(design.model.names[: self.roles.tracked]):
+            walks[i] = walk * WALKS.get(name, 1.0) * in_use[i]
+        drift = np.diag(walks**2 * T / prior.noise)
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
             a, b = (in_use * theta)[turning] * design.scale[turning]
@@ -167,18 +171,18 @@ class Beginning:
         u, y, present = memory.signals(memory.first)
         x, nothing = memory.stretch(memory.first).x[0], np.zeros(ORDER)
         signals = u[:-1].copy(), y, present, nothing, nothing, prior.noise, active
-        deviation = prior.deviation[active]
+        known, deviation = self.roles.known, prior.deviation
 
         def evaluate(theta: Array) -> Evaluated:
             square, H, g = normal_equations(self.terms, theta, x, *signals)
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
-            off = (theta - prior.theta)[active] / deviation
-            H += np.diag(deviation**-2)
-            return Evaluated(theta, square + off @ off, H, g - off / deviation)
+            off = (theta - prior.theta)[:known] / deviation
+            H += np.diag(deviation[active] ** -2)
+            return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
         start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
-        descent = Descent(start, self.box, active)
+        descent = Descent(start, self.box, active, iterations=ITERATIONS, converged=CONVERGED)
         while not descent.done:
             descent.take(evaluate(descent.trial))
         return descent.at

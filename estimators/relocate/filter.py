@@ -23,7 +23,7 @@ from flexaxis.estimators.recursion.measurement import measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
 from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
-from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
+from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding, interval_of
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.follow import angle_of
 from flexaxis.estimators.relocate.guesses import Guess
@@ -31,6 +31,8 @@ from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.opened import Opened, opened
 from flexaxis.estimators.relocate.policy import (
+    LATER,
+    LOOKS,
     TAKEN_BACK,
     Accept,
     Case,
@@ -182,7 +184,7 @@ class Relocate(RecursiveEstimator):
             else None
         )
         self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
-        self._policy = Policy(period, gain=gain)
+        self._policy = Policy(period, gain=gain, looks=(*LOOKS, *LATER) if learn else LOOKS)
         self.reset()
         self._warm_up()
 
@@ -311,13 +313,18 @@ class Relocate(RecursiveEstimator):
 
     def _name(self, case: Opened) -> None:
         """Write down what changed, as it is seen now."""
-        active, before = case.active, case.before.at(case.onset)["theta"]
-        ratio = self._memory.state["theta"][active] / before[active]
+        active, row, state = case.active, case.before.at(case.onset), self._memory.state
+        after, before = state["theta"], row["theta"]
+        variances = [np.diag(r["claim"]) * r["noise"] for r in (state, row)]
         self._found[-1] = replace(
             self._found[-1],
             onset=case.onset,
             parameters=tuple(self._design.model.names[i] for i in active),
-            ratio=tuple(ratio.tolist()),
+            ratio=tuple((after / before)[active].tolist()),
+            interval=tuple(
+                interval_of(float(after[i]), float(before[i]), (variances[0][i], variances[1][i]))
+                for i in active
+            ),
             reason="" if len(active) else UNEXPLAINED,
         )
 

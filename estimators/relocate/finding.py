@@ -2,4 +2,13 @@
 
 from flexaxis.estimators.finding import LOST, UNEXPLAINED, Finding
 
-__all__ = ["LOST", "UNEXPLAINED", "Finding"]
+__all__ = ["LOST", "UNEXPLAINED", "Finding", "interval_of"]
+
+SURE = 1.96  # standard deviations, of 95 %
+
+
+def interval_of(after: float, before: float, variances: tuple[float, float]) -> tuple[float, float]:
+    """Return in which interval a ratio lies, of two values with independent errors."""
+    ratio = after / before
+    deviation = (variances[0] + variances[1] * ratio**2) ** 0.5 / abs(before)
+    return ratio - SURE * deviation, ratio + SURE * deviation

@@ -70,6 +70,8 @@ LEARNT = {
     "c_cos": Guess(0.0, 0.1, TORQUE),
 }
 """What is learnt once."""
+WALKS = {"f_m": 3.0, "f_c": 10.0}
+"""How much faster than inertias these walk: with temperature, f_c most."""
 TOLD = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """Of these a data sheet says what they are, and it may be right."""
 ABSENT = (

@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 
+TRUST = 3.0  # nats, by which what is told is likelier before any data
+
+
 class Question(NamedTuple):
     """
     Parameters that may all be as told.
@@ -78,7 +81,7 @@ def needed(
             _weight(posterior, q, mean[q.places], deviation[q.places]) for q in left
         ]
         best = int(np.argmax(weights))
-        if not weights[best] >= 0:
+        if not weights[best] >= -TRUST:
             break
         question = left.pop(best)
         gone = np.r_[question.places, question.with_them]

@@ -29,6 +29,12 @@ class GiveUp(NamedTuple):
 
 TAKEN_BACK = -1
 
+LOOKS = (
+    0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.16, 0.2, 0.25, 0.32,
+    0.4, 0.5,
+)  # fmt: skip
+LATER = 0.7, 1.0  # s, at which f_m and f_c can be told apart
+
 Decision = Wait | Retract | Accept | GiveUp
 
 
@@ -96,10 +102,7 @@ class Policy:
     patience: float = 0.3
     excess: float = 1.5
     recent: float = 0.3
-    looks: tuple[float, ...] = (
-        0, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.12, 0.16, 0.2, 0.25, 0.32,
-        0.4, 0.5,
-    )  # fmt: skip
+    looks: tuple[float, ...] = LOOKS
 
     @property
     def ages(self) -> list[int]:

@@ -123,10 +123,16 @@ class Descent:
     """
 
     def __init__(
-        self, start: Evaluated, box: tuple[Array, Array], active: NDArray[np.int64]
+        self,
+        start: Evaluated,
+        box: tuple[Array, Array],
+        active: NDArray[np.int64],
+        *,
+        iterations: int = ITERATIONS,
+        converged: float = CONVERGED,
     ) -> None:
-        self.at, self.done = start, False
-        self._box, self._active, self._damping, self._left = box, active, 1e-2, ITERATIONS
+        self.at, self.done, self._converged = start, False, converged
+        self._box, self._active, self._damping, self._left = box, active, 1e-2, iterations
         self.trial = self._next()
 
     def take(self, tried: Evaluated) -> None:
@@ -134,7 +140,7 @@ class Descent:
         self._left -= 1
         gained = self.at.square - tried.square
         if gained > 0:
-            self.done = gained < CONVERGED * self.at.square
+            self.done = gained < self._converged * self.at.square
             self.at, self._damping = tried, max(self._damping / 10, 1e-6)
         else:
             self._damping *= 10

@@ -99,11 +99,17 @@ def lag_bound_with_structure(scenario: Scenario, name: str, torque: Array) -> fl
     That is whatever `flexaxis.experiments.scoring.described.with_structure` names, all of it
     unknown after the jump, as if nothing had been learnt before; None where `bounded` has none.
     """
+    return _with_structure(_Record.of(scenario, torque), name)
+
+
+@lru_cache(maxsize=256)
+def _with_structure(record: _Record, name: str) -> float | None:
+    scenario = record.scenario
     window = bounded(scenario, scenario.identify).get(name)
     if window is None:
         return None
     unknown = with_structure(scenario, tracked(scenario, scenario.identify))
-    allowed = jump_bound(scenario, unknown, window.start, window.stop, torque).unknown
+    allowed = jump_bound(scenario, unknown, window.start, window.stop, record.torque).unknown
     return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
 
 

@@ -131,7 +131,7 @@ def _lag(given: Given) -> Limits | None:
     if given.scenario in (*LITTLE, *ENCODERS):
         return 0.0, 0.15
     row = given.row
-    bound = row.lag / row.efficiency if row.lag and row.efficiency else 0.0
+    bound = row.lag / row.efficiency["tracked"] if row.lag and row.efficiency else 0.0
     return 0.0, max(0.2, 1.4 * bound)
 
 
@@ -158,7 +158,9 @@ ESTIMATES = tuple(
 CHANGES = (
     Column("lag", lambda row: row.lag, ".3f", _lag),
     Column("t10", lambda row: row.t10, ".2f", lambda given: (0.0, 0.35)),
-    Column("×bound", lambda row: row.efficiency, ".2f", _efficiency),
+    Column("×one", _of("efficiency", "one"), ".2f"),
+    Column("×bound", _of("efficiency", "tracked"), ".2f", _efficiency),
+    Column("×struct", _of("efficiency", "structure"), ".2f"),
     Column("found", lambda row: row.found, ".0f", _found),
     Column("named", lambda row: row.named, ".0f"),
     Column("1s on", lambda row: row.renamed, ".0f", lambda given: (95.0, 100.0)),
