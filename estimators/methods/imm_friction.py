@@ -334,7 +334,7 @@ def imm_friction(
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
     suspect: Sequence[str] = ("J_m", "k_g"),
-    shrink=(0, 1, 2, 3),
+    shrink=(0, 1, 2, 3, 4),
     walk: float = WALK,
     jump: float = 0.22,
     rate: float = 1e-3,
@@ -378,6 +378,7 @@ def imm_friction(
         {"kappa": 0.0, "gap": 0.0},
         {"c_sin": 0.0, "c_cos": 0.0},
         {"f_c": 0.0, "f_s": 0.0},
+        {"f_s": 0.0},
     ]
     groups = [groups[i] for i in shrink]
     told = () if isinstance(nominal, Model) else tuple(nominal)
