@@ -9,7 +9,7 @@ from flexaxis.estimators.relocate.entry import relocate_friction
 from flexaxis.estimators.relocate.finding import interval_of
 from flexaxis.estimators.relocate.follow import angle_of, follow
 from flexaxis.estimators.relocate.guesses import with_starts
-from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed
+from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed, weight
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.screen import screen
 from flexaxis.estimators.relocate.suspects import Roles
@@ -119,6 +119,8 @@ def test_a_question_is_answered_by_the_ratio_of_the_evidence():
         others = [j for j in range(3) if j != i]
         asked.append(evidence(others) - evidence([0, 1, 2]))
         question = Question(np.array([i]), np.array([told]), np.array([], int))
+        found = weight(posterior, question, mean[[i]], deviation[[i]])
+        assert found == pytest.approx(asked[i], rel=1e-9)
         left, _ = needed(posterior, [question], mean=mean, deviation=deviation)
         assert (i in left.active) == (asked[i] < -TRUST)
     assert asked[0] < -TRUST < asked[1]  # one of each kind at least
