@@ -6,7 +6,9 @@ corrects in a predictor by output error, and its sensitivities grow without end.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
@@ -15,6 +17,7 @@ from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.sizes import measured
 from flexaxis.estimators.offline.structure import Prior, prior, structure_names, with_laws
 from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
@@ -139,13 +142,19 @@ def _variance(model: Model, torque: ArrayLike | None, period: float, noise: floa
     """Return σ² that P(0) reckons with."""
     if noise is not None:
         return above_zero("noise", noise, "the standard deviation of y") ** 2
-    speeds = [sizes.drive for law, sizes in measured(model, torque, period) if law.kind in FRICTION]
-    if not speeds:
+    if torque is None:
+        stored = measured(model, None, period)  # refuses an axis that is not the nominal one
+        speed = max((sizes.drive for law, sizes in stored if law.kind in FRICTION), default=0.0)
+    else:
+        linear = replace(model, laws=())
+        one = linear.parametrize(linear.parameters[:1])
+        speed = float(np.std(predict(one, one.theta, np.asarray(torque, float), period=period)[0]))
+    if not speed > 0:
         raise EstimatorError(
-            f"model {model.name!r} has no law of friction, whose speed says how large noise may "
-            "be; give noise, the standard deviation of y"
+            "how large the noise of y may be is known only of an axis that moves: give the torque "
+            "of a run, or noise, its standard deviation"
         )
-    return float((NOISE * max(speeds)) ** 2)
+    return (NOISE * speed) ** 2
 
 
 ENTRIES = (
