@@ -26,6 +26,7 @@ FRICTION = ("bristle", "static")  # kinds of law that a speed drives
 NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
 # an axis is off its model before that is learnt, the first steps are too long
 SPREAD = 0.05  # standard deviation of θ(0), relative to it: a new axis is about as it was designed
+SETTLE = 2.0  # s: twice the memory of what is tracked
 WALK = 0.01  # 1/√s, of θ/θ(0): the memory is then about a second where σ is 2 % of the speed
 CEILING = 10 * CALM  # of R̂ P, relative to θ(0)²: a deviation of 10 %, twice that of the start
 
@@ -69,6 +70,7 @@ def rpem_friction(
         P0=known.P0 / _variance(model, torque, period, noise),
         bounds=known.bounds,
         scale=known.scale,
+        settle=SETTLE,
         period=period,
         forgetting=forgetting_factor(forgetting, period),
         output=output,
@@ -113,6 +115,7 @@ def rpem_friction_drift(
         P0=known.P0 / variance,
         bounds=known.bounds,
         scale=known.scale,
+        settle=SETTLE,
         period=period,
         drift=period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
         output=output,
