@@ -90,6 +90,8 @@ class Policy:
         Mean square of the whitened residual, one before the alarm, that is "not explained".
     recent : float
         Time over which the residual is judged in the end [s].
+    settled : float
+        How long after an alarm what was accepted may still be taken back [s].
     looks : tuple of float
         Times after an alarm at which it is looked into [s].
     """
@@ -102,6 +104,7 @@ class Policy:
     patience: float = 0.3
     excess: float = 1.5
     recent: float = 0.3
+    settled: float = 0.5
     looks: tuple[float, ...] = LOOKS
 
     @property
@@ -117,7 +120,8 @@ class Policy:
         A dubious residual, which the model does not explain to begin with, asks for more.
         """
         if not self._borne_out(ranking, case):
-            return Wait() if case.accepted in {None, TAKEN_BACK} else Retract()
+            late = case.age * self.period > self.settled
+            return Wait() if late or case.accepted in {None, TAKEN_BACK} else Retract()
         if case.accepted == ranking.best:
             return Accept()
         decided = ranking.lead > self.margin * case.repeated
