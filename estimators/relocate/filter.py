@@ -183,7 +183,9 @@ class Relocate(RecursiveEstimator):
             else None
         )
         self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
-        self._policy = Policy(period, gain=gain, looks=(*LOOKS, *LATER) if learn else LOOKS)
+        self._policy = Policy(period, gain=gain)
+        if learn:
+            self._policy = replace(self._policy, looks=(*LOOKS, *LATER), adapting=True)
         self.reset()
         self._warm_up()
 

@@ -92,6 +92,9 @@ class Policy:
         Time over which the residual is judged in the end [s].
     settled : float
         How long after an alarm what was accepted may still be taken back [s].
+    adapting : bool
+        Whether the filter goes on to learn more than what is tracked. Then what it leaves of the
+        residual after a change speaks for that as well: a fit of the change alone knows less.
     looks : tuple of float
         Times after an alarm at which it is looked into [s].
     """
@@ -105,6 +108,7 @@ class Policy:
     excess: float = 1.5
     recent: float = 0.3
     settled: float = 0.5
+    adapting: bool = False
     looks: tuple[float, ...] = LOOKS
 
     @property
@@ -155,7 +159,10 @@ class Policy:
         """Whether the residual is back at its level before the alarm, as far as one can tell."""
         samples = max(case.samples - ranking.change.onset, 1)
         limit = self.excess + 6 * np.sqrt(2 * case.repeated / samples)
-        return bool(ranking.change.unexplained <= limit)
+        unexplained = ranking.change.unexplained
+        if self.adapting and case.accepted not in {None, TAKEN_BACK}:
+            unexplained = min(unexplained, -2 * case.likelihood / case.samples)
+        return bool(unexplained <= limit)
 
 
 def dubious(colour: Array, correlation: float) -> float:
