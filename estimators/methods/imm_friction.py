@@ -11,7 +11,8 @@ from flexaxis.estimators.finding import UNEXPLAINED, Finding
 from flexaxis.estimators.methods.start import Nominal
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.structure import TRACKED, prior, structure_names, with_laws
+from flexaxis.estimators.offline.structure import LEARNT, TRACKED, prior, structure_names, with_laws
+from flexaxis.estimators.recursion.as_told import as_told, told_records
 from flexaxis.estimators.recursion.changes import Z95, single_change
 from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -19,6 +20,7 @@ from flexaxis.estimators.recursion.joint import start_sample, state_covariance, 
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.modal import Modes, modal_records
+from flexaxis.estimators.recursion.records import joined
 from flexaxis.estimators.recursion.shared import (
     foresee,
     learn_from,
@@ -35,10 +37,22 @@ from flexaxis.estimators.sampling.pattern import Pattern, split
 Array = NDArray[np.float64]
 
 WALK = 7e-4  # 1/√s, of θ over its scale
+COMMISSIONING = 4.0  # s, which are gone through twice
 LATER = 1.0  # s after an alarm, when what changed is named again
 BEFORE = 0.05  # s before an onset, as of when θ is as it was
 BEGUN = 0.05  # probability of a jump from which on it may have begun
+SUSPECTED = 0.1  # of what is learnt once: how often it jumps, over how often what is tracked does
 SIGNIFICANT = 9.0  # χ² of one degree of freedom, below which nothing explains an alarm
+CERTAIN = 12.0  # that which an alarm needs
+AGES = (
+    0.01,
+    0.02,
+    0.02,
+    0.05,
+    0.1,
+    0.1,
+    0.2,
+)  # s between looks at a jump that may become significant
 
 
 class ImmFriction(RecursiveEstimator):
@@ -84,6 +98,7 @@ class ImmFriction(RecursiveEstimator):
         torque: ArrayLike | None = None,
         period: float,
         told: Sequence[str] = (),
+        groups=(),
         output: str = "speed",
         noise: float | None = None,
         walk: float = WALK,
@@ -91,6 +106,7 @@ class ImmFriction(RecursiveEstimator):
         rate: float = 1e-3,
         hold: float = 0.1,
         spread: float = 0.2,
+        commissioning: float = COMMISSIONING,
     ) -> None:
         names = (*track, *learn)
         self.prior = prior(model, names, torque=torque, period=period, told=told, spread=spread)
@@ -114,18 +130,39 @@ class ImmFriction(RecursiveEstimator):
         W[: len(track)] = walk**2 * period
         which = tuple(names.index(name) for name in (*track, *suspect))
         variances = np.full(len(which), jump**2 * period / hold)
-        modes = Modes(which, W, variances, rate, hold)
+        rates = rate * np.where(np.arange(len(which)) < len(track), 1.0, SUSPECTED)
+        modes = Modes(which, W, variances, rates / rates.sum() * rate, hold)
         covariance = state_covariance(design, None)
-        self._tuning, self._begin = modal_records(design, pattern, modes, covariance)
+        parts = (
+            modal_records(design, pattern, modes, covariance),
+            told_records(len(track), self._told_groups(groups)),
+        )
+        self._tuning, self._begin = (joined(*pair) for pair in zip(*parts, strict=True))
         self._loop = shared_loop(pattern)
         self._which = np.array(which)
+        self._commissioning = round(commissioning / period)
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
 
+    def _told_groups(self, groups):
+        names = self._design.model.names
+        found = []
+        for group in groups:
+            inside = [n for n in group if n in names]
+            if inside:
+                i = np.array([names.index(n) for n in inside])
+                told = [group[n] for n in inside] / self._design.scale[i]
+                found.append((i, told))
+        return found
+
     def _start(self) -> None:
         self.state = self._begin.copy()
         self._found: list[Finding] = []
+        self._first: list[tuple[Array, Array, NDArray[np.bool_]]] = []
+        self.state["due"] = self._commissioning - 1
+        self._case: int | None = None  # onset of a jump that is not significant yet
+        self._ages: list[float] = []
         self.alarm = False
 
     @property
@@ -162,29 +199,71 @@ class ImmFriction(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        done, full = 0, np.empty((len(u), len(self._design.scale)))
+        done = 0
         while done < len(u):
             self.alarm = False
             rest = slice(done, None)
-            done += self._loop(
-                self._tuning, self.state, u[rest], y[rest], valid[rest], full[rest], trace[rest]
-            )
+            given = u[rest], y[rest], valid[rest]
+            taken = self._loop(self._tuning, self.state, *given, estimates[rest], trace[rest])
+            self._keep(*(values[:taken] for values in given))
+            done += taken
             self._attend()
-        estimates[:] = full[:, : len(self.names)] * self._design.scale[: len(self.names)]
+        estimates *= self._design.scale[: len(self.names)]
+
+    def _keep(self, u: Array, y: Array, valid: NDArray[np.bool_]) -> None:
+        """Keep the samples of commissioning."""
+        left = self._commissioning - sum(len(part[0]) for part in self._first)
+        if left > 0:
+            self._first.append((u[:left].copy(), y[:left].copy(), valid[:left].copy()))
+
+    def _again(self) -> None:
+        """
+        Go through the samples of commissioning once more, from what was learnt in them.
+
+        The first pass is linearised where nothing is known yet; the second, a step of Gauss and
+        Newton, where it ended. What it may deviate by from there is what it was in the first.
+        """
+        u, y, valid = (np.concatenate(parts) for parts in zip(*self._first, strict=True))
+        learnt = self.state["theta"].copy()
+        self.state = self._begin.copy()
+        self.state["theta"] = learnt
+        taken, estimates, trace = 0, np.empty((len(u), len(self.names))), np.empty((len(u), 3))
+        while taken < len(u):  # jumps stop it, of which nobody is told
+            given = (values[taken:] for values in (u, y, valid, estimates, trace))
+            taken += self._loop(self._tuning, self.state, *given)
+        self.state["due"], self.state["armed"], self.state["calm"] = -1, 0, 0
+        self._first = []
 
     def _attend(self) -> None:
         """Do what is due after a sample: tell of a jump, or name it again."""
         state = self.state[0]
         now = int(state["samples_taken"]) - 1
-        size = len(state["ring"])
-        jumping = state["ring"][now % size, -1]
-        if now == state["due"]:
+        if self._first and now + 1 == self._commissioning:
+            self._again()
+        elif now < self._commissioning:
+            return
+        elif now == state["due"] and self._case is None:
             self._found[-1] = self._named(self._found[-1], now)
-        elif state["armed"] and jumping > self._tuning[0]["alarm_above"]:
-            self.alarm = True
+        elif self._case is None:
             self.state["armed"], self.state["calm"] = 0, 0
-            self.state["due"] = now + round(LATER / self._design.period)
-            self._found.append(self._named(Finding(now, self._onset(now), (), ()), now))
+            self._case, self._ages = self._onset(now), list(AGES)
+        if self._case is not None:
+            self._look(now)
+
+    def _look(self, now: int) -> None:
+        """Tell of a jump as soon as the change is significant."""
+        assert self._case is not None
+        seen = self._named(Finding(now, self._case, (), ()), now)
+        if seen.parameters:
+            self.alarm = True
+            self._found.append(seen)
+            later, self._case = LATER, None
+        elif self._ages:
+            later = self._ages.pop(0)
+        else:
+            self._case = None
+            return
+        self.state["due"] = now + round(later / self._design.period)
 
     def _onset(self, now: int) -> int:
         """Return the sample at which a jump began to be likely."""
@@ -203,7 +282,8 @@ class ImmFriction(RecursiveEstimator):
         covariance = (before + after)[q : q + q * q].reshape(q, q)
         change = single_change(after[:q] - before[:q], covariance)
         i = change.index
-        if change.gain < SIGNIFICANT or before[i] == 0.0:
+        least = SIGNIFICANT if finding.parameters else CERTAIN
+        if change.gain < least or before[i] == 0.0:
             return replace(finding, parameters=(), ratio=(), interval=(), reason=UNEXPLAINED)
         ratio = 1 + change.size / before[i]
         half = Z95 * change.deviation / abs(before[i])
@@ -237,10 +317,8 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
         weigh_all(state, repeated)
     mix_all(tuning, state)
     recentre(tuning, state)
-    p = estimates.shape[1]
-    for i in range(p):
-        estimates[k, i] = state["theta"][i]
-    start_sample(state["X"], len(state["moved"]), p)
+    as_told(tuning, state, estimates[k])
+    start_sample(state["X"], len(state["moved"]), len(tuning["lower"]))
     show(state, trace[k])
     return watch(tuning, state)
 
@@ -255,12 +333,15 @@ def imm_friction(
     torque: ArrayLike | None = None,
     learn: Sequence[str] | str = "auto",
     track: Sequence[str] = TRACKED,
+    suspect: Sequence[str] = ("J_m", "k_g"),
+    shrink=(0, 1, 2, 3, 4),
     walk: float = WALK,
     jump: float = 0.22,
     rate: float = 1e-3,
     hold: float = 0.1,
     noise: float | None = None,
     spread: float = 0.2,
+    commissioning: float = COMMISSIONING,
 ) -> ImmFriction:
     """
     Make the interacting multiple models of an axis with friction.
@@ -292,6 +373,14 @@ def imm_friction(
     tracked = tuple(dict.fromkeys([*identify, *(n for n in track if _has(model, n, identify))]))
     found = structure_names(model, tracked)
     learnt = found if learn == "auto" else () if learn == "none" else tuple(learn)
+    groups = [
+        {n: model.nominal[n] for n in LEARNT if n in learnt},
+        {"kappa": 0.0, "gap": 0.0},
+        {"c_sin": 0.0, "c_cos": 0.0},
+        {"f_c": 0.0, "f_s": 0.0},
+        {"f_s": 0.0},
+    ]
+    groups = [groups[i] for i in shrink]
     told = () if isinstance(nominal, Model) else tuple(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
@@ -299,9 +388,11 @@ def imm_friction(
         model,
         track=tracked,
         learn=learnt,
+        suspect=tuple(n for n in suspect if n in learnt),
         torque=torque,
         period=period,
         told=told,
+        groups=groups,
         output=output,
         noise=noise,
         walk=walk,
@@ -309,6 +400,7 @@ def imm_friction(
         rate=rate,
         hold=hold,
         spread=spread,
+        commissioning=commissioning,
     )
 
 

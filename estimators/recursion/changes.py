@@ -42,6 +42,8 @@ def single_change(difference: Array, covariance: Array) -> Change:
     difference : (q,) array
     covariance : (q, q) array
     """
+    if not np.all(np.isfinite(difference)) or not np.all(np.isfinite(covariance)):
+        return Change(0, 0.0, np.nan, np.inf)  # a filter that diverges is a result
     scale = np.sqrt(np.diag(covariance))
     information = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
     score, weight = information @ (difference / scale), np.diag(information)

@@ -26,8 +26,8 @@ class Modes:
         What the variances of ξ = [θ; x] gain in every sample, in every mode.
     jump : (modes−1,) array
         What that of a parameter gains in every sample of its mode besides.
-    rate : float
-        How often any parameter jumps [1/s].
+    rate : (modes−1,) array
+        How often a parameter jumps [1/s].
     hold : float
         How long a jump lasts on average [s].
     """
@@ -35,7 +35,7 @@ class Modes:
     which: tuple[int, ...]
     walk: Array
     jump: Array
-    rate: float
+    rate: Array
     hold: float
 
 
@@ -74,7 +74,8 @@ def modal_records(
         walk=modes.walk,
         jump=modes.jump,
         which=np.array(modes.which),
-        quiet=1 - modes.rate * period,
+        quiet=1 - float(np.sum(modes.rate)) * period,
+        come=modes.rate * period,
         stay=1 - period / modes.hold,
         lower=design.lower,
         upper=design.upper,

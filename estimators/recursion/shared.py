@@ -151,13 +151,13 @@ def mix_all(tuning, state):
     predicted[0] = quiet * weight[0]
     for j in range(1, modes):
         predicted[0] += (1.0 - stay) * weight[j]
-        predicted[j] = (1.0 - quiet) / (modes - 1) * weight[0] + stay * weight[j]
+        predicted[j] = tuning["come"][j - 1] * weight[0] + stay * weight[j]
     parted[:] = delta
     share = state["share"]
     for j in range(modes):
         share[0, j] = (quiet if j == 0 else 1.0 - stay) * weight[j] / predicted[0]
     for j in range(1, modes):
-        share[j, 0] = (1.0 - quiet) / (modes - 1) * weight[0] / predicted[j]
+        share[j, 0] = tuning["come"][j - 1] * weight[0] / predicted[j]
         share[j, j] = stay * weight[j] / predicted[j]
     for j in range(modes):
         for a in range(m):

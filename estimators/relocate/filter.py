@@ -320,7 +320,7 @@ class Relocate(RecursiveEstimator):
             self._found[-1],
             onset=case.onset,
             parameters=tuple(self._design.model.names[i] for i in active),
-            ratio=tuple((after / before)[active].tolist()),
+            ratio=tuple((after[active] / before[active]).tolist()),
             interval=tuple(
                 interval_of(float(after[i]), float(before[i]), (variances[0][i], variances[1][i]))
                 for i in active
