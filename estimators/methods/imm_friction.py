@@ -99,12 +99,14 @@ def imm_friction(
     told = () if isinstance(nominal, Model) else tuple(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
+    may = (*model.parameters, *(f"1/{p}" for p in model.parameters if p not in model.law_parameters))
+    track = _names("track", track, (*may, *TRACKED))
     tracked = (*identify, *(name for name in track if _is_left(model, name, identify)))
     learnt = _learnt(model, tracked, learn)
     names = (*tracked, *learnt)
     model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
-    thought = _known_better(thought, deviations or {})
+    thought = thought if deviations is None else _known_better(thought, deviations)
     design = make_design(
         model,
         identify=names,
@@ -122,6 +124,7 @@ def imm_friction(
         commissioning = COMMISSIONING if deviations is None else 0.0
     at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
     rests = state_covariance(design, state_sizes(model, torque, period) ** 2)
+    suspects = _names("suspects", suspects, (*may, *SUSPECTS))
     which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
     W = np.zeros(with_state(split(design.model)[0]).p)
@@ -176,21 +179,37 @@ def _without(model: Model, absent: Sequence[str]) -> Model:
 
 
 def _learnt(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) -> tuple[str, ...]:
+    """Return what is learnt once; of "auto" all but what is zero, which gives it no size."""
     found = structure_names(model, tracked)
     if learn == "auto":
-        return found
-    if isinstance(learn, str):
-        if learn == "none":
-            return ()
-        raise EstimatorError(f"learn is {learn!r}; give 'auto', 'none' or names of {found}")
-    for name in learn:
-        if name not in found:
-            raise EstimatorError(f"{name!r} cannot be learnt: {did_you_mean(name, found)}")
-    return tuple(learn)
+        return tuple(n for n in found if n in model.law_parameters or model.nominal[n])
+    if learn == "none":
+        return ()
+    return _names("learn", learn, found)
+
+
+def _names(option: str, given: object, allowed: Sequence[str]) -> tuple[str, ...]:
+    """Return names that an option gives, refused where there is no such parameter."""
+    if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
+        raise EstimatorError(
+            f"{option} is {given!r}; give names among {', '.join(allowed)}"
+            + ("; or 'auto' or 'none'" if option == "learn" else "")
+        )
+    for name in given:
+        if name not in allowed:
+            raise EstimatorError(
+                f"{option} names {name!r}, which is no parameter for that: "
+                + did_you_mean(str(name), allowed)
+            )
+    return tuple(dict.fromkeys(given))
 
 
 def _known_better(thought: Prior, deviations: Mapping[str, float]) -> Prior:
     """Return what is thought with standard deviations as given."""
+    if not isinstance(deviations, Mapping):
+        raise EstimatorError(
+            f"deviations is {deviations!r}; give standard deviations by the names of parameters"
+        )
     deviation = thought.deviation.copy()
     for i, name in enumerate(thought.names):
         physical = name.removeprefix("1/")

@@ -62,7 +62,7 @@ class Tracker(RecursiveEstimator):
     Attributes
     ----------
     theta, covariance
-        Of the tracked parameters, not drawn to what was told.
+        Of the tracked parameters; the covariance is that without what was told.
     findings : tuple of Finding
         What was found, named anew one second after its alarm.
     alarm : bool
@@ -127,9 +127,9 @@ class Tracker(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        return (self.state["theta"][0, : len(self._design.scale)] * self._design.scale)[
-            : len(self.names)
-        ]
+        tracked = slice(len(self.names))
+        drawn = self.state["given"] if self.state["samples_taken"][0] else self.state["theta"]
+        return drawn[0, tracked] * self._design.scale[tracked]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
@@ -191,6 +191,7 @@ class Tracker(RecursiveEstimator):
             self._keep(u[kept], y[kept], valid[kept])
             done += taken
             self._attend()
+            estimates[done - 1] = self.state["given"][0, : len(self.names)]
         estimates *= self._design.scale[: len(self.names)]
 
     def _keep(self, u: Array, y: Array, valid: NDArray[np.bool_]) -> None:
