@@ -78,7 +78,7 @@ def needed(
     left, fixed = list(questions), []
     while left:
         weights: list[float] = [
-            _weight(posterior, q, mean[q.places], deviation[q.places]) for q in left
+            weight(posterior, q, mean[q.places], deviation[q.places]) for q in left
         ]
         best = int(np.argmax(weights))
         if not weights[best] >= -TRUST:
@@ -93,7 +93,7 @@ def needed(
     return posterior, fixed
 
 
-def _weight(posterior: Posterior, question: Question, mean: Array, deviation: Array) -> float:
+def weight(posterior: Posterior, question: Question, mean: Array, deviation: Array) -> float:
     """Return the logarithm of the ratio of the densities [nats]."""
     mine = [list(posterior.active).index(i) for i in question.places]
     C = np.linalg.inv(posterior.H)[np.ix_(mine, mine)]

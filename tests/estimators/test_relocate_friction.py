@@ -1,0 +1,178 @@
+"""`relocate` on models with laws: what is learnt once, what data ask for, the measured angle."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.models.axes import BRISTLES, N1, real_axis
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.relocate.entry import relocate_friction
+from flexaxis.estimators.relocate.finding import interval_of
+from flexaxis.estimators.relocate.follow import angle_of, follow
+from flexaxis.estimators.relocate.guesses import with_starts
+from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed, weight
+from flexaxis.estimators.relocate.replay import replay
+from flexaxis.estimators.relocate.screen import screen
+from flexaxis.estimators.relocate.suspects import Roles
+from flexaxis.estimators.sampling.sampled import planned, prepare, travel
+
+T = 0.005
+LAW = {"f_c": 0.1, "f_s": 0.05, "v_s": 0.5, "sigma_0": 100.0, "sigma_1": 0.3, "v_0": 0.1}
+
+
+def one_mass_with_friction(names=("k_T", "J_m", "f_m", "f_c")):
+    """A motor with dry friction, in parameters relative to their values."""
+    model = Model(
+        "motor", states=("speed_motor",), A=(("-f_m/J_m",),), B=("k_T/J_m",), C=("1",),
+        nominal={"k_T": 1.0, "J_m": 6e-3, "f_m": 0.05, **LAW}, laws=(BRISTLES,),
+    )  # fmt: skip
+    wide = model.parametrize(names)
+    relative = wide.relative(wide.theta)
+    box = np.full(len(names), 0.4), np.full(len(names), 2.5)
+    return planned(relative, *box, T), box
+
+
+def shaken(N, rng):
+    """A torque that turns the motor round now and then."""
+    u = np.cumsum(rng.standard_normal(N))
+    return np.c_[0.6 * np.sin(u / 5), np.zeros(N)]
+
+
+def test_the_screen_is_right_where_the_linearisation_varies():
+    terms, (lower, upper) = one_mass_with_friction()
+    rng, theta, active, N = np.random.default_rng(0), np.ones(4), np.arange(4), 60
+    u, x = shaken(N, rng), np.r_[1.0, np.zeros(terms.n - 1)]
+    present = np.ones(N, bool)
+    present[20:23] = False
+    y = rng.standard_normal(N)
+    gains, steps = np.empty((N, 4)), np.empty((N, 4))
+    for onset in range(N):  # the textbook way: one simulation for each
+        prepared, psi, epsilon = prepare(terms, theta, active), np.zeros((N, 4)), np.zeros(N)
+        X, moved = np.zeros((2, 5, terms.n + 1))
+        X[0, :-1] = x
+        for k in range(N):
+            X[1:] *= k > onset  # the state at the onset does not depend on what follows
+            travel(prepared, X, moved, u[k, 0])
+            X, moved = moved, X
+            psi[k], epsilon[k] = X[1:, -1] * (k >= onset), y[k] - X[0, -1]
+        g = psi[present].T @ epsilon[present] / 0.3
+        H = np.sum(psi[present] ** 2, axis=0) / 0.3 + 1 / 0.5**2
+        steps[onset] = np.clip(g / H, -0.6, 1.5)
+        gains[onset] = g * steps[onset] - (H * steps[onset] ** 2 + np.log(H * 0.5**2)) / 2
+    found = screen(terms, theta, active, x, u, y, present, 0.3, lower, upper, 0.5)
+    np.testing.assert_array_equal(found[0], gains.argmax(axis=0))
+    np.testing.assert_allclose(found[1], steps[found[0], range(4)], rtol=1e-6)
+    np.testing.assert_allclose(found[2], gains.max(axis=0), rtol=1e-6)
+
+
+def test_what_is_learnt_is_never_forgotten():
+    roles = Roles(given=1, tracked=2, known=3, candidates=np.arange(4))
+    fading = roles.fading(0.81, 4)
+    f, h, one = 0.81, 0.9, 1.0
+    expected = [[f, f, h, f], [f, f, h, f], [h, h, one, h], [f, f, h, f]]
+    np.testing.assert_allclose(fading, expected)
+
+
+def test_a_replay_begins_from_what_was_known_and_walks():
+    terms, _ = one_mass_with_friction(("k_T", "f_m"))
+    rng, N, theta = np.random.default_rng(1), 80, np.array([1.0, 1.1])
+    u, x = shaken(N + 1, rng), np.zeros(terms.n)
+    prepared, X, moved = prepare(terms, theta, np.arange(2)), *np.zeros((2, 3, terms.n + 1))
+    psi, expected = np.zeros((N, 2)), np.zeros(N)
+    for k in range(N):
+        travel(prepared, X, moved, u[k, 0])
+        X, moved = moved, X
+        psi[k], expected[k] = X[1:, -1], X[0, -1]
+    y = expected + 0.1 * rng.standard_normal(N)
+    prior, drift, before = np.diag([4.0, 9.0]), np.diag([1e-3, 0.0]), np.array([0.9, 1.0])
+    start = np.zeros((3, terms.n + 1))
+    start[0, :-1] = x
+    found = replay(
+        terms, theta, start, prior, prior, (u, y, np.ones(N, bool)), forgetting=1.0,
+        drift=drift, before=before, box=(-np.full(2, 1e9), np.full(2, 1e9)),
+    )  # fmt: skip
+    estimate, P = before.copy(), prior  # a Kalman filter for a random walk, unit noise
+    for k in range(N):
+        P = P + drift
+        gain = P @ psi[k] / (1 + psi[k] @ P @ psi[k])
+        estimate = estimate + gain * (y[k] - expected[k] - psi[k] @ (estimate - theta))
+        P = P - np.outer(gain, psi[k] @ P)
+    np.testing.assert_allclose(found.theta[-2], estimate, rtol=1e-9)
+    np.testing.assert_allclose(found.P[-2], P, rtol=1e-9)
+
+
+def test_a_question_is_answered_by_the_ratio_of_the_evidence():
+    # linear regression, for which the evidence has a closed form
+    rng = np.random.default_rng(2)
+    A, mean, deviation = rng.standard_normal((30, 3)), np.array([0.2, 1.0, 0.0]), np.ones(3)
+    y = A @ [0.5, 1.05, 0.0] + 0.3 * rng.standard_normal(30)
+
+    def evidence(free):
+        """Logarithm of the normal density of y, its parameters integrated out."""
+        cov = 0.09 * np.eye(30) + A[:, free] @ A[:, free].T
+        told = A @ np.where(np.isin(np.arange(3), free), mean, [0.0, 1.0, 0.0])
+        return -((y - told) @ np.linalg.solve(cov, y - told) + np.linalg.slogdet(cov)[1]) / 2
+
+    H = A.T @ A / 0.09 + np.eye(3)
+    theta = np.linalg.solve(H, A.T @ y / 0.09 + mean)
+    posterior, asked = Posterior(np.arange(3), theta, H), []
+    for i, told in enumerate((0.0, 1.0, 0.0)):
+        others = [j for j in range(3) if j != i]
+        asked.append(evidence(others) - evidence([0, 1, 2]))
+        question = Question(np.array([i]), np.array([told]), np.array([], int))
+        found = weight(posterior, question, mean[[i]], deviation[[i]])
+        assert found == pytest.approx(asked[i], rel=1e-9)
+        left, _ = needed(posterior, [question], mean=mean, deviation=deviation)
+        assert (i in left.active) == (asked[i] < -TRUST)
+    assert asked[0] < -TRUST < asked[1]  # one of each kind at least
+    left, fixed = needed(
+        posterior, [Question(np.array([2]), np.zeros(1), np.array([], int))],
+        mean=mean, deviation=deviation,
+    )  # fmt: skip
+    few = A[:, :2]
+    again = np.linalg.solve(few.T @ few / 0.09 + np.eye(2), few.T @ y / 0.09 + mean[:2])
+    np.testing.assert_allclose(left.theta, again)
+    assert [places.tolist() for places, _ in fixed] == [[2]]
+
+
+def test_a_torque_that_depends_on_the_angle_follows_the_measured_one():
+    nominal = with_starts(N1) | {"poles": 24.0, "c_sin": 0.1, "c_cos": 0.0}
+    model = real_axis(nominal).parametrize(["k_T", "c_sin"])
+    row, terms = angle_of(model), planned(model, 0.5 * model.theta, 2 * model.theta, T)
+    assert row == 5
+
+    def after(c_sin):
+        theta = np.array([1.0, c_sin])
+        prepared, X, moved = prepare(terms, theta, np.arange(2)), *np.zeros((2, 3, terms.n + 1))
+        X[:, row] = 7.0  # what the model made of it, and of its derivatives
+        follow(prepared, X, moved, np.array([0.0, np.pi / 48]))
+        return moved
+
+    # at rest the torque is c_sin sin(24 φ) = c_sin
+    accelerated = 0.1 * T / N1["J_m"]
+    assert after(0.1)[0, 2] == pytest.approx(accelerated, rel=0.3)  # less gear and friction
+    slope = (after(0.1 + 1e-4)[0, 2] - after(0.1 - 1e-4)[0, 2]) / 2e-4
+    assert after(0.1)[2, 2] == pytest.approx(slope, rel=1e-4)
+    assert after(0.1)[0, row] == pytest.approx(np.pi / 48, abs=accelerated * T)
+
+
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_the_measured_angle_is_the_sum_of_what_was_measured(output):
+    nominal = N1 | {"poles": 24.0}
+    filter_ = relocate_friction(nominal, T, output=output, P0=[1e-4, 1e-4, 1e-6])
+    y = np.random.default_rng(3).standard_normal(40)
+    filter_.run(np.zeros(40), y)
+    angle = filter_._memory.read("u", 0)[:, 1]
+    means = y[1:] if output == "increment" else (y[1:] + y[:-1]) / 2
+    np.testing.assert_allclose(angle, T * np.r_[0.0, np.cumsum(means)], atol=1e-12)
+
+
+def test_the_interval_of_a_ratio_holds_it_in_95_of_100():
+    rng = np.random.default_rng(4)
+    after, before = 1.5 + 0.02 * rng.standard_normal(4000), 1.0 + 0.01 * rng.standard_normal(4000)
+    inside = [
+        low <= 1.5 <= high
+        for low, high in (
+            interval_of(a, b, (4e-4, 1e-4)) for a, b in zip(after, before, strict=True)
+        )
+    ]
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.015)  # four deviations of 4000 draws
