@@ -99,7 +99,10 @@ def imm_friction(
     told = () if isinstance(nominal, Model) else tuple(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
-    may = (*model.parameters, *(f"1/{p}" for p in model.parameters if p not in model.law_parameters))
+    may = (
+        *model.parameters,
+        *(f"1/{p}" for p in model.parameters if p not in model.law_parameters),
+    )
     track = _names("track", track, (*may, *TRACKED))
     tracked = (*identify, *(name for name in track if _is_left(model, name, identify)))
     learnt = _learnt(model, tracked, learn)
