@@ -175,7 +175,13 @@ class Relocate(RecursiveEstimator):
         )
         box = design.lower, design.upper
         model_ = planned(design.model, *box, period)
-        self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
+        self._hypotheses = Hypotheses(
+            model_,
+            box,
+            roles.tracked,
+            roles.candidates,
+            promising=gain / 2 if learn else -np.inf,
+        )
         self._rewind = Rewind(model_, box, roles, fading)
         self._beginning = (
             Beginning(model_, design, roles, (*track.values(), *learn.values()), model.nominal)
