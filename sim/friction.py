@@ -51,7 +51,7 @@ class StaticFrictionConfig(Config):
     """
 
     exact: ClassVar[bool] = False
-    substeps: ClassVar[int] = 20  # sliding begins and ends within a millisecond
+    substeps: ClassVar[int] = 20  # sliding begins and ends within a millisecond: 6e-5 in the loop
     f_c: Positive
     f_s: Positive
     alpha: Positive
@@ -78,7 +78,7 @@ class StaticFrictionConfig(Config):
 
     def in_words(self) -> str:
         """Return what it is and how large."""
-        return f"a friction curve of {self.f_c:g} N m, {self.f_s:g} N m more at low speed"
+        return f"a friction curve with F_c = {self.f_c:.3g} N m, F_cs = {self.f_s:.3g} N m"
 
 
 class DirectionalFrictionConfig(Config):

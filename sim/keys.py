@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from flexaxis.sim.errors import ScenarioError
+
 
 def set_key(content: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key in nested content, in place.
@@ -28,6 +30,21 @@ def set_key(content: dict[str, Any], key: str, value: Any) -> None:
     for step in path:
         place = place.setdefault(step, {}) if isinstance(step, str) else place[step]
     place[last] = value
+
+
+def set_keys(content: dict[str, Any], changes: Mapping[str, Any], *, source: str) -> None:
+    """Set dotted keys in nested content, in place.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such place; it names source and key.
+    """
+    for key, value in changes.items():
+        try:
+            set_key(content, key, value)
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError):
+            raise ScenarioError(f"{source}: {key}: no such key to override") from None
 
 
 def suffix(changes: Mapping[str, Any]) -> str:

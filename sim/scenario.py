@@ -15,30 +15,16 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
+from flexaxis.sim import nonlinear as beyond
 from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
-from flexaxis.sim.keys import set_key, suffix
+from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
-from flexaxis.sim.nonlinear import (
-    BacklashConfig,
-    CoggingConfig,
-    FrictionConfig,
-    LuGreConfig,
-    Nonlinearity,
-    SaturationConfig,
-    StiffeningConfig,
-)
-from flexaxis.sim.parameters import (
-    DATA_SHEET,
-    DEFAULT_IDENTIFY,
-    PARAMETER_NAMES,
-    AxisParameters,
-    preset,
-)
+from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
@@ -67,8 +53,7 @@ class Scenario(Config):
     difficulty : {"easy", "medium", "hard"}, optional
         What to expect of a good estimator.
     period : float
-        Sampling period T [s], at which the controller runs and signals are sampled; its inverse
-        is a whole number.
+        Sampling period T [s] of controller and signals; its inverse is a whole number.
     substeps : int, optional
         Steps of the simulation in 5 ms, where more are wanted than the laws of the axis ask for.
     preset : str
@@ -80,8 +65,7 @@ class Scenario(Config):
     start : float
         Where the estimates of these start, over nominal.
     told : dict of str to float, optional
-        What estimators are told of the other parameters, over the truth, and what stands in the
-        data sheet (`DATA_SHEET`), as it is.
+        What estimators are told of others, over the truth, and of the `DATA_SHEET`, as it is.
     output : {"speed", "increment"}
         What the estimators read.
     burn_in : float
@@ -94,9 +78,7 @@ class Scenario(Config):
     delay, noise, encoder, controller, excitation, fault
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
-        What the axis has beyond the linear model, a table each.
-    static_friction and the others of `flexaxis.sim.friction`, optional
-        Laws of friction that are written out, a table each.
+        What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
@@ -123,17 +105,17 @@ class Scenario(Config):
     encoder: EncoderConfig = EncoderConfig()
     filter: FilterConfig | None = None
     controller: ControllerConfig = ControllerConfig()
-    friction: FrictionConfig | None = None
-    lugre: LuGreConfig | None = None
+    friction: beyond.FrictionConfig | None = None
+    lugre: beyond.LuGreConfig | None = None
     static_friction: dry.StaticFrictionConfig | None = None
     directional_friction: dry.DirectionalFrictionConfig | None = None
     position_friction: dry.PositionFrictionConfig | None = None
     load_friction: dry.LoadFrictionConfig | None = None
     power_friction: dry.PowerFrictionConfig | None = None
-    cogging: CoggingConfig | None = None
-    backlash: BacklashConfig | None = None
-    stiffening: StiffeningConfig | None = None
-    saturation: SaturationConfig | None = None
+    cogging: beyond.CoggingConfig | None = None
+    backlash: beyond.BacklashConfig | None = None
+    stiffening: beyond.StiffeningConfig | None = None
+    saturation: beyond.SaturationConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
     nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
@@ -169,13 +151,14 @@ class Scenario(Config):
     def tables(self) -> dict[str, Table]:
         """The tables of axis, loop and sensors that are not off, by key."""
         fields = {key: getattr(self, key) for key in type(self).model_fields if key != "excitation"}
-        tables = {key: value for key, value in fields.items() if isinstance(value, Config)}
-        return cast("dict[str, Table]", tables)
+        return cast("dict[str, Table]", {k: v for k, v in fields.items() if isinstance(v, Config)})
 
     @property
-    def nonlinear(self) -> dict[str, Nonlinearity]:
+    def nonlinear(self) -> dict[str, beyond.Nonlinearity]:
         """What the plant has beyond the linear model, by key."""
-        return {k: table for k, table in self.tables.items() if isinstance(table, Nonlinearity)}
+        return {
+            k: table for k, table in self.tables.items() if isinstance(table, beyond.Nonlinearity)
+        }
 
     @property
     def sensors(self) -> dict[str, Sensor]:
@@ -200,21 +183,27 @@ class Scenario(Config):
     @cached_property
     def laws(self) -> dict[str, float]:
         """Parameters, before any fault, of what the plant has beyond the linear model."""
-        return law_values(self.nonlinear.values())
+        return Frozen(law_values(self.nonlinear.values()))
+
+    @cached_property
+    def initial(self) -> dict[str, float]:
+        """The P parameters before any fault: the twelve, and those of the plant's laws."""
+        return Frozen(self.nominal.as_dict() | self.laws)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """The parameters (P,): the twelve, and those of the plant's laws."""
-        return (*PARAMETER_NAMES, *self.laws)
+        """Names of the P parameters."""
+        return tuple(self.initial)
 
     @property
     def unchanged(self) -> Array:
         """Values (P,) of the parameters before any fault."""
-        return np.array([self._unchanged(name) for name in self.parameter_names])
+        return np.array(list(self.initial.values()))
 
     def true_parameters(self) -> Array:
         """Return the parameters (N, P) that act from each sample to the next."""
-        return np.column_stack([self._value(name) for name in self.parameter_names])
+        changes = (*self.fault, *(self.nuisance or ()))
+        return np.column_stack([changed(x, n, changes, self.grid) for n, x in self.initial.items()])
 
     def excited(self) -> NDArray[np.bool_]:
         """Return at which samples (N,) the reference moves."""
@@ -230,7 +219,7 @@ class Scenario(Config):
 
     @cached_property
     def _events(self) -> tuple[Event, ...]:
-        return find_events(self.fault, self.nuisance or (), self.grid, self._unchanged)
+        return find_events(self.fault, self.nuisance or (), self.grid, self.initial.__getitem__)
 
     @cached_property
     def hash(self) -> str:
@@ -277,26 +266,13 @@ class Scenario(Config):
             If a key is unknown or a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
-        for key, value in changes.items():
-            try:
-                set_key(content, key, value)
-            except (AttributeError, IndexError, KeyError, TypeError, ValueError):
-                raise ScenarioError(f"{self.name}: {key}: no such key to override") from None
+        set_keys(content, changes, source=self.name)
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
         other = scenario_from(content, source=self.name)
         if not inherit or "streams" in changes or other.key == self.key:
             return other
         return scenario_from(content | {"streams": self.key}, source=self.name)
-
-    def _value(self, name: str) -> Array:
-        """Return a parameter at the samples (N,)."""
-        changes = (*self.fault, *(self.nuisance or ()))
-        return changed(self._unchanged(name), name, changes, self.grid)
-
-    def _unchanged(self, name: str) -> float:
-        """Return a parameter before any change."""
-        return self.laws[name] if name in self.laws else float(getattr(self.nominal, name))
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

@@ -26,8 +26,9 @@ def test_lab_checks_itself(path, capsys):
     assert re.search(r"^check: .*\d", capsys.readouterr().out, re.MULTILINE)
 
 
-def test_there_are_six_and_the_page_names_them():
+def test_there_are_seven_and_the_page_names_them():
     page = LABS[0].with_name("README.md").read_text(encoding="utf-8")
+    assert len(LABS) == 7
     assert [path.name for path in LABS] == re.findall(r"\]\((lab\d\.py)\)", page)
 
 
@@ -41,6 +42,7 @@ MISTAKES = {  # a typical slip, and the lab that must find it
     "lab4": ("drift_for([2.0, 2.0, tau], Q,", "drift_for([2.0, 2.0, 2 * tau], Q,"),
     "lab5": ("regularization=mu,", "regularization=mu / 2,"),
     "lab6": ("reset * rpem.P, 0.0", "rpem.P, 0.0"),
+    "lab7": ("np.mean(abs(v)) / np.mean(v**2)", "np.mean(v**2) ** -0.5"),
 }
 
 

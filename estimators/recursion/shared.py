@@ -7,8 +7,8 @@ mean of the mixture: with F = [I 0; G] and h there, mode j has the mean ξ̄ + �
 
     ŷ_j = ŷ(ξ̄) + hᵀδ_j,  δ_j⁺ = F δ_j + K_j (y − ŷ_j),  P_j⁺ = F P_j Fᵀ + W_j − K_j S_j K_jᵀ,
 
-so that a sample takes one step of the model, whatever the number of modes. θ comes first in ξ, and
-the first of θ are those that jump.
+so that a sample takes one step of the model, whatever the number of modes. θ comes first in ξ; the
+first mode is the quiet one, and in each of the others one of θ jumps.
 """
 
 import numpy as np
@@ -80,7 +80,8 @@ def transit(tuning, state):
         for i in range(m):
             P[j, i, i] += walk[i]
         if j > 0:
-            P[j, j - 1, j - 1] += jump[j - 1]
+            i = tuning["which"][j - 1]
+            P[j, i, i] += jump[j - 1]
 
 
 @inlined
@@ -116,7 +117,7 @@ def repetition(tuning, state, used, S):
     if not np.isnan(used):
         e = min(max((used - state["prediction"]) / np.sqrt(S), -3.0), 3.0)
         if not np.isnan(echo[2]):
-            share = tuning["echo"]
+            share = tuning["echo_share"]
             echo[0] += share * (e * echo[2] - echo[0])
             echo[1] += share * (e * e - echo[1])
         echo[2] = e
@@ -150,13 +151,13 @@ def mix_all(tuning, state):
     predicted[0] = quiet * weight[0]
     for j in range(1, modes):
         predicted[0] += (1.0 - stay) * weight[j]
-        predicted[j] = (1.0 - quiet) / (modes - 1) * weight[0] + stay * weight[j]
+        predicted[j] = tuning["come"][j - 1] * weight[0] + stay * weight[j]
     parted[:] = delta
     share = state["share"]
     for j in range(modes):
         share[0, j] = (quiet if j == 0 else 1.0 - stay) * weight[j] / predicted[0]
     for j in range(1, modes):
-        share[j, 0] = (1.0 - quiet) / (modes - 1) * weight[0] / predicted[j]
+        share[j, 0] = tuning["come"][j - 1] * weight[0] / predicted[j]
         share[j, j] = stay * weight[j] / predicted[j]
     for j in range(modes):
         for a in range(m):
@@ -202,3 +203,32 @@ def recentre(tuning, state):
             theta[a] += mean
         else:
             X[a - p, 0] += mean
+
+
+@inlined
+def watch(tuning, state):
+    """
+    Keep what is thought of the parameters that jump, and return whether somebody has to look.
+
+    That is where a jump has become more likely than none, and at the sample ``due``.
+    """
+    ring, which, weight = state["ring"], tuning["which"], state["predicted"]
+    size, q = len(ring), len(which)
+    row = state["samples_taken"] % size
+    for a in range(q):
+        i = which[a]
+        ring[row, a] = state["theta"][i]
+        for b in range(q):
+            total = 0.0
+            for j in range(q + 1):
+                apart = state["delta"][j, i] * state["delta"][j, which[b]]
+                total += weight[j] * (state["P"][j, i, which[b]] + apart)
+            ring[row, q + a * q + b] = total
+    jumping = 1.0 - state["probability"][0]
+    ring[row, q + q * q] = jumping
+    taken = state["samples_taken"]
+    state["samples_taken"] = taken + 1
+    state["calm"] = state["calm"] + 1 if jumping < tuning["calm_below"] else 0
+    if state["armed"] == 0 and state["calm"] >= tuning["calm_for"]:
+        state["armed"] = 1
+    return taken == state["due"] or (state["armed"] == 1 and jumping > tuning["alarm_above"])

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from llvmlite import ir
+from numba.core.cgutils import alloca_once
 
 DOUBLE = ir.DoubleType()
 INDEX = ir.IntType(64)
@@ -10,22 +11,29 @@ LANE = ir.IntType(32)
 FUSE = ("contract",)  # a·b + c in one instruction, rounded once; nothing is reordered
 
 
+CHUNK = 4  # lanes in a register; wider or odder vectors are taken apart badly
+Row = tuple[ir.Value, ...]
+
+
 class Lanes:
     """
-    Arithmetic on rows of lanes [a, ∂a].
+    Arithmetic on rows of lanes [a, ∂a], each held as some vectors of a register's width.
 
     Parameters
     ----------
     context, builder
         What numba hands to the code generator of an intrinsic.
     width : int
-        Number of lanes in a row.
+        Number of lanes in a row; 2, or a multiple of `CHUNK`.
     """
 
     def __init__(self, context, builder: ir.IRBuilder, width: int) -> None:
         self.context, self.builder = context, builder
-        self.row = ir.VectorType(DOUBLE, width)
-        self.zero = ir.Constant(self.row, [0.0] * width)
+        self.part = min(width, CHUNK)
+        self.parts = width // self.part
+        self.vector = ir.VectorType(DOUBLE, self.part)
+        self.nothing = ir.Constant(self.vector, [0.0] * self.part)
+        self.zero: Row = (self.nothing,) * self.parts
 
     def data(self, kind, array) -> ir.Value:
         """Return the address of the first element of a contiguous array."""
@@ -35,38 +43,61 @@ class Lanes:
         """Load one element."""
         return self.builder.load(self.builder.gep(data, [index]))
 
-    def load(self, data: ir.Value, row: int) -> ir.Value:
+    def load(self, data: ir.Value, row: int) -> Row:
         """Load one row."""
-        return self.builder.load(self._at(data, row), align=8)
+        return tuple(self.builder.load(self._at(data, row, c), align=8) for c in range(self.parts))
 
-    def store(self, vector: ir.Value, data: ir.Value, row: int) -> None:
+    def store(self, vectors: Row, data: ir.Value, row: int) -> None:
         """Store one row."""
-        self.builder.store(vector, self._at(data, row), align=8)
+        for c, vector in enumerate(vectors):
+            self.builder.store(vector, self._at(data, row, c), align=8)
 
-    def _at(self, data: ir.Value, row: int) -> ir.Value:
-        element = self.builder.gep(data, [INDEX(row * self.row.count)])
-        return self.builder.bitcast(element, self.row.as_pointer())
+    def _at(self, data: ir.Value, row: int, part: int) -> ir.Value:
+        element = self.builder.gep(data, [INDEX((row * self.parts + part) * self.part)])
+        return self.builder.bitcast(element, self.vector.as_pointer())
 
-    def insert(self, vector: ir.Value, scalar: ir.Value, lane: int) -> ir.Value:
+    def place(self) -> Row:
+        """Return addresses of a row in registers, or on the stack."""
+        return tuple(alloca_once(self.builder, self.vector) for _ in range(self.parts))
+
+    def put(self, vectors: Row, place: Row) -> None:
+        """Write a row to its place."""
+        for vector, address in zip(vectors, place, strict=True):
+            self.builder.store(vector, address)
+
+    def get(self, place: Row) -> Row:
+        """Read a row from its place."""
+        return tuple(self.builder.load(address) for address in place)
+
+    def insert(self, vectors: Row, scalar: ir.Value, lane: int) -> Row:
         """Return the row with one lane replaced."""
-        return self.builder.insert_element(vector, scalar, LANE(lane))
+        c, i = divmod(lane, self.part)
+        changed = self.builder.insert_element(vectors[c], scalar, LANE(i))
+        return (*vectors[:c], changed, *vectors[c + 1 :])
 
-    def value(self, vector: ir.Value) -> ir.Value:
+    def value(self, vectors: Row) -> Row:
         """Return [a a … a] of [a, ∂a]."""
-        lanes = ir.Constant(ir.VectorType(LANE, self.row.count), [0] * self.row.count)
-        return self.builder.shuffle_vector(vector, self.zero, lanes)
+        lanes = ir.Constant(ir.VectorType(LANE, self.part), [0] * self.part)
+        return (self.builder.shuffle_vector(vectors[0], self.nothing, lanes),) * self.parts
 
-    def slope(self, vector: ir.Value) -> ir.Value:
+    def slope(self, vectors: Row) -> Row:
         """Return [0, ∂a] of [a, ∂a]."""
-        return self.insert(vector, DOUBLE(0.0), 0)
+        return self.insert(vectors, DOUBLE(0.0), 0)
 
-    def fused(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+    def product(self, a: Row, b: Row) -> Row:
+        """Return a·b."""
+        return tuple(self.builder.fmul(x, y) for x, y in zip(a, b, strict=True))
+
+    def fused(self, a: Row, b: Row, c: Row) -> Row:
         """Return a·b + c."""
-        return self.builder.fadd(self.builder.fmul(a, b, flags=FUSE), c, flags=FUSE)
+        return tuple(
+            self.builder.fadd(self.builder.fmul(x, y, flags=FUSE), z, flags=FUSE)
+            for x, y, z in zip(a, b, c, strict=True)
+        )
 
-    def sum_of_products(self, pairs: Sequence[tuple[ir.Value, ir.Value]]) -> ir.Value:
+    def sum_of_products(self, pairs: Sequence[tuple[Row, Row]]) -> Row:
         """Return Σ a·b, zero for no pairs."""
         total = self.zero
         for k, (a, b) in enumerate(pairs):
-            total = self.fused(a, b, total) if k else self.builder.fmul(a, b)
+            total = self.fused(a, b, total) if k else self.product(a, b)
         return total

@@ -4,7 +4,7 @@ from collections import defaultdict
 from functools import reduce
 
 from numba import types
-from numba.core.cgutils import alloca_once, alloca_once_value, for_range, for_range_slice
+from numba.core.cgutils import for_range, for_range_slice
 from numba.extending import intrinsic, overload
 
 from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, Lanes
@@ -58,8 +58,9 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
         u, order, substeps = (arguments[i] for i in (3, 5, 6))
         held = lanes.insert(lanes.zero, u, 0)
         factors = [lanes.load(M, e) for e in range(len(pattern.entries))]
-        x = [alloca_once_value(builder, lanes.load(X, i)) for i in range(n)]
-        v = [alloca_once(builder, lanes.row) for _ in range(n)]
+        x, v = ([lanes.place() for _ in range(n)] for _ in range(2))
+        for i in range(n):
+            lanes.put(lanes.load(X, i), x[i])
 
         def product(row, V):
             pairs = []
@@ -71,22 +72,22 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
             return lanes.sum_of_products(pairs)
 
         def add_term(k, held):
-            V = [builder.load(address) for address in v] + [held]
+            V = [lanes.get(place) for place in v] + [held]
             weight = lanes.value(lanes.insert(lanes.zero, lanes.scalar(weights, k), 0))
             for i in range(n):
                 power = product(i, V)
-                builder.store(power, v[i])
-                builder.store(lanes.fused(weight, power, builder.load(x[i])), x[i])
+                lanes.put(power, v[i])
+                lanes.put(lanes.fused(weight, power, lanes.get(x[i])), x[i])
 
         for i in pattern.reset:
-            builder.store(lanes.zero, x[i])
+            lanes.put(lanes.zero, x[i])
         with for_range(builder, substeps):
             for i in range(n):
-                builder.store(builder.load(x[i]), v[i])
+                lanes.put(lanes.get(x[i]), v[i])
             add_term(INDEX(0), held)
             with for_range_slice(builder, INDEX(1), order, INDEX(1)) as (k, _):
                 add_term(k, None)
-        state = [builder.load(address) for address in x]
+        state = [lanes.get(place) for place in x]
         for i, vector in enumerate([*state, product(n, [*state, None])]):
             lanes.store(vector, X, i)
         return context.get_dummy_value()

@@ -124,7 +124,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         offered["onsets"] = tuple(event.index for event in scenario.events())
     nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
-    if wanted and not _has_stored_prior(nominal, offered["identify"], scenario):
+    stored = _has_stored_prior(nominal, offered["identify"], scenario)
+    if wanted and (_has_laws(spec.make) or not stored):  # friction is of the size of the torque
         offered["torque"] = nominal_torque(scenario)
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flexaxis.experiments.scoring.theory import bounded
+from flexaxis.experiments.scoring.limits import bounded
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -83,6 +83,8 @@ def _sampled(scenario: Scenario) -> str:
 def _sensors(scenario: Scenario) -> list[str]:
     """Return what lies between axis and log and is no mismatch."""
     words = [table.in_words() for table in scenario.tables.values() if table.exact]
+    if scenario.feedback == "measured":
+        words.append("controller sees what is measured")
     return [text for text in words if text]
 
 

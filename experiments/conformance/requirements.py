@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.conformance.futures import futures
-from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
@@ -49,8 +49,9 @@ class Subject:
         self.u = record.torque
         self.y: Array = getattr(record, scenario.output)
         self.names = tuple(self.make().names)
-        self.truth = theta_over_time(scenario, self.names)
-        self.nominal = np.abs(nominal_theta(scenario, self.names))
+        known = known_names(scenario, self.names)
+        self.known = [self.names.index(name) for name in known]
+        self.truth = theta_over_time(scenario, known)
 
     def make(self) -> Estimator:
         """Return a fresh estimator."""
@@ -65,6 +66,15 @@ class Subject:
     def theta(self) -> Array:
         """Estimates on the record as it is."""
         return self.run()
+
+    @cached_property
+    def nominal(self) -> Array:
+        """Sizes (p,) of the parameters; what has no truth has that of its largest estimate."""
+        sizes = np.abs(self.theta).max(axis=0)
+        sizes[~(np.isfinite(sizes) & (sizes > 0))] = 1.0
+        names = [self.names[i] for i in self.known]
+        sizes[self.known] = np.abs(nominal_theta(self.scenario, names))
+        return sizes
 
     @cached_property
     def stepped(self) -> tuple[Array, float]:
@@ -83,9 +93,13 @@ class Subject:
         return float(np.max(np.where(one == other, 0.0, gap), initial=0.0))
 
     def error(self, theta: Array) -> float:
-        """Return the rms error before the fault, as a share of nominal, over all parameters."""
+        """Return the rms error before the fault, as a share of nominal, over all parameters.
+
+        Those without a truth, as of a friction that is not there, have no part in it.
+        """
         with np.errstate(invalid="ignore", over="ignore"):
-            found = np.sqrt(np.mean(((theta - self.truth) / self.nominal)[BEFORE_FAULT] ** 2))
+            errors = (theta[:, self.known] - self.truth) / self.nominal[self.known]
+            found = np.sqrt(np.mean(errors[BEFORE_FAULT] ** 2))
         return float(found) if np.isfinite(found) else np.inf
 
 

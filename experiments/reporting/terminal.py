@@ -36,7 +36,7 @@ def show(table: Table) -> None:
 def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return a line per scenario and estimator, on the parameter that changed.
 
-    Without a fault there is one for each parameter.
+    Without a fault, or for who does not estimate what changed, there is one for each parameter.
     """
     table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
     for heading in ("estimator", "θ"):
@@ -45,8 +45,8 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     headings = [f"{score.short} {unit}" for score, unit in zip(SHOWN, units, strict=True)]
     for heading in (*headings, "x-talk", "µs"):
         table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
-    faulted = {row["scenario"] for row in rows if row["changed"]}
-    shown = [row for row in rows if row["changed"] or row["scenario"] not in faulted]
+    found = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
+    shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
     for before, row in zip([None, *shown], shown, strict=False):
         if before is None or before["scenario"] != row["scenario"]:
             table.add_row(f"[bold]{row['scenario']}[/]")

@@ -87,15 +87,25 @@ class Track:
     def lost(self) -> int | None:
         """First sample from which the run is lost, None for a run that is not.
 
-        A parameter of a law may come near zero, for an axis may have no friction of a kind, and
-        that is where begins who was told nothing of it; and one that is not asked for may go
-        anywhere, for the structure that an estimator assumes need not be that of the plant.
+        A parameter of a law may come near zero, for an axis may have no friction of a kind; and one
+        that is not asked for may go anywhere, for the structure that an estimator assumes need not
+        be that of the plant.
         """
         law = [name in LAW_NAMES for name in self.names]
         besides = [name in LAW_NAMES and name not in self.scenario.identify for name in self.names]
         lower, upper = self.box
         edges = np.where(law, -np.inf, lower), np.where(besides, np.inf, upper)
-        return loss(self.theta, edges, self.scenario.period)
+        return loss(self._judged(law), edges, self.scenario.period)
+
+    def _judged(self, law: Sequence[bool]) -> Array:
+        """Return θ (N, p), before the end of burn-in with the truth for parameters of laws.
+
+        Who is told nothing of them begins anywhere.
+        """
+        if not any(law):
+            return self.theta
+        burnt = self.scenario.times[:, None] < self.scenario.burn_in
+        return np.where(burnt & law & np.isfinite(self.theta), self.truth, self.theta)
 
     @cached_property
     def error(self) -> Array:

@@ -26,7 +26,7 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-STIFF = 1e4  # N m/rad: bristles for Coulomb friction bend by 1e-5 rad at .1 N m; see the tests
+STIFF = 1e5  # N m/rad: stiff enough for Coulomb friction; ten times less moves a bound by 1–2 %
 STRUCTURE = ("J_m", "k_g", "k_a", "d_g", "d_a")
 """Parameters of the linear axis that an estimator may learn once; inertia and friction of the gear
 and friction of the arm, which hardly act, and the gear ratio it takes as told."""
@@ -131,11 +131,12 @@ def sizes(scenario: Scenario, names: Sequence[str], theta: Array) -> Array:
     That is their value; where a friction has fallen to zero it is the one before, and cogging has
     one size, whatever its phase.
     """
-    values = _values(scenario, scenario.unchanged)
+    nominal = np.array(list(scenario.initial.values()))
+    values = _values(scenario, nominal)
     cogging = np.hypot(values.get("c_sin", 0.0), values.get("c_cos", 0.0))
     before = [
         cogging if name in PHASES else size
-        for name, size in zip(names, model_theta(scenario, names, scenario.unchanged), strict=True)
+        for name, size in zip(names, model_theta(scenario, names, nominal), strict=True)
     ]
     return np.where(theta == 0, before, theta)
 

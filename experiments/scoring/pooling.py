@@ -13,9 +13,9 @@ from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import mean_interval
+from flexaxis.experiments.scoring.limits import RMSE_AT
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.table import columns as kinds
-from flexaxis.experiments.scoring.theory import RMSE_AT
 from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 

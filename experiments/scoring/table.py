@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from flexaxis.experiments.scoring import case, excess, innovations, pools, theory
+from flexaxis.experiments.scoring import case, excess, innovations, limits, pools, theory
 from flexaxis.experiments.scoring.case import Track
 
 Kind = Literal["text", "number", "integer", "truth"]
@@ -67,7 +67,7 @@ class Score:
         return self.better == "less" and self.kind == "number"
 
 
-AFTER = tuple(map(str, theory.RMSE_AT))  # samples after onset
+AFTER = tuple(map(str, limits.RMSE_AT))  # samples after onset
 
 SCORES: Mapping[str, Score] = {
     score.name: score
@@ -197,7 +197,7 @@ SCORES: Mapping[str, Score] = {
             "lag_bound",
             lambda track, i: theory.limits_of(track, i).lag_bound,
             "Lag that noise allows to whoever is told time and state of the jump and takes all "
-            "estimated parameters for unknown after it (Cramér–Rao).",
+            "estimated parameters, and dry friction, for unknown after it (Cramér–Rao).",
             unit="s",
             pool=pools.mean,
         ),
@@ -219,7 +219,7 @@ SCORES: Mapping[str, Score] = {
             "score",
             theory.score_of,
             "0 for doing nothing, 100 for the lag of the bound with all unknown, on a logarithmic "
-            "scale; for steps on an axis that the linear model describes.",
+            "scale; for steps on an axis that a model describes.",
             unit="",
             better="more",
             pool=pools.mean,

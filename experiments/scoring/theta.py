@@ -41,8 +41,7 @@ def theta_over_time(scenario: Scenario, names: Sequence[str]) -> NDArray[np.floa
 
 def known_names(scenario: Scenario, names: Sequence[str]) -> tuple[str, ...]:
     """Return the estimated parameters whose errors have a size: of a truth that is not zero."""
-    values = dict(zip(scenario.parameter_names, scenario.unchanged.tolist(), strict=True))
-    return tuple(name for name in names if values.get(physical(name)[0]))
+    return tuple(name for name in names if scenario.initial.get(physical(name)[0]))
 
 
 def started_nominal(scenario: Scenario) -> dict[str, float]:

@@ -194,9 +194,10 @@ def laid_out(model):
     return Compiled(run), tuning[0], state[0], (pattern.n + 1, pattern.lanes)
 
 
-@pytest.mark.parametrize("name", ["static", "all"])
-def test_a_filter_moves_as_a_model_at_fixed_parameters(name):
-    model, u = axis(name), torque(100)
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_a_filter_moves_as_a_model_at_fixed_parameters(output):
+    model, u = axis("all"), torque(100)
+    model = model if output == "speed" else increment(model, T)
     run, tuning, state, shape = laid_out(model)
     out = np.empty((len(u), *shape))
     run(tuning, state, u, out)

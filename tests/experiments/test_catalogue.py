@@ -126,6 +126,20 @@ def test_groups_hold_what_they_say():
         ),
         ("moves_ja_step-v1", "J_a +30 % at 10.35 s; moves of 0.4 s within 4 rad, 0.2 s apart"),
         ("standstill-v1", "no fault; standstill"),
+        (
+            "power_fm_step-v1",
+            "f_m +50 % at 10 s; friction of 0.04 N m times speed to the power of 0.7",
+        ),
+        (
+            "wg_wear-v1",
+            "f_c +50 % from 10 to 20 s; wg; a friction curve with F_c = 0.743 N m, F_cs = 3.99 N m",
+        ),
+        (
+            "noisy_loop_fm_step-v1",
+            "f_m +50 % at 10 s; increment; noise of 0.1 rad/s on the speed; "
+            "noise of 0.0002 rad on the angle; encoder of 8192 counts; controller sees what is "
+            "measured",
+        ),
     ],
 )
 def test_a_scenario_in_a_line(name, line):

@@ -16,7 +16,7 @@ import pytest
 
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.scoring import theory
+from flexaxis.experiments.scoring import limits as allowed
 from flexaxis.experiments.scoring.case import Track, relative_error
 from flexaxis.experiments.scoring.pools import spread
 from flexaxis.experiments.scoring.table import rows as score
@@ -113,7 +113,7 @@ def test_quick_and_no_noisier(name):
     settled = np.median([np.inf if run[i]["t10"] is None else run[i]["t10"] for run in mine.rows])
     noisier = mine.std() / plain.std()
     bounds = [
-        theory.limits(scenario, scenario.identify, record.torque)[i].bound for record in records
+        allowed.limits(scenario, scenario.identify, record.torque)[i].bound for record in records
     ]
     parameter = scenario.identify[i]
     efficiency = [

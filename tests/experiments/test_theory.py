@@ -10,8 +10,9 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.limits import Limits, bounded, limits, score
 from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theory import Limits, bounded, detection, limits, nees, score
+from flexaxis.experiments.scoring.theory import detection, nees
 from flexaxis.experiments.scoring.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
@@ -49,10 +50,10 @@ def test_limits_of_a_step(torque):
     [
         "fm_ramp-v1",
         "repair-v1",
-        "coulomb_fm_step-v1",
+        "temperature_fm_step-v1",
         "pause_fm_step-v1",
         "kg_step-v1",
-        "told_kg_fm_step-v1",
+        "speed_filter_fm_step-v1",
         "torque_delay_fm_step-v1",
         "warming_fm_step-v1",
     ],

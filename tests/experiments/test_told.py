@@ -1,5 +1,7 @@
 """What estimators are told of an axis and asked about it, and how what they answer is scored."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,13 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.estimate import estimate
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.pooling import pool_group
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -74,10 +80,9 @@ def test_every_estimator_is_as_ever_where_it_is_told_more_than_it_knows(name):
     assert list(told.names)[:3] == list(LINEAR)
     rng = np.random.default_rng(1)
     u, y = rng.normal(size=(2, 30))
-    if not REGISTRY[name].laws:
-        onsets = {"oracle-reset"}  # is told of the fault besides
+    if tuple(told.names) == LINEAR and name != "oracle-reset":  # which is told of the fault besides
         first = [np.array([e.step(a, b) for a, b in zip(u, y, strict=True)]) for e in (told, plain)]
-        assert name in onsets or np.array_equal(*first)
+        assert np.array_equal(*first)
 
 
 def test_noise_is_told_where_the_scenario_says_so_and_options_go_before():
@@ -117,6 +122,16 @@ def test_rows_are_of_what_is_estimated_and_has_a_truth():
         build(spec("Dry"), plain)
 
 
+def test_who_does_not_estimate_what_changes_is_shown_as_well():
+    scenario = made(ASKED, FAULT)
+    (record,) = simulate(scenario, [0])
+    cases = [run_case(scenario, record, spec(name)) for name in ("Asks", "Tracks")]
+    table = score_table([row for case in cases for row in pool_group([case], scenario)])
+    estimators, parameters = (list(column.cells) for column in table.columns[:2])
+    assert [name.split(":")[-1] for name in estimators[1:]] == ["Asks"] * 3 + ["Tracks"]
+    assert parameters[1:] == [*LINEAR, "f_c"]
+
+
 def test_q_is_of_the_linear_parameters_of_identify():
     M = information(made(ASKED))
     assert not M[3].any() and not M[:, 3].any()
@@ -136,6 +151,31 @@ def test_a_level_of_friction_near_zero_loses_no_run_and_one_far_above_does():
         assert found[0]["diverged"] == lost, factor
     assert found[3]["std"] == pytest.approx(900.0)
     assert started_theta(asked, names)[3] == 0.1
+
+
+@pytest.mark.parametrize(("value", "lost"), [(100.0, False), (np.nan, True)])
+def test_who_is_told_nothing_of_friction_begins_anywhere(value, lost):
+    scenario = made(ASKED).override({"burn_in": 2.0})
+    names = (*LINEAR, "f_c")
+    for last, late in ((400, lost), (650, True)):  # 2 s, and more than 1 s after them
+        theta = theta_over_time(scenario, names)
+        theta[:last, 3] = value
+        found = rows(Track(scenario, names, theta, scenario.true_parameters()))
+        assert found[0]["diverged"] == late
+    theta = theta_over_time(scenario, names)
+    theta[:400, 0] = 100.0  # of the axis itself it is told
+    assert rows(Track(scenario, names, theta, scenario.true_parameters()))[0]["diverged"]
+
+
+def test_the_truth_of_what_a_record_does_not_know_is_left_out(tmp_path, capsys):
+    path = simulate(made(DRY), [0])[0].save(tmp_path / "run.nc")
+    found = estimate(path, spec("Tracks"), tmp_path / "est.nc")
+    assert found.truth == pytest.approx([1.0, 1.25, 0.05, 0.1, np.nan, np.nan], nan_ok=True)
+    command = ["estimate", str(path), "--estimator", f"{__name__}:Tracks", "--json"]
+    assert main([*command, "-o", str(tmp_path / "again.nc")]) == 0
+    assert json.loads(capsys.readouterr().out)["truth"].keys() == {*LINEAR, "f_c"}
+    assert main([*command[:-1], "-o", str(tmp_path / "again.nc")]) == 0
+    assert "c_sin" in capsys.readouterr().out
 
 
 def test_the_card_says_what_is_told():

@@ -11,6 +11,8 @@ from flexaxis.sim.config import kinds
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
+from flexaxis.sim.law_parameters import LAW_NAMES, LAW_UNITS, LAWS
+from flexaxis.sim.parameters import DATA_SHEET
 from flexaxis.sim.scenario import Scenario, parse_scenario
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
@@ -69,12 +71,25 @@ def test_every_key_of_every_kind_is_explained():
 
 
 def test_no_key_is_explained_that_does_not_exist():
-    known = {key for key, _ in leaves(Scenario)} | {"parameters.X", "told.X"}
+    known = {key for key, _ in leaves(Scenario)} | {"parameters.X", "told.X"} | set(LAW_NAMES)
+    known |= {f"told.{name}" for name in DATA_SHEET}
     for table in (*kinds(Fault).values(), *kinds(Excitation).values()):
         known |= set(table.model_fields)
     before_records = PAGE[: PAGE.index("## Records")]
     explained = {key for key in ROWS if f"| `{key}`" in before_records}
     assert explained <= known
+
+
+@pytest.mark.parametrize("name", DATA_SHEET)
+def test_what_the_data_sheet_says_is_explained(name):
+    assert f"told.{name}" in AT_THE_TOP
+
+
+@pytest.mark.parametrize("name", LAW_NAMES)
+def test_every_parameter_of_a_law_is_explained(name):
+    _, _, unit, tables, _, _ = AT_THE_TOP[name]
+    assert unit == LAW_UNITS[name]
+    assert set(re.findall(r"\w+", tables)) == {key for key, names in LAWS.items() if name in names}
 
 
 def test_examples_are_valid():

@@ -16,6 +16,7 @@ from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import warm
 from flexaxis.experiments.scoring.case import Track, lag_of, rms, t10_of
+from flexaxis.experiments.scoring.limits import lag_bound_with_structure
 from flexaxis.experiments.scoring.theory import limits_of
 from flexaxis.experiments.scoring.theta import known_names, physical
 from flexaxis.experiments.scoring.windows import Window, windows
@@ -58,8 +59,11 @@ class Judged:
     ----------
     bias, std : dict of str to float
         Before the fault [% of nominal]: mean, and root mean square about zero.
-    lag, t10, bound : float or None
-        Of the parameter that changed [s]; bound is the lag on the bound.
+    lag, t10 : float or None
+        Of the parameter that changed [s].
+    bounds : dict of str to float
+        Lags on the bound [s], by what is unknown: "one" parameter alone, what is "tracked" (of
+        which f_c is one), and the "structure" besides; empty where there is no bound.
     faults : tuple of str
         Physical parameters that changed.
     found : tuple of Found or None
@@ -77,7 +81,7 @@ class Judged:
     std: dict[str, float]
     lag: float | None
     t10: float | None
-    bound: float | None
+    bounds: dict[str, float]
     faults: tuple[str, ...]
     found: tuple[Found | None, ...]
     alarms: int
@@ -149,7 +153,7 @@ def judge(run: Run) -> Judged:
         std={p: float(rms(track.percent[track.quiet, i])) for p, i in of.items()},
         lag=lag_of(track, moved[0]) if moved else None,
         t10=t10_of(track, moved[0]) if moved else None,
-        bound=limits_of(track, moved[0]).lag_bound if moved else None,
+        bounds=lag_bounds(track, moved[0]) if moved else {},
         faults=tuple(event.parameter for event in events),
         found=tuple(
             meeting(run, findings, event, span)
@@ -163,6 +167,19 @@ def judge(run: Run) -> Judged:
         cost=cost,
         lost=track.lost is not None,
     )
+
+
+def lag_bounds(track: Track, i: int) -> dict[str, float]:
+    """What theory allows: lags on the bound [s], by what is unknown."""
+    allowed, scenario, name = limits_of(track, i), track.scenario, track.names[i]
+    if allowed.lag_bound is None:
+        return {}
+    found = {
+        "one": allowed.lag_bound_single,
+        "tracked": allowed.lag_bound,
+        "structure": lag_bound_with_structure(scenario, name, track.torque),
+    }
+    return {known: lag for known, lag in found.items() if lag is not None}
 
 
 def met(event: Event, span: Window) -> bool:

@@ -20,8 +20,10 @@ class Row:
         Mean error, and deviation about it over time and runs [% of nominal].
     error : dict of str to float
         Standard error of the bias over runs [% of nominal].
-    lag, t10, efficiency : float or None
-        Mean [s], median [s], and mean lag over that on the bound.
+    lag, t10 : float or None
+        Mean [s], and median [s].
+    efficiency : dict of str to float
+        Mean lag over that on the bound, by what is unknown there.
     found, named, renamed : float or None
         Shares of the faults [%]; names of those found.
     covered : float or None
@@ -40,7 +42,7 @@ class Row:
     error: dict[str, float]
     lag: float | None
     t10: float | None
-    efficiency: float | None
+    efficiency: dict[str, float]
     found: float | None
     named: float | None
     renamed: float | None
@@ -60,7 +62,7 @@ def pooled(runs: Sequence[Judged]) -> Row:
     std = {n: np.array([run.std[n] for run in runs]) for n in names}
     pairs = [pair for run in runs for pair in zip(run.faults, run.found, strict=True)]
     met = [(fault, found) for fault, found in pairs if found is not None]
-    lags, bounds = column(runs, "lag"), column(runs, "bound")
+    lags = column(runs, "lag")
     settled = [np.inf if run.t10 is None else run.t10 for run in runs if run.lag is not None]
     rate = sum(run.false for run in runs) / max(sum(run.calm for run in runs), 1e-9)
     return Row(
@@ -69,7 +71,10 @@ def pooled(runs: Sequence[Judged]) -> Row:
         error={n: float(bias[n].std(ddof=1) / np.sqrt(len(runs))) for n in names},
         lag=mean(lags),
         t10=float(np.median(settled)) if settled else None,
-        efficiency=mean(lags) / mean(bounds) if lags and bounds else None,
+        efficiency={
+            known: np.mean(lags) / np.mean([run.bounds[known] for run in runs])
+            for known in runs[0].bounds
+        },
         found=share([found is not None for _, found in pairs]),
         named=share([found.named == (fault,) for fault, found in met]),
         renamed=share([found.renamed == (fault,) for fault, found in met]),

@@ -21,6 +21,7 @@ from acceptance.friction_targets import (
     Column,
     Given,
 )
+from flexaxis.estimators.errors import EstimatorError
 
 REFERENCE = "rpem-forgetting"
 WIDTH = 24  # of an estimator's name
@@ -44,7 +45,11 @@ def scenario_rows(
         aims = [column.target(Given(name, plain, plain)) for column in columns]
         _line("  target", aims, widths)
         for spec in dict.fromkeys([REFERENCE, *estimators]):
-            row = plain if spec == REFERENCE else pooled(runs(name, spec, *seeds))
+            try:
+                row = plain if spec == REFERENCE else pooled(runs(name, spec, *seeds))
+            except EstimatorError as error:
+                print(f"{spec[: WIDTH - 1]:{WIDTH}}{error}")
+                continue
             _line(spec, [column.cell(Given(name, row, plain)) for column in columns], widths)
 
 

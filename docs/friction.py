@@ -1,0 +1,280 @@
+"""Write the tables and the figure of docs/friction.md anew: `python docs/friction.py`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and what made it is said below it.
+With names of tables, or `figure`, only these are made: `motions` and `figure` take a minute,
+`estimators` takes a quarter of an hour, and `results/friction` is used if it is there.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.bounds import noise_variance
+from flexaxis.experiments.scoring.described import model_theta, true_model, with_structure
+from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.simulate import simulate
+
+Array = NDArray[np.float64]
+
+ROOT = Path(__file__).parents[1]
+PAGE, PICTURE = ROOT / "docs" / "friction.md", ROOT / "docs" / "images" / "friction.png"
+MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
+RUNS = range(1000, 1003)
+SECONDS = 10.0
+TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
+
+DEFAULT, MOVES = "multisine, .0511 rad (the default)", "moves of .4 s, rests of .2 s"
+SLOW = {"excitation.high": 3.0}
+MOTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "multisine, .01 rad": ("coulomb-v1", {"excitation.rms": 0.01}),
+    DEFAULT: ("coulomb-v1", {}),
+    "multisine, .2 rad": ("coulomb-v1", {"excitation.rms": 0.2}),
+    "the same below 3 Hz, .1 rad": ("coulomb-v1", SLOW | {"excitation.rms": 0.1}),
+    "the same below 3 Hz, .5 rad": ("coulomb-v1", SLOW | {"excitation.rms": 0.5}),
+    MOVES: ("coulomb_moves_fm_step-v1", {}),
+    "moves of .8 s, rests of .2 s": ("coulomb_moves_fm_step-v1", {"excitation.move": 0.8}),
+    "`wg`, multisine, .05 rad": ("wg_fm_step-v1", {}),
+    "`wg`, multisine, .2 rad": ("wg_fm_step-v1", {"excitation.rms": 0.2}),
+}
+"""Motions by name: a scenario of the catalogue, and what of it is changed."""
+
+KNOWN = ("fm_step", "coulomb05_fm_step", "coulomb_fm_step", "coulomb2_fm_step", "lugre_fm_step",
+         "lugre_soft_fm_step", "lugre_stribeck_fm_step", "real_coulomb_fm_step",
+         "real_lugre_fm_step", "coulomb_fc_step", "encoder_coulomb_fm_step", "wg_fm_step",
+         "wg_fc_step", "coulomb_moves_fm_step")  # fmt: skip
+UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "power_fm_step",
+           "wrong_poles_fm_step")  # fmt: skip
+SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
+ESTIMATORS = ("rpem-forgetting", "rpem-friction", "imm-friction", "relocate-friction")
+RESULTS = ROOT / "results" / "friction"
+RUN = ("run", *SCENARIOS, *(w for e in ESTIMATORS for w in ("--estimator", e)), "--seeds", "10")
+
+
+class Motion:
+    """Records of an axis in a motion, and what they tell of its parameters.
+
+    Attributes
+    ----------
+    names : tuple of str
+        All that may be unknown.
+    speed : (R, N) array
+        True motor speed of each record [rad/s].
+    linear : float
+        f_m over the true one, as an estimator without a law of friction sees it.
+    psi : (R, N, p) array
+        Gradient of the predicted output, relative to θ and to the deviation of the noise.
+    """
+
+    def __init__(self, name: str) -> None:
+        scenario = _scenario(name)
+        records = simulate(scenario, RUNS)
+        truth = scenario.true_parameters()[0]
+        self.names = with_structure(scenario, TRACKED)
+        self.truth = dict(zip(scenario.parameter_names, truth.tolist(), strict=True))
+        model = true_model(scenario, truth).parametrize(self.names)
+        theta = model_theta(scenario, self.names, truth)
+        rest = np.zeros(model.states)
+        gradients = [
+            jump_gradient(model, theta, r.torque, rest, period=scenario.period) for r in records
+        ]
+        self.speed = np.array([record.true_speed for record in records])
+        self.linear = np.mean([_linear(scenario, record) for record in records])
+        self.psi = np.array(gradients) * theta / np.sqrt(noise_variance(scenario))
+
+    def covariance(self, unknown: Sequence[str], samples: int | None = None) -> Array:
+        """Return the Cramér–Rao bound (p, p), relative to θ, after so many samples.
+
+        It is the mean over the records of the bound of each, at the start of which the axis is
+        known to be at rest.
+        """
+        chosen = self.psi[:, :samples, [self.names.index(name) for name in unknown]]
+        return np.mean([_inverse(psi.T @ psi) for psi in chosen], axis=0)
+
+    def deviation(self, name: str, unknown: Sequence[str], samples: int | None = None) -> float:
+        """Return the least standard deviation of a parameter [%]."""
+        i = list(unknown).index(name)
+        return 100 * float(np.sqrt(self.covariance(unknown, samples)[i, i]))
+
+
+def _scenario(name: str) -> Scenario:
+    base, changes = MOTIONS[name]
+    return find_scenario(base).override({"fault": [], "duration": SECONDS} | dict(changes))
+
+
+def _linear(scenario: Scenario, record: Record) -> float:
+    estimator = build(parse("rpem-forgetting"), scenario)
+    theta = run_estimator(estimator, record.torque, record.speed, None)
+    truth = record.true_parameters[0, scenario.parameter_names.index("f_m")]
+    return float(theta[len(theta) // 2 :, estimator.names.index("f_m")].mean() / truth)
+
+
+def _inverse(information: Array) -> Array:
+    """Return the inverse, by way of unit diagonals: parameters differ much in what is known."""
+    D = np.sqrt(np.diag(information))
+    return np.asarray(np.linalg.inv(information / np.outer(D, D)) / np.outer(D, D))
+
+
+motion = cache(Motion)
+
+
+def motions() -> str:
+    """Return what each motion tells of viscous and dry friction."""
+    heads = ["motion", "rms v [rad/s]", "E abs(v) / rms v", "f_m of a linear estimator; by (F6)",
+             "f_m, f_c", "correlation", "and k_T, 1/J_a", "and structure", "the same, k_T told",
+             ]  # fmt: skip
+    rows = []
+    for name in MOTIONS:
+        seen = motion(name)
+        pair, told = TRACKED[2:], tuple(n for n in seen.names if n != "k_T")
+        C = seen.covariance(pair)
+        v, dry = seen.speed, seen.truth["f_c"]
+        alias = dry * np.mean(abs(v)) / np.mean(v**2) / seen.truth["f_m"]
+        rows.append([
+            name,
+            f"{np.sqrt(np.mean(v**2)):.2g}",
+            f"{np.mean(abs(v)) / np.sqrt(np.mean(v**2)):.2f}",
+            f"{100 * (seen.linear - 1):+.0f} %; {100 * alias:+.0f} %",
+            _both(seen, pair),
+            f"{C[0, 1] / np.sqrt(C[0, 0] * C[1, 1]):.2f}",
+            *(_both(seen, unknown) for unknown in (TRACKED, seen.names, told)),
+        ])  # fmt: skip
+    return _table(heads, rows) + (
+        f"\nLeast standard deviation of f_m; f_c [%] after {SECONDS:g} s, by what is unknown. "
+        f"`python docs/friction.py motions`, seeds {RUNS.start} to {RUNS.stop - 1}.\n"
+    )
+
+
+def _both(seen: Motion, unknown: Sequence[str]) -> str:
+    return "; ".join(f"{seen.deviation(name, unknown):.2g}" for name in TRACKED[2:])
+
+
+def estimators() -> str:
+    """Return what estimators make of friction: bias, deviation, lag, and what they find."""
+    summary = _results()
+    rows = {(r["scenario"], r["estimator"], r["parameter"]): r for r in summary["rows"]}
+    lines = []
+    for name in SCENARIOS:
+        mine = [key for key, row in rows.items() if key[0] == name and row["changed"]]
+        changed = mine[-1][2] if mine else "f_m"
+        label = f"`{name.removesuffix('-v1')}`" + ("" if changed == "f_m" else f" ({changed})")
+        lines.append([label, *(_cell(rows.get((name, e, changed))) for e in ESTIMATORS)])
+    made = (RESULTS / "commit").read_text(encoding="utf-8")
+    return _table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
+        "\nBias ± std before the fault [%]; lag [s], × bound; found, named rightly at last [%]; "
+        f"false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit {made}, "
+        "seeds 1000 to 1009.\n"
+    )
+
+
+def _cell(row: Mapping[str, Any] | None) -> str:
+    if row is None or row["bias"] is None:
+        return "–"
+    parts = [f"{row['bias']:+.2g} ± {row['std']:.2g}"]
+    if row["lag"] is not None:
+        over = f", {row['lag'] / row['lag_bound']:.2g}" if row["lag_bound"] else ""
+        parts.append(f"{row['lag']:.2g}{over}")
+    if found := row["detection"]:
+        named = 0.0 if found["isolated"] is None else 100 * found["isolated"]
+        parts.append(f"{100 * (1 - found['missed']):.0f}, {named:.0f}; {found['false_alarms']:.1f}")
+    if row["diverged"]:
+        parts.append(f"**lost {row['diverged']}**")
+    return "; ".join(parts)
+
+
+def _results() -> Any:
+    if not (RESULTS / "summary.json").exists():
+        words = [sys.executable, "-m", "flexaxis.experiments", *RUN, "-o", str(RESULTS)]
+        if subprocess.run(words, stdout=subprocess.DEVNULL, check=False).returncode not in (0, 1):
+            sys.exit("the run failed")
+        (RESULTS / "commit").write_text(_commit(), encoding="utf-8")
+    return json.loads((RESULTS / "summary.json").read_text(encoding="utf-8"))
+
+
+def _commit() -> str:
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def figure() -> Figure:
+    """Return what is known of friction, over the speed of the motion and over time."""
+    picture = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = picture.subplots(1, 2)
+    _over_speed(left)
+    _over_time(right)
+    return picture
+
+
+def _over_speed(axes: Any) -> None:
+    names = [name for name in MOTIONS if name.startswith("multisine")]
+    speed = [np.sqrt(np.mean(motion(name).speed ** 2)) for name in names]
+    pair, alone = TRACKED[2:], [n for n in TRACKED if n != "f_c"]
+    for label, parameter, unknown, style in (
+        ("f_m, where f_c is known", "f_m", alone, "C0--"),
+        ("f_m", "f_m", TRACKED, "C0-o"),
+        ("f_c", "f_c", TRACKED, "C1-s"),
+    ):
+        axes.loglog(
+            speed, [motion(n).deviation(parameter, unknown) for n in names], style, label=label
+        )
+    axes.set_title(f"multisine, {SECONDS:g} s, {' and '.join(pair)} with k_T, 1/J_a", fontsize=9)
+    axes.set_xlabel("rms motor speed [rad/s]")
+    axes.set_ylabel("least standard deviation [%]")
+    axes.legend()
+
+
+def _over_time(axes: Any) -> None:
+    samples = np.unique(np.geomspace(200, SECONDS / 0.005, 12).astype(int))
+    for k, name in enumerate(
+        ("multisine, .0511 rad (the default)", "moves of .4 s, rests of .2 s")
+    ):
+        seen, label = motion(name), name.split(",")[0]
+        told = [n for n in seen.names if n != "k_T"]
+        for unknown, style, what in ((seen.names, "-", ""), (told, "--", ", k_T told")):
+            known = [seen.deviation("f_m", unknown, int(n)) for n in samples]
+            axes.loglog(0.005 * samples, known, f"C{k + 2}{style}", label=f"{label}{what}")
+    axes.set_title("f_m, with f_c and the whole structure unknown", fontsize=9)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("least standard deviation [%]")
+    axes.legend()
+
+
+TABLES: Mapping[str, Callable[[], str]] = {"motions": motions, "estimators": estimators}
+
+
+def main(wanted: Sequence[str]) -> None:
+    """Make what is wanted, all if nothing is named."""
+    if wrong := set(wanted) - {*TABLES, "figure"}:
+        sys.exit(f"no {min(wrong)!r}: {', '.join((*TABLES, 'figure'))}")
+
+    def written(match: re.Match[str]) -> str:
+        name = match[1]
+        if wanted and name not in wanted:
+            return match[0]
+        return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
+
+    PAGE.write_text(MARK.sub(written, PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    if not wanted or "figure" in wanted:
+        figure().savefig(PICTURE, dpi=110)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

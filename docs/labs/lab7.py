@@ -1,0 +1,110 @@
+"""Lab 7, viscous or dry? Two kinds of friction that a linear model takes for one."""
+
+# %% Data
+# Beside viscous friction, f_m v, the motor has dry friction, f_c sign(v), with f_c = 0.1 N m. At
+# 10 s one of the two grows by half: f_m in the first records, f_c in the others.
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.methods.imm_friction import imm_friction
+from flexaxis.estimators.offline.priors import known_P
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.described import model_theta, true_model
+from flexaxis.experiments.scoring.true_path import jump_gradient
+from flexaxis.sim.simulate import simulate
+
+T, sigma, onset, seeds = 0.005, 0.1, 2000, range(1000, 1003)
+scenarios = {p: find_scenario(f"coulomb_{p.replace('_', '')}_step-v1") for p in ("f_m", "f_c")}
+records = {p: simulate(scenario, seeds) for p, scenario in scenarios.items()}
+nominal = scenarios["f_m"].nominal.as_dict()
+f_m, f_c = nominal["f_m"], 0.1
+
+# %% A linear estimator
+# A line through the origin, fitted to f_c sign(v) by least squares, has the slope f_c E|v| / E v².
+# Question 1: by how much is f_m too high, then? What would a motion twice as fast change?
+P0 = known_P(("k_T", "1/J_a", "f_m"), forgetting=0.995)
+
+
+def linear(record):
+    """Return f_m (N,) as a linear estimator sees it."""
+    rpem = Rpem(three_mass(nominal), P0=P0, forgetting=0.995, period=T)
+    return rpem.run(record.torque, record.speed)[:, 2]
+
+
+v = np.array([record.true_speed[:onset] for record in records["f_m"]])
+expected = f_c * np.mean(abs(v)) / np.mean(v**2) / f_m
+before = slice(1000, onset)
+seen = np.mean([linear(record)[before] for record in records["f_m"]]) / f_m - 1
+print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected:+.0f} %")
+
+# %% An estimator that knows the law, but neither f_m nor f_c
+# Question 2: the linear estimator sees both faults as a rise of f_m. What does this one see?
+both = {p: [] for p in records}
+hits = 0
+for p, record in [(p, record) for p, several in records.items() for record in several]:
+    imm = imm_friction(nominal, T)
+    both[p].append(imm.run(record.torque, record.speed)[:, 2:])
+    found = [f"{' and '.join(f.parameters)} at {T * f.onset:.2f} s" for f in imm.findings]
+    hits += [f.parameters for f in imm.findings] == [(p,)]
+    print(f"{p} +50 % at 10 s; found: {', '.join(found)}")
+off = np.mean([theta[before] for theta in both["f_m"]], axis=(0, 1)) / [f_m, f_c] - 1
+print("before it, f_m is {:+.1f} % off, f_c {:+.1f} %".format(*100 * off))
+
+# %% Look
+figure, axes = plt.subplots(2, 2, sharex=True, sharey="row", layout="constrained")
+time = T * np.arange(2 * onset)
+for column, p in zip(axes.T, records, strict=True):
+    column[0].set_title(f"{p} grows by half")
+    column[0].plot(time, linear(records[p][0]), "C1", label="linear")
+    for i, axis, value in ((0, column[0], f_m), (1, column[1], f_c)):
+        axis.plot(time, both[p][0][:, i], "C0", label="with the law")
+        grown = 1.5 if p == ("f_m", "f_c")[i] else 1.0
+        axis.plot(time, np.where(time < 10, value, grown * value), "k--", label="truth")
+    column[1].set_xlabel("time [s]")
+axes[0, 0].set_ylabel("f_m [N m s/rad]")
+axes[0, 0].set_ylim(0, 0.12)
+axes[1, 0].set_ylabel("f_c [N m]")
+axes[1, 0].set_ylim(0, 0.2)
+axes[0, 0].legend()
+plt.show()
+
+
+# %% What a motion can tell at best
+# ψ is now the gradient of the model with its law. The inverse of Σψψᵀ/σ² is the least covariance.
+# Question 3: moves from point to point tell f_m from f_c better than the multisine does. And yet
+# they leave both open, as soon as something else is unknown: what, and why?
+def least(scenario, record, unknown):
+    """Return the least deviations of f_m and f_c [%] after 10 s, and their correlation."""
+    theta = scenario.true_parameters()[0]
+    model = true_model(scenario, theta).parametrize(unknown)
+    at = model_theta(scenario, unknown, theta)
+    rest = np.zeros(model.states)
+    psi = at * jump_gradient(model, at, record.torque[:onset], rest, period=T)
+    C = sigma**2 * np.linalg.inv(psi.T @ psi)
+    sd = np.sqrt(np.diag(C))
+    return 100 * sd[0], 100 * sd[1], C[0, 1] / sd[0] / sd[1]
+
+
+moves = find_scenario("coulomb_moves_fm_step-v1")
+motions = {
+    "multisine": (scenarios["f_m"], records["f_m"][0]),
+    "moves": (moves, simulate(moves, [1000])[0]),
+}
+friction, torque_scale = ("f_m", "f_c"), ("f_m", "f_c", "k_T", "J_m", "k_g", "k_a", "1/J_a")
+bounds = {}
+print("motion      unknown                  f_m      f_c   correlation")
+for label, run in motions.items():
+    for unknown in (friction, torque_scale):
+        bounds[label, unknown] = least(*run, unknown)
+        what = "f_m, f_c" if unknown == friction else "and torque, masses, springs"
+        print(
+            f"{label:10} {what:28}", "{:6.2f} % {:6.2f} % {:8.2f}".format(*bounds[label, unknown])
+        )
+
+# %% Check
+print(f"check: linear {seen / expected:.2f} of what is expected, {hits} of 6 faults named rightly")
+assert 0.9 < seen / expected < 1.25
+assert np.abs(off).max() < 0.03
+assert hits >= 5
+assert bounds["multisine", torque_scale][0] < 1 < bounds["moves", torque_scale][0]

@@ -1,0 +1,129 @@
+"""
+What the data do not contradict is as it was told: estimates given that, in compiled code.
+
+A filter that learns many parameters pays for each in the variance of the others, also where there
+was nothing to learn. With μ and Σ of all of them, and a group s of parameters told to be s₀, let
+χ² = (μ_s − s₀)ᵀ Σ_ss⁻¹ (μ_s − s₀). The estimate given s = s₀ is μ + Σ_·s Σ_ss⁻¹ (s₀ − μ_s), and the
+estimate is taken so far towards it as it is likely,
+
+    w = 1/(1 + exp(½(χ² − c))),
+
+with c the 95 % quantile of χ² for so many parameters. These are Akaike's weights but for c (K. P.
+Burnham and D. R. Anderson, *Model selection and multimodel inference*, 2002, §2.9): a told value
+that is wrong draws an estimate by no more than its own √c standard deviations or so, whereas Bayes
+factors would hold on to it until far later. Groups follow each other, each given those before. The
+filter itself is left alone.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.sampling.compiler import inlined
+
+Array = NDArray[np.float64]
+
+
+def told_records(
+    tracked: int, groups: list[tuple[NDArray[np.int64], Array]]
+) -> tuple[Record, Record]:
+    """
+    Return what `as_told` needs of tuning and state.
+
+    Parameters
+    ----------
+    tracked : int
+        The first so many of θ are estimates.
+    groups : list of (indices, values)
+        Of θ, and where it was told to be; in units of θ.
+    """
+    union = np.unique(np.concatenate([np.arange(tracked), *(i for i, _ in groups)])).astype(int)
+    most = max((len(i) for i, _ in groups), default=1)
+    members, values = (
+        np.full((max(len(groups), 1), most), -1),
+        np.zeros((max(len(groups), 1), most)),
+    )
+    for row, (indices, told) in enumerate(groups):
+        members[row, : len(indices)] = np.searchsorted(union, indices)
+        values[row, : len(indices)] = told
+    limit = [float(chi2.ppf(0.95, len(i))) for i, _ in groups] or [0.0]
+    a = len(union)
+    tuning = record(union=union, members=members, told=values, limit=np.array(limit))
+    state = record(
+        given=np.zeros(a),
+        given_P=np.zeros((a, a)),
+        factor=np.zeros((most, most)),
+        towards=np.zeros((most, a)),
+        apart_told=np.zeros(most),
+        weights=np.zeros(len(limit)),
+    )
+    return tuning, state
+
+
+@inlined
+def as_told(tuning, state, estimates):
+    """Write estimates (q,) given what was told, as far as the data do not contradict it."""
+    union, given, given_P = tuning["union"], state["given"], state["given_P"]
+    weight, P, delta = state["predicted"], state["P"], state["delta"]
+    for a in range(len(union)):
+        i = union[a]
+        given[a] = state["theta"][i]
+        for b in range(a + 1):
+            total = 0.0
+            for j in range(len(weight)):
+                apart = delta[j, i] * delta[j, union[b]]
+                total += weight[j] * (P[j, i, union[b]] + apart)
+            given_P[a, b] = given_P[b, a] = total
+    for g in range(len(state["weights"])):
+        state["weights"][g] = draw(tuning, state, g)
+    for i in range(len(estimates)):
+        estimates[i] = given[i]
+
+
+@inlined
+def draw(tuning, state, g):
+    """Draw what is thought towards one group as it was told, and return how far."""
+    members, told, L = tuning["members"], tuning["told"], state["factor"]
+    given, P, W = state["given"], state["given_P"], state["towards"]
+    e = state["apart_told"]
+    k = 0
+    while k < len(L) and members[g, k] >= 0:
+        k += 1
+    square = 0.0
+    for i in range(k):  # L Lᵀ = Σ_ss, W = L⁻¹ Σ_s·, and e = L⁻¹ (s₀ − μ_s)
+        factorize(members[g], P, L, i)
+        known = L[i, i] <= 0.0  # it is as it was told already
+        e[i] = 0.0 if known else told[g, i] - given[members[g, i]]
+        for a in range(len(given)):
+            W[i, a] = 0.0 if known else P[members[g, i], a]
+        for c in range(0 if known else i):
+            e[i] -= L[i, c] * e[c]
+            for a in range(len(given)):
+                W[i, a] -= L[i, c] * W[c, a]
+        if not known:
+            e[i] /= L[i, i]
+            for a in range(len(given)):
+                W[i, a] /= L[i, i]
+        square += e[i] ** 2
+    share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
+    for i in range(k):
+        for a in range(len(given)):
+            given[a] += share * W[i, a] * e[i]
+            for b in range(len(given)):
+                P[a, b] -= share * W[i, a] * W[i, b]
+    return share
+
+
+@inlined
+def factorize(members, P, L, i):
+    """Write row i of the Cholesky factor of Σ_ss; zero where nothing is left to vary."""
+    for j in range(i):
+        total = P[members[i], members[j]]
+        for c in range(j):
+            total -= L[i, c] * L[j, c]
+        L[i, j] = total / L[j, j] if L[j, j] > 0.0 else 0.0
+    left = P[members[i], members[i]]
+    for c in range(i):
+        left -= L[i, c] ** 2
+    L[i, i] = np.sqrt(left) if left > 1e-9 * P[members[i], members[i]] else 0.0

@@ -1,0 +1,194 @@
+"""Bounds on axes with friction: against equations of motion written out here, and by known set."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.scoring import described, limits, true_path
+from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
+from flexaxis.experiments.scoring.true_path import jump_gradient, state_at
+from flexaxis.sim.simulate import simulate
+
+T, ONSET, SIGMA = 0.005, 2000, 0.1
+TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
+
+
+@cache
+def drawn(name):
+    scenario = find_scenario(name)
+    return scenario, simulate(scenario, [0])[0]
+
+
+def bristles(q, v, p):
+    """Torque of LuGre friction and the change of that of its bristles."""
+    level = q["f_c"] + q.get("f_s", 0.0) * np.exp(-((v / q.get("v_s", 1.0)) ** 2))
+    change = q["sigma_0"] * (v - abs(v) * p / level)
+    return p + q["sigma_1"] / q["sigma_0"] * change, change
+
+
+def speeds(q, u, x):
+    """Motor speed from a state [x1, x2, v_m, v_g, v_a, p] on, by an adaptive method."""
+
+    def rates(t, x, u):
+        friction, change = bristles(q, x[2], x[5])
+        gear = q["k_g"] * x[0] + q["d_g"] * (q["r"] * x[2] - x[3])
+        arm = q["k_a"] * x[1] + q["d_a"] * (x[3] - x[4])
+        motor = q["k_T"] * u - friction - q["f_m"] * x[2] - q["r"] * gear
+        return [
+            q["r"] * x[2] - x[3],
+            x[3] - x[4],
+            motor / q["J_m"],
+            (gear - arm - q["f_g"] * x[3]) / q["J_g"],
+            (arm - q["f_a"] * x[4]) / q["J_a"],
+            change,
+        ]
+
+    found = []
+    for torque in u:
+        found.append(x[2])
+        x = solve_ivp(rates, (0, T), x, "LSODA", args=(torque,), rtol=1e-9, atol=1e-11).y[:, -1]
+    return np.array(found)
+
+
+def slopes(q, names, u, x):
+    """Derivatives (N, p) of the speed by central differences."""
+    columns = []
+    for name in names:
+        physical = name.removeprefix("1/")
+        theta = 1 / q[physical] if "/" in name else q[physical]
+        h = 1e-4 * theta
+        ends = [1 / value if "/" in name else value for value in (theta + h, theta - h)]
+        up, down = (speeds(q | {physical: end}, u, x) for end in ends)
+        columns.append((up - down) / (2 * h))
+    return np.column_stack(columns)
+
+
+@pytest.fixture(scope="module")
+def lugre():
+    scenario, record = drawn("lugre_fm_step-v1")
+    truth = scenario.true_parameters()
+    x = state_at(scenario, truth, record.torque, ONSET)
+    q = dict(zip(scenario.parameter_names, truth[ONSET].tolist(), strict=True))
+    u = record.torque[ONSET : ONSET + 200]
+    return scenario, truth, record.torque, x, slopes(q, TRACKED, u, x)
+
+
+@pytest.mark.parametrize(("finer", "worst"), [(true_path.FINER, 0.03), (20, 0.005)])
+def test_the_gradient_after_a_jump_against_differences_of_an_adaptive_method(
+    finer, worst, lugre, monkeypatch
+):
+    """Steps in which the torque of friction is held leave something where the motor reverses."""
+    monkeypatch.setattr(true_path, "FINER", finer)
+    scenario, truth, u, x, expected = lugre
+    model = described.true_model(scenario, truth[ONSET]).parametrize(TRACKED)
+    psi = jump_gradient(model, model.theta, u[ONSET : ONSET + 200], x, period=T)
+    assert not psi[0].any()
+    scale = np.sqrt(np.mean(expected**2, axis=0))
+    assert (np.sqrt(np.mean((psi - expected) ** 2, axis=0)) < worst * scale).all()
+
+
+def test_the_bound_with_friction_is_that_of_its_own_equations(lugre):
+    scenario, truth, u, _, expected = lugre
+    theta = described.model_theta(scenario, TRACKED, truth[ONSET])
+    wanted = np.sqrt(np.diagonal(cramer_rao(expected, SIGMA**2, theta), axis1=1, axis2=2))
+    found = jump_bound(scenario, TRACKED, ONSET, ONSET + 200, u).unknown
+    np.testing.assert_allclose(found, wanted, rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "worst"),
+    [
+        ("stiffening_fm_step-v1", 0.01),
+        ("backlash_fm_step-v1", 0.01),
+        ("saturation_fm_step-v1", 0.001),
+        ("coulomb05_fm_step-v1", 0.02),
+        ("lugre_stribeck_fm_step-v1", 0.02),
+        ("wg_fm_step-v1", 0.05),
+        ("encoder_coulomb_fm_step-v1", 0.02),
+    ],
+)
+def test_the_state_at_the_jump_is_that_of_the_plant(name, worst):
+    """The engine's own equations of motion, integrated otherwise, and 10 s of closed loop."""
+    scenario, record = drawn(name)
+    truth = scenario.true_parameters()
+    samples = range(ONSET - 60, ONSET, 3)
+    speed = [state_at(scenario, truth, record.torque, k)[2] for k in samples]
+    error = np.array(speed) - record.true_speed[samples]
+    assert np.sqrt(np.mean(error**2)) < worst * np.std(record.true_speed)
+
+
+def test_cogging_acts_as_in_the_plant():
+    """At first: where the motor is slow it takes one valley or the next by a hair."""
+    scenario, record = drawn("cogging_fm_step-v1")
+    truth = scenario.true_parameters()
+    error, without = (
+        [state_at(each, truth, record.torque, k)[2] - record.true_speed[k] for k in range(1, 30, 2)]
+        for each in (scenario, scenario.override({"cogging": None}))
+    )
+    assert np.max(np.abs(error)) < 0.02 < 10 * 0.02 < np.max(np.abs(without))
+
+
+def test_who_knows_less_is_slower():
+    scenario, record = drawn("coulomb_fm_step-v1")
+    f_m = limits.limits(scenario, scenario.identify, record.torque)[2]
+    linear = jump_bound(scenario, scenario.identify, ONSET, ONSET + 1000, record.torque)
+    three = lag_bound(linear.unknown[:, 2], 0.025, period=T)
+    structure = limits.lag_bound_with_structure(scenario, "f_m", record.torque)
+    assert f_m.lag_bound_single < three < f_m.lag_bound < structure < f_m.lag_null
+    # an independent program has .045, .075, .109, .170 for this axis as a mean of other seeds,
+    # between which it varies by 15 %
+    found = [f_m.lag_bound_single, three, f_m.lag_bound, structure]
+    np.testing.assert_allclose(found, [0.045, 0.075, 0.109, 0.170], rtol=0.3)
+
+
+def test_a_fault_of_dry_friction_itself_has_a_bound():
+    scenario, record = drawn("coulomb_fc_step-v1")
+    *others, f_c = limits.limits(scenario, scenario.identify, record.torque)
+    assert others == [limits.Limits()] * 3
+    assert 0.03 < f_c.lag_bound_single < f_c.lag_bound < 0.4
+    assert f_c.lag_null == pytest.approx(5.0)
+
+
+def test_what_estimators_are_told_wrong_does_not_move_the_bound():
+    scenario, record = drawn("told_kg_fm_step-v1")
+    plain = scenario.override({"told": None})
+    mine, other = (limits.limits(s, s.identify, record.torque) for s in (scenario, plain))
+    assert mine == other and mine[2].lag_bound
+
+
+def test_stiffer_bristles_than_those_for_coulomb_friction_change_little(monkeypatch):
+    scenario, record = drawn("coulomb_fm_step-v1")
+    lags = []
+    for stiffness in (described.STIFF, 10 * described.STIFF):
+        monkeypatch.setitem(described.COULOMB, "sigma_0", stiffness)
+        lags.append(limits.limits(scenario, scenario.identify, record.torque)[2].lag_bound)
+    assert lags[0] == pytest.approx(lags[1], rel=0.03)
+
+
+def test_which_scenarios_a_model_describes():
+    described_ = {name: described.describes(find_scenario(name)) for name in scenario_names()}
+    for name in ("coulomb_fm_step-v1", "real_lugre_fm_step-v1", "told_kg_fm_step-v1", "fm_step-v1"):
+        assert described_[name]
+    for name in scenario_names():
+        if find_scenario(name).linear:
+            assert described_[name]
+    for name in ("torque_delay_fm_step-v1", "speed_filter_fm_step-v1", "directional_fm_step-v1",
+                 "position_fm_step-v1", "load_friction_fm_step-v1", "power_fm_step-v1",
+                 "torque_noise_fm_step-v1"):  # fmt: skip
+        assert not described_[name], name
+    both = find_scenario("lugre_fm_step-v1").override({"friction": {"coulomb": 0.1}})
+    assert not described.describes(both)
+
+
+def test_the_phase_of_cogging_is_unknown_with_its_size():
+    scenario, record = drawn("real_coulomb_fm_step-v1")
+    names = described.with_structure(scenario, described.tracked(scenario, scenario.identify))
+    assert {"f_c", "c_sin", "c_cos", "kappa", "gap", "J_m"} <= set(names)
+    theta = described.model_theta(scenario, names, scenario.true_parameters()[ONSET])
+    size = described.sizes(scenario, names, theta)[names.index("c_cos")]
+    assert size == pytest.approx(0.05) and theta[names.index("c_cos")] == 0
+    bound = jump_bound(scenario, names, ONSET, ONSET + 200, record.torque).unknown
+    assert np.isfinite(bound).all() and (bound > 0).all()
