@@ -6,7 +6,9 @@ corrects in a predictor by output error, and its sensitivities grow without end.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexaxis.estimators.entry import Entry
@@ -15,6 +17,7 @@ from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.sizes import measured
 from flexaxis.estimators.offline.structure import Prior, prior, structure_names, with_laws
 from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
@@ -23,6 +26,7 @@ FRICTION = ("bristle", "static")  # kinds of law that a speed drives
 NOISE = 0.04  # of the rms speed, σ that P(0) reckons with where none is told: with less than what
 # an axis is off its model before that is learnt, the first steps are too long
 SPREAD = 0.05  # standard deviation of θ(0), relative to it: a new axis is about as it was designed
+SETTLE = 2.0  # s: twice the memory of what is tracked
 WALK = 0.01  # 1/√s, of θ/θ(0): the memory is then about a second where σ is 2 % of the speed
 CEILING = 10 * CALM  # of R̂ P, relative to θ(0)²: a deviation of 10 %, twice that of the start
 
@@ -66,6 +70,7 @@ def rpem_friction(
         P0=known.P0 / _variance(model, torque, period, noise),
         bounds=known.bounds,
         scale=known.scale,
+        settle=SETTLE,
         period=period,
         forgetting=forgetting_factor(forgetting, period),
         output=output,
@@ -110,6 +115,7 @@ def rpem_friction_drift(
         P0=known.P0 / variance,
         bounds=known.bounds,
         scale=known.scale,
+        settle=SETTLE,
         period=period,
         drift=period * (walk * known.scale[: len(tracked)]) ** 2 / variance,
         output=output,
@@ -139,13 +145,19 @@ def _variance(model: Model, torque: ArrayLike | None, period: float, noise: floa
     """Return σ² that P(0) reckons with."""
     if noise is not None:
         return above_zero("noise", noise, "the standard deviation of y") ** 2
-    speeds = [sizes.drive for law, sizes in measured(model, torque, period) if law.kind in FRICTION]
-    if not speeds:
+    if torque is None:
+        stored = measured(model, None, period)  # refuses an axis that is not the nominal one
+        speed = max((sizes.drive for law, sizes in stored if law.kind in FRICTION), default=0.0)
+    else:
+        linear = replace(model, laws=())
+        one = linear.parametrize(linear.parameters[:1])
+        speed = float(np.std(predict(one, one.theta, np.asarray(torque, float), period=period)[0]))
+    if not speed > 0:
         raise EstimatorError(
-            f"model {model.name!r} has no law of friction, whose speed says how large noise may "
-            "be; give noise, the standard deviation of y"
+            "how large the noise of y may be is known only of an axis that moves: give the torque "
+            "of a run, or noise, its standard deviation"
         )
-    return float((NOISE * max(speeds)) ** 2)
+    return (NOISE * speed) ** 2
 
 
 ENTRIES = (

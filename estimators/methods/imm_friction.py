@@ -11,6 +11,7 @@ from flexaxis.estimators.finding import UNEXPLAINED, Finding
 from flexaxis.estimators.methods.start import Nominal
 from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.structure import LEARNT, TRACKED, prior, structure_names, with_laws
 from flexaxis.estimators.recursion.as_told import as_told, told_records
 from flexaxis.estimators.recursion.changes import Z95, single_change
@@ -37,6 +38,9 @@ from flexaxis.estimators.sampling.pattern import Pattern, split
 Array = NDArray[np.float64]
 
 WALK = 7e-4  # 1/√s, of θ over its scale
+SEEN = 0.25  # standard deviation after commissioning over that before, from which on it is learnt
+FRICTION = ("f_c", "f_s")  # which are seen as soon as anything moves
+UNSEEN = "the first seconds hardly move what it acts on, and it stays as it was told"
 COMMISSIONING = 4.0  # s, which are gone through twice
 LATER = 1.0  # s after an alarm, when what changed is named again
 BEFORE = 0.05  # s before an onset, as of when θ is as it was
@@ -44,6 +48,7 @@ BEGUN = 0.05  # probability of a jump from which on it may have begun
 SUSPECTED = 0.1  # of what is learnt once: how often it jumps, over how often what is tracked does
 SIGNIFICANT = 9.0  # χ² of one degree of freedom, below which nothing explains an alarm
 CERTAIN = 12.0  # that which an alarm needs
+STORM = 60.0  # s, within which every alarm doubles what the next one needs
 AGES = (
     0.01,
     0.02,
@@ -86,7 +91,15 @@ class ImmFriction(RecursiveEstimator):
     findings : tuple of Finding
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_tuning", "_begin", "_loop", "prior")
+    _shared = (
+        *RecursiveEstimator._shared,
+        "_design",
+        "_free",
+        "_begin",
+        "_loop",
+        "prior",
+        "_as_told",
+    )
 
     def __init__(
         self,
@@ -132,14 +145,15 @@ class ImmFriction(RecursiveEstimator):
         variances = np.full(len(which), jump**2 * period / hold)
         rates = rate * np.where(np.arange(len(which)) < len(track), 1.0, SUSPECTED)
         modes = Modes(which, W, variances, rates / rates.sum() * rate, hold)
-        covariance = state_covariance(design, None)
+        covariance = state_covariance(design, state_sizes(model, torque, period) ** 2)
         parts = (
             modal_records(design, pattern, modes, covariance),
             told_records(len(track), self._told_groups(groups)),
         )
-        self._tuning, self._begin = (joined(*pair) for pair in zip(*parts, strict=True))
+        self._free, self._begin = (joined(*pair) for pair in zip(*parts, strict=True))
         self._loop = shared_loop(pattern)
         self._which = np.array(which)
+        self._as_told = {name: value for group in groups for name, value in group.items()}
         self._commissioning = round(commissioning / period)
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
@@ -159,6 +173,8 @@ class ImmFriction(RecursiveEstimator):
     def _start(self) -> None:
         self.state = self._begin.copy()
         self._found: list[Finding] = []
+        self._tuning = self._free
+        self.fixed_because: dict[str, str] = {}
         self._first: list[tuple[Array, Array, NDArray[np.bool_]]] = []
         self.state["due"] = self._commissioning - 1
         self._case: int | None = None  # onset of a jump that is not significant yet
@@ -224,15 +240,52 @@ class ImmFriction(RecursiveEstimator):
         Newton, where it ended. What it may deviate by from there is what it was in the first.
         """
         u, y, valid = (np.concatenate(parts) for parts in zip(*self._first, strict=True))
-        learnt = self.state["theta"].copy()
+        learnt, unseen = self.state["theta"].copy(), self._unseen()
         self.state = self._begin.copy()
         self.state["theta"] = learnt
+        self._fix(unseen)
         taken, estimates, trace = 0, np.empty((len(u), len(self.names))), np.empty((len(u), 3))
         while taken < len(u):  # jumps stop it, of which nobody is told
             given = (values[taken:] for values in (u, y, valid, estimates, trace))
             taken += self._loop(self._tuning, self.state, *given)
+        self._weigh_once(learnt)
         self.state["due"], self.state["armed"], self.state["calm"] = -1, 0, 0
         self._first = []
+
+    def _weigh_once(self, started: Array) -> None:
+        """
+        Take back that the second pass started where the first had ended, and not where P(0) is of.
+
+        To first order an estimate that started δ too far is P P(0)⁻¹ δ too far in the end.
+        """
+        state, p = self.state[0], len(self._design.scale)
+        m = state["P"].shape[-1]
+        off = (started[0] - self._begin["theta"][0])[:p]
+        free = np.diag(state["P"][0])[:p] > 0
+        off = np.where(free, off, 0.0) / np.diag(self._design.P0)
+        off = state["P"][0][:, :p] @ off
+        state["theta"][:p] -= off[:p]
+        state["X"][:, 0] -= state["X"][:, 1 : 1 + m] @ off
+
+    def _unseen(self) -> list[int]:
+        """Return what of the linear model is hardly known better than before."""
+        names, p = self._design.model.names, len(self._design.scale)
+        known = np.sqrt(np.diag(self.state["P"][0, 0])[:p] / np.diag(self._design.P0))
+        fixable = [names.index(n) for n in self._as_told if n in names and n not in FRICTION]
+        return [i for i in fixable if not known[i] < SEEN]
+
+    def _fix(self, unseen: Sequence[int]) -> None:
+        """Take parameters as they were told, for good."""
+        if not unseen:
+            return
+        self._tuning = self._tuning.copy()
+        self.state["P"][:, :, unseen, :] = 0.0
+        self.state["P"][:, :, :, unseen] = 0.0
+        self._tuning["jump"][0, np.isin(self._which, unseen)] = 0.0
+        for i in unseen:
+            name = self._design.model.names[i]
+            self.state["theta"][0, i] = self._as_told[name] / self._design.scale[i]
+            self.fixed_because[name] = UNSEEN
 
     def _attend(self) -> None:
         """Do what is due after a sample: tell of a jump, or name it again."""
@@ -282,7 +335,8 @@ class ImmFriction(RecursiveEstimator):
         covariance = (before + after)[q : q + q * q].reshape(q, q)
         change = single_change(after[:q] - before[:q], covariance)
         i = change.index
-        least = SIGNIFICANT if finding.parameters else CERTAIN
+        recent = sum(now - f.alarm < STORM / self._design.period for f in self._found)
+        least = SIGNIFICANT if finding.parameters else CERTAIN * 2.0**recent
         if change.gain < least or before[i] == 0.0:
             return replace(finding, parameters=(), ratio=(), interval=(), reason=UNEXPLAINED)
         ratio = 1 + change.size / before[i]

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import (
+    Design,
+    at_least_zero,
     covariance_matrix,
     make_design,
 )
@@ -21,7 +23,7 @@ from flexaxis.estimators.recursion.measurement import (
     publish,
     read_claim,
 )
-from flexaxis.estimators.recursion.records import joined, on_lanes
+from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
 from flexaxis.estimators.recursion.trace import Trace, trace
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
@@ -87,6 +89,9 @@ class Rpem(CompiledFilter):
         others.
     scale : (p,) array_like, optional
         Size that each parameter may have, where one of a law starts at zero; θ(0) by default.
+    settle : float
+        Time before which nothing is learnt once [s]: what is tracked, and the state, come first
+        from where they start, or their errors are learnt as structure for ever.
 
     Attributes
     ----------
@@ -142,6 +147,7 @@ class Rpem(CompiledFilter):
         ceiling: float = CEILING,
         learn: Sequence[str] = (),
         scale: ArrayLike | None = None,
+        settle: float = 0.0,
     ) -> None:
         design = make_design(
             model,
@@ -161,7 +167,11 @@ class Rpem(CompiledFilter):
         )
         pattern, _ = split(design.model)
         parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling)
-        tuning, start = map(joined, on_lanes(design, pattern), parts)
+        lanes, later = on_lanes(design, pattern), _settling(design, settle)
+        tuning, start = map(joined, lanes, parts, later)
+        if settle:
+            start["P"][0, design.tracked :] = start["P"][0, :, design.tracked :] = 0.0
+            start["claim"] = start["P"]
         super().__init__(rpem_loop(pattern), tuning, start, design, read_claim)
 
     @property
@@ -214,6 +224,24 @@ class Rpem(CompiledFilter):
         return trace(self, u, y, valid)
 
 
+def _settling(design: Design, settle: float) -> tuple[Record, Record]:
+    """Return tuning and state for `begin_to_learn`."""
+    seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
+    known = np.diag(design.P0).copy()
+    known[: design.tracked] = 0.0
+    return record(settled=round(seconds / design.period), known_before=known), record(taken=0)
+
+
+@inlined
+def begin_to_learn(tuning, state):
+    """Let P know what was known of what is learnt once, as soon as the rest has settled."""
+    state["taken"] += 1
+    if state["taken"] == tuning["settled"]:
+        for i in range(len(tuning["known_before"])):
+            if tuning["known_before"][i] > 0.0:
+                state["P"][i, i] = state["claim"][i, i] = tuning["known_before"][i]
+
+
 @remembered
 def rpem_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop of the method for models of this pattern."""
@@ -228,5 +256,6 @@ def adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     if tuning["correct"] > 0.0:
         correct_state(state)
     predict(tuning, state)
+    begin_to_learn(tuning, state)
     publish(state, k, estimates, trace)
     return False

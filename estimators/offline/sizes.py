@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import N1, three_mass
@@ -14,6 +13,7 @@ from flexaxis.estimators.models.known import is_axis
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import respond
+from flexaxis.estimators.sampling.extended import discretize
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,8 @@ class Sizes:
     force : float
         Torque of the law that would move its state as the rms input does.
     rate : float
-        Of the derivative of the drive, over the drive [1/s].
+        Of the derivative of the drive, over the drive, or of the fastest mode of the model if that
+        is faster [1/s].
     """
 
     drive: float
@@ -45,6 +46,16 @@ NOMINAL: Mapping[str, Sizes] = {
     "clip": Sizes(drive=0.85, force=0.85, rate=0.0),
 }
 """By kind of law, of the nominal axis on its reference."""
+
+
+NOMINAL_STATES = {
+    "twist_gear": 7.5e-4,
+    "twist_arm": 2.2e-3,
+    "speed_motor": 5.0,
+    "speed_gear": 0.09,
+    "speed_arm": 0.22,
+}
+"""By state, likewise."""
 
 
 def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tuple[Law, Sizes]]:
@@ -77,20 +88,37 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     return [(law, _sizes(model, law, (A, B[:, 0], period), u)) for law in model.laws]
 
 
+def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
+    """
+    Return how far the states (n,) of a model move, rms, as `measured`; zero for angles.
+
+    An angle counts from where it starts.
+    """
+    if torque is None:
+        return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
+    linear = replace(model, laws=())
+    one = linear.parametrize(linear.parameters[:1])
+    A, B, _ = one.matrices(one.theta)
+    transition, gain = discretize(A, B, period)
+    u = np.ascontiguousarray(torque, float)
+    moved = np.std(respond(transition.copy(), gain[:, 0].copy(), np.eye(len(A)), u), axis=0)
+    integrates = ~np.any(A, axis=0)  # on which nothing depends
+    return np.where(integrates, 0.0, moved)
+
+
 def _sizes(model: Model, law: Law, linear: tuple[Array, Array, float], u: Array) -> Sizes:
     A, B, period = linear
-    n = len(B)
     drive = np.array([law.drive.get(state, 0.0) for state in model.states])
-    held = np.zeros((n + 1, n + 1))
-    held[:n, :n], held[:n, n] = A, B
-    sampled = expm(held * period)
+    transition, gain = discretize(A, B[:, None], period)
     rows = np.array([drive, drive @ A])
-    w, change = respond(sampled[:n, :n].copy(), sampled[:n, n].copy(), rows, u).T
+    w, change = respond(transition.copy(), gain[:, 0].copy(), rows, u).T
     driven = float(np.std(w + law.drive.get(INPUT, 0.0) * u))
     force = _force(model, law, B) * float(np.sqrt(np.mean(u**2)))
     if not driven > 0:
         raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
-    return Sizes(driven, force, float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / driven)
+    changes = float(np.sqrt(np.mean((change + (drive @ B) * u) ** 2))) / driven
+    fastest = float(max(abs(np.linalg.eigvals(A))))  # a slow reference says nothing of contacts
+    return Sizes(driven, force, max(changes, fastest))
 
 
 def _force(model: Model, law: Law, B: Array) -> float:

@@ -167,7 +167,9 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
     """
     taken = {name.removeprefix("1/") for name in tracked}
     laws = [name for law in model.laws for name in law.names if name not in DATA_SHEET]
-    found = dict.fromkeys([*(p for p in LEARNT if p in model.parameters), *laws])
+    # what is zero is not there, and has no size of its own
+    linear = [p for p in LEARNT if p in model.parameters and model.nominal[p]]
+    found = dict.fromkeys([*linear, *laws])
     return tuple(name for name in found if name not in taken)
 
 

@@ -86,40 +86,44 @@ def draw(tuning, state, g):
     """Draw what is thought towards one group as it was told, and return how far."""
     members, told, L = tuning["members"], tuning["told"], state["factor"]
     given, P, W = state["given"], state["given_P"], state["towards"]
+    e = state["apart_told"]
     k = 0
     while k < len(L) and members[g, k] >= 0:
         k += 1
-    if k == 0:
-        return 0.0
-    for i in range(k):  # L Lᵀ = Σ_ss, W = L⁻¹ Σ_s·
-        for j in range(i + 1):
-            total = P[members[g, i], members[g, j]]
-            for c in range(j):
-                total -= L[i, c] * L[j, c]
-            if i == j:
-                if not total > 0.0:
-                    return 0.0
-                L[i, i] = np.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
     square = 0.0
-    for i in range(k):
+    for i in range(k):  # L Lᵀ = Σ_ss, W = L⁻¹ Σ_s·, and e = L⁻¹ (s₀ − μ_s)
+        factorize(members[g], P, L, i)
+        known = L[i, i] <= 0.0  # it is as it was told already
+        e[i] = 0.0 if known else told[g, i] - given[members[g, i]]
         for a in range(len(given)):
-            total = P[members[g, i], a]
-            for c in range(i):
-                total -= L[i, c] * W[c, a]
-            W[i, a] = total / L[i, i]
-    apart = state["apart_told"]
-    for i in range(k):
-        total = told[g, i] - given[members[g, i]]
-        for c in range(i):
-            total -= L[i, c] * apart[c]
-        apart[i] = total / L[i, i]
-        square += apart[i] ** 2
+            W[i, a] = 0.0 if known else P[members[g, i], a]
+        for c in range(0 if known else i):
+            e[i] -= L[i, c] * e[c]
+            for a in range(len(given)):
+                W[i, a] -= L[i, c] * W[c, a]
+        if not known:
+            e[i] /= L[i, i]
+            for a in range(len(given)):
+                W[i, a] /= L[i, i]
+        square += e[i] ** 2
     share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
     for i in range(k):
         for a in range(len(given)):
-            given[a] += share * W[i, a] * apart[i]
+            given[a] += share * W[i, a] * e[i]
             for b in range(len(given)):
                 P[a, b] -= share * W[i, a] * W[i, b]
     return share
+
+
+@inlined
+def factorize(members, P, L, i):
+    """Write row i of the Cholesky factor of Σ_ss; zero where nothing is left to vary."""
+    for j in range(i):
+        total = P[members[i], members[j]]
+        for c in range(j):
+            total -= L[i, c] * L[j, c]
+        L[i, j] = total / L[j, j] if L[j, j] > 0.0 else 0.0
+    left = P[members[i], members[i]]
+    for c in range(i):
+        left -= L[i, c] ** 2
+    L[i, i] = np.sqrt(left) if left > 1e-9 * P[members[i], members[i]] else 0.0

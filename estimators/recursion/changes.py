@@ -42,16 +42,19 @@ def single_change(difference: Array, covariance: Array) -> Change:
     difference : (q,) array
     covariance : (q, q) array
     """
-    if not np.all(np.isfinite(difference)) or not np.all(np.isfinite(covariance)):
+    if not np.isfinite(difference).all() or not np.isfinite(covariance).all():
         return Change(0, 0.0, np.nan, np.inf)  # a filter that diverges is a result
-    scale = np.sqrt(np.diag(covariance))
-    information = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)
-    score, weight = information @ (difference / scale), np.diag(information)
+    free = np.flatnonzero(np.diag(covariance) > 0)  # what is fixed explains nothing
+    scale = np.sqrt(np.diag(covariance)[free])
+    information = np.linalg.pinv(
+        covariance[np.ix_(free, free)] / np.outer(scale, scale), hermitian=True
+    )
+    score, weight = information @ (difference[free] / scale), np.diag(information)
     gains = score**2 / weight
-    i = int(np.argmax(gains))
+    best = int(np.argmax(gains))
     return Change(
-        i,
-        float(gains[i]),
-        float(score[i] / weight[i] * scale[i]),
-        float(scale[i] / np.sqrt(weight[i])),
+        int(free[best]),
+        float(gains[best]),
+        float(score[best] / weight[best] * scale[best]),
+        float(scale[best] / np.sqrt(weight[best])),
     )

@@ -25,7 +25,7 @@ from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, P
 from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding, interval_of
 from flexaxis.estimators.relocate.fit import Past
-from flexaxis.estimators.relocate.follow import angle_of
+from flexaxis.estimators.relocate.follow import measuring
 from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found, Lookout
 from flexaxis.estimators.relocate.memory import Memory
@@ -171,8 +171,7 @@ class Relocate(RecursiveEstimator):
             state,
             alarm=alarm,
             period=period,
-            angle=angle_of(design.model),
-            increments=output == "increment",
+            angle=measuring(design.model, increments=output == "increment", period=period),
         )
         box = design.lower, design.upper
         model_ = planned(design.model, *box, period)
@@ -184,7 +183,9 @@ class Relocate(RecursiveEstimator):
             else None
         )
         self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
-        self._policy = Policy(period, gain=gain, looks=(*LOOKS, *LATER) if learn else LOOKS)
+        self._policy = Policy(period, gain=gain)
+        if learn:
+            self._policy = replace(self._policy, looks=(*LOOKS, *LATER), adapting=True)
         self.reset()
         self._warm_up()
 

@@ -79,10 +79,8 @@ class Memory:
         Evidence that raises an alarm [nats].
     period : float
         Sampling period [s].
-    angle : int
-        State that is the motor angle, if a torque depends on it; else −1.
-    increments : bool
-        Whether y is increments of the angle.
+    angle : (tuning, state)
+        As from `flexaxis.estimators.relocate.follow.measuring`.
     """
 
     def __init__(
@@ -93,14 +91,12 @@ class Memory:
         *,
         alarm: float,
         period: float,
-        angle: int = -1,
-        increments: bool = False,
+        angle: tuple[Record, Record],
     ) -> None:
         parts = listening(alarm, period)
-        place = record(count=0, stop=-1, u=np.zeros(2), angle=0.0, last=0.0, y=0.0, valid=0)
-        where = record(angle=angle, increments=increments, period=period)
-        self._tuning = joined(tuning, parts[0], where)
-        self._begin = joined(state, parts[1], place)
+        place = record(count=0, stop=-1, y=0.0, valid=0)
+        self._tuning = joined(tuning, parts[0], angle[0])
+        self._begin = joined(state, parts[1], place, angle[1])
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
         self._loop = remembering_loop(pattern)
@@ -153,10 +149,19 @@ class Memory:
         return float(np.mean(known**2) / 20) if len(known) > samples // 2 else 0.0
 
     def unlearn(self, row: np.void) -> None:
-        """Take for normal what was so at an earlier sample, and neither learn nor listen."""
+        """
+        Take for normal what was so at an earlier sample, and neither learn nor listen.
+
+        The angle is again what was measured since, as a change may have turned it.
+        """
         for name in NORMAL:
             self.state[name] = row[name]
-        self.state["armed"] = self.state["learning"] = 0
+        self.state["armed"] = self.state["learning"] = self.state["turning"] = 0
+        places = self._places(int(row["count"]))
+        since = self._ring["turned"][places] - row["turned"]
+        self._ring["u"][places, 1] -= since
+        self.state["angle"] -= self.state["turned"] - row["turned"]
+        self._ring["turned"][places] = self.state["turned"] = row["turned"]
 
     def accept(self, recent: float, *, noise: bool) -> None:
         """Take the residual of the last seconds for normal: its variance, and learn its colour."""
@@ -171,7 +176,7 @@ class Memory:
 
     def arm(self) -> None:
         """Listen and learn again, from now on."""
-        self.state["armed"] = self.state["learning"] = 1
+        self.state["armed"] = self.state["learning"] = self.state["turning"] = 1
         self.state["evidence"], self.state["silent"] = 0.0, self.count
 
     def run(
@@ -232,7 +237,7 @@ class Memory:
         self._ring["valid"][places[:-1]] = ~np.isnan(replayed.epsilon[:-2])
         if np.isnan(replayed.epsilon[-2]):
             self._ring["epsilon"][places[-1]] = last
-        state["theta"], state["P"] = replayed.theta[-1], replayed.P[-1]
+        state["theta"], state["P"], state["turning"] = replayed.theta[-1], replayed.P[-1], 1
         state["claim"], state["X"][:, :lanes] = replayed.claim[-1], replayed.X[-1].T
 
     def _places(self, first: int) -> NDArray[np.int64]:

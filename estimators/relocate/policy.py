@@ -90,6 +90,11 @@ class Policy:
         Mean square of the whitened residual, one before the alarm, that is "not explained".
     recent : float
         Time over which the residual is judged in the end [s].
+    settled : float
+        How long after an alarm what was accepted may still be taken back [s].
+    adapting : bool
+        Whether the filter goes on to learn more than what is tracked. Then what it leaves of the
+        residual after a change speaks for that as well: a fit of the change alone knows less.
     looks : tuple of float
         Times after an alarm at which it is looked into [s].
     """
@@ -102,6 +107,8 @@ class Policy:
     patience: float = 0.3
     excess: float = 1.5
     recent: float = 0.3
+    settled: float = 0.5
+    adapting: bool = False
     looks: tuple[float, ...] = LOOKS
 
     @property
@@ -117,7 +124,8 @@ class Policy:
         A dubious residual, which the model does not explain to begin with, asks for more.
         """
         if not self._borne_out(ranking, case):
-            return Wait() if case.accepted in {None, TAKEN_BACK} else Retract()
+            late = case.age * self.period > self.settled
+            return Wait() if late or case.accepted in {None, TAKEN_BACK} else Retract()
         if case.accepted == ranking.best:
             return Accept()
         decided = ranking.lead > self.margin * case.repeated
@@ -151,7 +159,10 @@ class Policy:
         """Whether the residual is back at its level before the alarm, as far as one can tell."""
         samples = max(case.samples - ranking.change.onset, 1)
         limit = self.excess + 6 * np.sqrt(2 * case.repeated / samples)
-        return bool(ranking.change.unexplained <= limit)
+        unexplained = ranking.change.unexplained
+        if self.adapting and case.accepted not in {None, TAKEN_BACK}:
+            unexplained = min(unexplained, -2 * case.likelihood / case.samples)
+        return bool(unexplained <= limit)
 
 
 def dubious(colour: Array, correlation: float) -> float:
