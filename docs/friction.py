@@ -64,6 +64,24 @@ RESULTS = ROOT / "results" / "friction"
 RUN = ("run", *SCENARIOS, *(w for e in ESTIMATORS for w in ("--estimator", e)), "--seeds", "10")
 
 
+def accuracy() -> str:
+    """Return how far models with laws are from an adaptive integrator, by steps in a sample."""
+    sys.path.insert(0, str(ROOT / "tests" / "estimators"))
+    import test_laws as tested
+
+    u, steps, rows = tested.torque(), (4, 8, 16, 32), []
+    for name in ("bristle", "static", "all"):
+        model = tested.axis(name)
+        exact = tested.adaptive(model, u)
+        found = [tested.travelled(model, u, steps=s)[:, 0, -1] for s in steps]
+        rows.append([f"`{name}`", *(f"{100 * tested.distance(y, exact):.2g}" for y in found)])
+    heads = ["laws", *(f"{s} steps of {5 / s:.3g} ms" for s in steps)]
+    return _table(heads, rows) + (
+        "\nDistance of the motor speed from that of LSODA [% of its rms], on the axes of "
+        "`tests/estimators/test_laws.py`. `python docs/friction.py accuracy`.\n"
+    )
+
+
 class Motion:
     """Records of an axis in a motion, and what they tell of its parameters.
 
@@ -140,9 +158,8 @@ def motions() -> str:
     for name in MOTIONS:
         seen = motion(name)
         pair, told = TRACKED[2:], tuple(n for n in seen.names if n != "k_T")
-        C = seen.covariance(pair)
-        v, dry = seen.speed, seen.truth["f_c"]
-        alias = dry * np.mean(abs(v)) / np.mean(v**2) / seen.truth["f_m"]
+        C, v = seen.covariance(pair), seen.speed
+        alias = seen.truth["f_c"] * np.mean(abs(v)) / np.mean(v**2) / seen.truth["f_m"]
         rows.append([
             name,
             f"{np.sqrt(np.mean(v**2)):.2g}",
@@ -172,11 +189,10 @@ def estimators() -> str:
         changed = mine[-1][2] if mine else "f_m"
         label = f"`{name.removesuffix('-v1')}`" + ("" if changed == "f_m" else f" ({changed})")
         lines.append([label, *(_cell(rows.get((name, e, changed))) for e in ESTIMATORS)])
-    made = (RESULTS / "commit").read_text(encoding="utf-8")
     return _table(["scenario", *(f"`{e}`" for e in ESTIMATORS)], lines) + (
         "\nBias ± std before the fault [%]; lag [s], × bound; found, named rightly at last [%]; "
-        f"false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit {made}, "
-        "seeds 1000 to 1009.\n"
+        "false alarms a run; **lost** runs. `python docs/friction.py estimators`, commit "
+        f"{(RESULTS / 'commit').read_text(encoding='utf-8')}, seeds 1000 to 1009.\n"
     )
 
 
@@ -257,7 +273,11 @@ def _over_time(axes: Any) -> None:
     axes.legend()
 
 
-TABLES: Mapping[str, Callable[[], str]] = {"motions": motions, "estimators": estimators}
+TABLES: Mapping[str, Callable[[], str]] = {
+    "accuracy": accuracy,
+    "motions": motions,
+    "estimators": estimators,
+}
 
 
 def main(wanted: Sequence[str]) -> None:

@@ -3,24 +3,32 @@
 import importlib.util
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_suite, scenario_names
 
 ROOT = Path(__file__).parents[1]
-WORDS = {17: "seventeen", 18: "eighteen", 19: "nineteen", 20: "twenty", 21: "twenty-one"}
+WORDS = {17: "seventeen", 18: "eighteen", 19: "nineteen", 20: "twenty", 21: "twenty-one",
+         22: "twenty-two", 23: "twenty-three", 24: "twenty-four"}  # fmt: skip
+
+
+def loaded(name):
+    """A script of docs/, as a module."""
+    place = importlib.util.spec_from_file_location(f"docs_{name}", ROOT / "docs" / f"{name}.py")
+    module = importlib.util.module_from_spec(place)
+    sys.modules[f"docs_{name}"] = module
+    place.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="module")
 def tables():
-    place = importlib.util.spec_from_file_location("docs_tables", ROOT / "docs" / "tables.py")
-    module = importlib.util.module_from_spec(place)
-    sys.modules["docs_tables"] = module
-    place.loader.exec_module(module)
-    return module
+    return loaded("tables")
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +76,24 @@ def test_measured_tables_say_how_they_were_made(written, name):
 def test_the_readme_counts_what_there_is():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert f"**Estimators**, {WORDS[len(REGISTRY)]} of them" in text
+
+
+def test_the_tables_of_friction_are_of_what_their_command_makes():
+    friction = loaded("friction")
+    text = friction.PAGE.read_text(encoding="utf-8")
+    found = {name: table.splitlines() for name, table in friction.MARK.findall(text)}
+    assert set(found) == set(friction.TABLES)
+    first = {n: [x.split(" | ")[0].strip("| ") for x in found[n][2:-2]] for n in found}
+    assert first["motions"] == list(friction.MOTIONS)
+    names = [f"{cell.split('`')[1]}-v1" for cell in first["estimators"]]
+    assert names == list(friction.SCENARIOS) and set(names) <= set(scenario_names())
+    head = re.findall(r"`([\w-]+)`", found["estimators"][0])
+    assert head == list(friction.ESTIMATORS) and set(head) <= set(REGISTRY)
+    assert all(f"`python docs/friction.py {name}`" in found[name][-1] for name in found)
+
+
+def test_the_law_that_the_page_of_friction_writes_is_one():
+    text = (ROOT / "docs" / "friction.md").read_text(encoding="utf-8")
+    written = re.search(r"```toml\n(.*?)```", text, re.DOTALL)[1]
+    model = model_from_tables(tomllib.loads(written))
+    assert [(law.kind, law.names) for law in model.laws] == [("bristle", ("f_c", "sigma_0"))]
