@@ -179,8 +179,8 @@ def test_the_interval_of_a_ratio_holds_it_in_95_of_100():
 
 
 def rubbing(multisine, by_hand, seconds, at, factor):
-    """u and noisy speed of the axis with LuGre friction, f_m changed at a time: RK4, stable up to 22 rad/s."""
-    rng, N, h = np.random.default_rng(5), round(seconds / T), T / 40
+    """u and noisy speed of the axis with LuGre friction, f_m changed at a time: RK4, fine steps."""
+    rng, N, h = np.random.default_rng(5), round(seconds / T), T / 40  # stable to 22 rad/s
     reference, f_m = multisine(rng, N), N1["f_m"]
     axes = [by_hand(dict(N1) | {"f_m": value}) for value in (f_m, factor * f_m)]
     x, z, lowpass, integral, last = np.zeros(6), 0.0, 0.0, 0.0, 0.0
@@ -225,6 +225,6 @@ def test_a_fault_of_viscous_friction_is_told_from_dry_friction(by_hand):
     assert finding.parameters == ("f_m",) and abs(finding.onset - 1400) <= 10
     ((low, high),) = finding.interval
     assert low < 1.5 < high < low + 0.1
-    # as good as the prototype: 1 % of f_m, 4 % of f_c
-    np.testing.assert_allclose(theta[1200:1400].mean(axis=0), 1.0, atol=[0.01, 0.01, 0.02, 0.04])
-    np.testing.assert_allclose(theta[-1], [1, 1, 1.5, 1], atol=[0.01, 0.01, 0.03, 0.06])
+    before, after = theta[1200:1400].mean(axis=0), theta[-1]
+    assert (abs(before - 1) < [0.01, 0.01, 0.02, 0.04]).all()  # four deviations of 5 s of data
+    assert (abs(after - [1, 1, 1.5, 1]) < [0.01, 0.01, 0.03, 0.06]).all()
