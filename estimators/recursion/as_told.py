@@ -15,18 +15,19 @@ factors would hold on to it until far later. Groups follow each other, each give
 filter itself is left alone.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.sampling.compiler import inlined
 
-Array = NDArray[np.float64]
+LEVEL = 0.95  # of χ², at which what was told and what was learnt weigh the same
 
 
 def told_records(
-    tracked: int, groups: list[tuple[NDArray[np.int64], Array]]
+    tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
 ) -> tuple[Record, Record]:
     """
     Return what `as_told` needs of tuning and state.
@@ -35,28 +36,28 @@ def told_records(
     ----------
     tracked : int
         The first so many of θ are estimates.
-    groups : list of (indices, values)
+    groups : sequence of (indices, values)
         Of θ, and where it was told to be; in units of θ.
     """
     union = np.unique(np.concatenate([np.arange(tracked), *(i for i, _ in groups)])).astype(int)
-    most = max((len(i) for i, _ in groups), default=1)
+    most = max([1, *(len(i) for i, _ in groups)])
     members, values = (
-        np.full((max(len(groups), 1), most), -1),
-        np.zeros((max(len(groups), 1), most)),
+        np.full((max(1, len(groups)), most), -1),
+        np.zeros((max(1, len(groups)), most)),
     )
+    limit = np.zeros(len(members))
     for row, (indices, told) in enumerate(groups):
         members[row, : len(indices)] = np.searchsorted(union, indices)
         values[row, : len(indices)] = told
-    limit = [float(chi2.ppf(0.95, len(i))) for i, _ in groups] or [0.0]
-    a = len(union)
-    tuning = record(union=union, members=members, told=values, limit=np.array(limit))
+        limit[row] = chi2.ppf(LEVEL, len(indices))
+    tuning = record(union=union, members=members, told=values, limit=limit)
     state = record(
-        given=np.zeros(a),
-        given_P=np.zeros((a, a)),
+        given=np.zeros(len(union)),
+        given_P=np.zeros((len(union), len(union))),
         factor=np.zeros((most, most)),
-        towards=np.zeros((most, a)),
+        towards=np.zeros((most, len(union))),
         apart_told=np.zeros(most),
-        weights=np.zeros(len(limit)),
+        told_share=np.zeros(len(limit)),
     )
     return tuning, state
 
@@ -75,8 +76,8 @@ def as_told(tuning, state, estimates):
                 apart = delta[j, i] * delta[j, union[b]]
                 total += weight[j] * (P[j, i, union[b]] + apart)
             given_P[a, b] = given_P[b, a] = total
-    for g in range(len(state["weights"])):
-        state["weights"][g] = draw(tuning, state, g)
+    for g in range(len(state["told_share"])):
+        state["told_share"][g] = draw(tuning, state, g)
     for i in range(len(estimates)):
         estimates[i] = given[i]
 

@@ -46,42 +46,53 @@ def foresee(state):
 @inlined
 def transit(tuning, state):
     """Take δ_j and P_j of every mode over the last sample; a measurement comes later."""
-    P, X, GP, GT = state["P"], state["X"], state["GP"], state["GT"]
-    delta, moved, walk, jump = state["delta"], state["moved"], tuning["walk"], tuning["jump"]
-    modes, m = len(delta), len(state["gain"])
-    n = len(moved)
-    p = m - n
-    for b in range(m):
-        for i in range(n):
+    P, X, GT = state["P"], state["X"], state["GT"]
+    walk, jump, which = tuning["walk"], tuning["jump"], tuning["which"]
+    for b in range(len(GT)):
+        for i in range(len(state["moved"])):
             GT[b, i] = X[i, 1 + b]
-    for j in range(modes):
-        for i in range(n):
-            moved[i] = 0.0
-            for a in range(m):
-                GP[i, a] = 0.0
-        for b in range(m):
-            for i in range(n):
-                moved[i] += GT[b, i] * delta[j, b]
-                if GT[b, i] != 0.0:
-                    for a in range(m):
-                        GP[i, a] += GT[b, i] * P[j, b, a]
-        for i in range(n):
-            delta[j, p + i] = moved[i]
-            for a in range(n):
-                P[j, p + i, p + a] = 0.0
-            for b in range(m):
-                for a in range(n):
-                    P[j, p + i, p + a] += GP[i, b] * GT[b, a]
-            for a in range(p):
-                P[j, p + i, a] = P[j, a, p + i] = GP[i, a]
-        for i in range(n):
-            for a in range(i):
-                P[j, p + a, p + i] = P[j, p + i, p + a]
-        for i in range(m):
+    for j in range(len(P)):
+        times_G(state, j)
+        transport_all(state, j)
+        for i in range(len(GT)):
             P[j, i, i] += walk[i]
         if j > 0:
-            i = tuning["which"][j - 1]
-            P[j, i, i] += jump[j - 1]
+            P[j, which[j - 1], which[j - 1]] += jump[j - 1]
+
+
+@inlined
+def times_G(state, j):
+    """Write G P_j, and G δ_j."""
+    P, GP, GT = state["P"], state["GP"], state["GT"]
+    delta, moved = state["delta"], state["moved"]
+    GP[:] = 0.0
+    moved[:] = 0.0
+    for b in range(len(GT)):
+        for i in range(len(moved)):
+            moved[i] += GT[b, i] * delta[j, b]
+            if GT[b, i] != 0.0:
+                for a in range(len(GT)):
+                    GP[i, a] += GT[b, i] * P[j, b, a]
+
+
+@inlined
+def transport_all(state, j):
+    """P_j ← F P_j Fᵀ and δ_j ← F δ_j with F = [I 0; G], given G P_j and G δ_j."""
+    P, GP, GT, delta = state["P"], state["GP"], state["GT"], state["delta"]
+    n, m = len(state["moved"]), len(GT)
+    p = m - n
+    for i in range(n):
+        delta[j, p + i] = state["moved"][i]
+        for a in range(n):
+            P[j, p + i, p + a] = 0.0
+        for b in range(m):
+            for a in range(n):
+                P[j, p + i, p + a] += GP[i, b] * GT[b, a]
+        for a in range(p):
+            P[j, p + i, a] = P[j, a, p + i] = GP[i, a]
+    for i in range(n):  # exactly symmetric, or rounding would make it less so with every sample
+        for a in range(i):
+            P[j, p + a, p + i] = P[j, p + i, p + a]
 
 
 @inlined
@@ -143,42 +154,56 @@ def weigh_all(state, repeated):
 
 @inlined
 def mix_all(tuning, state):
-    """Give every mode the ξ⁰ and P⁰ from which it goes on; ξ̄ becomes their mean."""
-    P, delta, weight = state["P"], state["delta"], state["probability"]
-    predicted, parted, row = state["predicted"], state["parted"], state["row"]
+    """Give every mode the δ⁰ and P⁰ from which it goes on."""
+    shares(tuning, state)
+    P, delta, share = state["P"], state["delta"], state["share"]
+    parted, row = state["parted"], state["row"]
     modes, m = len(delta), len(state["gain"])
-    quiet, stay = tuning["quiet"], tuning["stay"]
-    predicted[0] = quiet * weight[0]
-    for j in range(1, modes):
-        predicted[0] += (1.0 - stay) * weight[j]
-        predicted[j] = tuning["come"][j - 1] * weight[0] + stay * weight[j]
     parted[:] = delta
-    share = state["share"]
+    delta[:] = 0.0
     for j in range(modes):
-        share[0, j] = (quiet if j == 0 else 1.0 - stay) * weight[j] / predicted[0]
-    for j in range(1, modes):
-        share[j, 0] = tuning["come"][j - 1] * weight[0] / predicted[j]
-        share[j, j] = stay * weight[j] / predicted[j]
-    for j in range(modes):
-        for a in range(m):
-            delta[j, a] = 0.0
         for i in range(modes):
             if share[j, i] != 0.0:
                 for a in range(m):
                     delta[j, a] += share[j, i] * parted[i, a]
     for a in range(m):
         for j in range(modes):  # rows of the mixed covariances, in the place of the old ones
-            for b in range(m):
-                row[j, b] = 0.0
-            for i in range(modes):
-                if share[j, i] != 0.0:
-                    apart = parted[i, a] - delta[j, a]
-                    for b in range(m):
-                        other = parted[i, b] - delta[j, b]
-                        row[j, b] += share[j, i] * (P[i, a, b] + apart * other)
+            mixed_row(state, j, a)
         for j in range(modes):
             for b in range(m):
                 P[j, a, b] = row[j, b]
+
+
+@inlined
+def shares(tuning, state):
+    """Write c_j = Σ_i Π_ij μ_i, and μ_i|j = Π_ij μ_i/c_j; from a jump a mode goes to quiet only."""
+    weight, predicted, share = state["probability"], state["predicted"], state["share"]
+    quiet, stay, come = tuning["quiet"], tuning["stay"], tuning["come"]
+    predicted[0] = quiet * weight[0]
+    for j in range(1, len(weight)):
+        predicted[0] += (1.0 - stay) * weight[j]
+        predicted[j] = come[j - 1] * weight[0] + stay * weight[j]
+    for j in range(len(weight)):
+        share[0, j] = (quiet if j == 0 else 1.0 - stay) * weight[j] / predicted[0]
+    for j in range(1, len(weight)):
+        share[j, 0] = come[j - 1] * weight[0] / predicted[j]
+        share[j, j] = stay * weight[j] / predicted[j]
+
+
+@inlined
+def mixed_row(state, j, a):
+    """Write row a of P⁰_j beside the old ones."""
+    P, delta, share = state["P"], state["delta"], state["share"]
+    parted, row = state["parted"], state["row"]
+    m = len(state["gain"])
+    for b in range(m):
+        row[j, b] = 0.0
+    for i in range(len(share)):
+        if share[j, i] != 0.0:
+            apart = parted[i, a] - delta[j, a]
+            for b in range(m):
+                other = parted[i, b] - delta[j, b]
+                row[j, b] += share[j, i] * (P[i, a, b] + apart * other)
 
 
 @inlined

@@ -24,6 +24,7 @@ SPREAD = 0.5  # of a change, relative to the value before: from half to one and 
 UNLIKELY = 2.0  # nats against a change of what is not identified
 SEVERAL = 6.0  # nats against a change of all identified parameters at once
 FAR = 20.0  # nats behind the leader, to first order, from which on a hypothesis is not fitted
+TINY = 1e-9  # nats behind the leader, of none but that one
 NOTHING = -1e300  # nats for what cannot even be evaluated
 OUTLIER = 6.0  # standard deviations of a lone residual that no change of a parameter makes, …
 LONELY = 4.0  # … times larger than its neighbours
@@ -131,12 +132,15 @@ class Hypotheses:
         How many of the parameters, the first, are identified.
     candidates : (c,) int array
         Parameters that may have changed, the identified ones first.
+    promising : float
+        What the best must gain to first order, for more than that one to be fitted [nats].
     """
 
     terms: Terms
     box: tuple[Array, Array]
     identified: int
     candidates: NDArray[np.int64]
+    promising: float = -np.inf
 
     @cached_property
     def choices(self) -> list[NDArray[np.int64]]:
@@ -169,7 +173,8 @@ class Hypotheses:
         if before is not None:
             odds = np.array([found.odds for found in before.explanations])
             behind = np.minimum(behind, odds.max() - odds)
-        near = [int(i) for i in np.flatnonzero(behind < FAR)]
+        enough = gains.max() >= self.promising
+        near = [int(i) for i in np.flatnonzero(behind < (FAR if enough else TINY))]
         fitted = {i: self._explain(past, i, seen, before) for i in near}
         found = {
             i: np.nan_to_num(change.evidence, nan=NOTHING) - self.costs[i]

@@ -15,36 +15,26 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.methods.start import ROBUST
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
-from flexaxis.estimators.recursion.measurement import measured
-from flexaxis.estimators.recursion.records import joined, on_lanes
-from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
-from flexaxis.estimators.relocate.explain import Hypotheses, past_of, residual
-from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding, interval_of
+from flexaxis.estimators.relocate.explain import past_of, residual
+from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
-from flexaxis.estimators.relocate.follow import measuring
 from flexaxis.estimators.relocate.guesses import Guess
-from flexaxis.estimators.relocate.lost import Found, Lookout
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.lost import Found
+from flexaxis.estimators.relocate.naming import named
 from flexaxis.estimators.relocate.opened import Opened, opened
+from flexaxis.estimators.relocate.parts import parts_of
 from flexaxis.estimators.relocate.policy import (
-    LATER,
-    LOOKS,
     TAKEN_BACK,
     Accept,
     Case,
     Decision,
     GiveUp,
-    Policy,
     Retract,
 )
-from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.suspects import widened
-from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
 
@@ -59,7 +49,7 @@ class Relocate(RecursiveEstimator):
     Parameters
     ----------
     model : Model
-        Linear grey-box model, such as ``three_mass(nominal)``.
+        Grey-box model, such as ``three_mass(nominal)``, with nonlinear laws or without.
     identify : sequence of str, optional
         Parameters to estimate, or their inverses; the model's own choice by default.
     suspects : sequence of str
@@ -114,8 +104,7 @@ class Relocate(RecursiveEstimator):
     """
 
     _shared = (
-        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_beginning",
-        "_policy",
+        *RecursiveEstimator._shared, "_design", "_roles", "_hypotheses", "_rewind", "_policy",
     )  # fmt: skip
 
     def __init__(
@@ -150,42 +139,30 @@ class Relocate(RecursiveEstimator):
             noise=noise,
             x0=x0,
         )
-        self._walk = 0.0 if walk is None else above_zero("walk", walk, "the relative sd after 1 s")
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
         self._design, self._roles = widened(
             narrow, model, track=track, learn=learn, suspects=suspects
         )
-        design, roles = self._design, self._roles
-        self._p = p = roles.tracked
-        lower, upper = design.bounds
-        super().__init__(design.model.names[:p], output, (lower[:p], upper[:p]))
-        fading = roles.fading(design.forgetting, len(design.theta0))
-        pattern, _ = split(design.model)
-        parts = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
-        tuning, state = (joined(*pair) for pair in zip(*parts, strict=True))
-        tuning["inflation"] = 1 / fading
-        self._memory = Memory(
-            pattern,
-            tuning,
-            state,
+        self._p = p = self._roles.tracked
+        lower, upper = self._design.bounds
+        super().__init__(self._design.model.names[:p], output, (lower[:p], upper[:p]))
+        (
+            self._memory,
+            self._hypotheses,
+            self._rewind,
+            self._commission,
+            self._lookout,
+            self._policy,
+        ) = parts_of(
+            self._design,
+            self._roles,
+            guesses=(*track.values(), *learn.values()),
+            nominal=model.nominal,
+            walk=0.0 if walk is None else above_zero("walk", walk, "a relative deviation in 1 s"),
             alarm=alarm,
-            period=period,
-            angle=measuring(design.model, increments=output == "increment", period=period),
+            gain=gain,
         )
-        box = design.lower, design.upper
-        model_ = planned(design.model, *box, period)
-        self._hypotheses = Hypotheses(model_, box, roles.tracked, roles.candidates)
-        self._rewind = Rewind(model_, box, roles, fading)
-        self._beginning = (
-            Beginning(model_, design, roles, (*track.values(), *learn.values()), model.nominal)
-            if track or learn
-            else None
-        )
-        self._lookout = Lookout(model_, box, identified=roles.tracked, period=period)
-        self._policy = Policy(period, gain=gain)
-        if learn:
-            self._policy = replace(self._policy, looks=(*LOOKS, *LATER), adapting=True)
         self.reset()
         self._warm_up()
 
@@ -201,10 +178,9 @@ class Relocate(RecursiveEstimator):
     def _start(self) -> None:
         self._memory.reset()
         self._lookout.reset()
+        self._commission.reset()
         self._case: Opened | None = None
         self._found: list[Finding] = []
-        self._prior: Prior | None = None  # what was known before, once it is known
-        self._fits: list[int] = []  # counts at which all data are to be fitted
         self._free: dict[int, int] = {}  # unidentified parameter: count at which to freeze it
         self.alarm = False
         self._memory.state["stop"] = self._next_stop()
@@ -237,8 +213,9 @@ class Relocate(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         memory = self._memory
-        if self._beginning is not None:
-            self._begin(self._beginning)
+        if self._commission.attend(memory):
+            self._case = None
+            memory.arm()
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -250,29 +227,10 @@ class Relocate(RecursiveEstimator):
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
-    def _begin(self, beginning: Beginning) -> None:
-        """Begin to learn what has a prior of its own as soon as the noise is known; fit it."""
-        memory, period = self._memory, self._design.period
-        prior = self._prior or beginning.prior(memory)
-        if prior is None:
-            return
-        memory.drift = beginning.drift(memory.state, prior, self._walk)
-        if self._prior is None:
-            self._prior = prior
-            self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
-        if memory.count in self._fits:
-            fitted = beginning.fit(memory, prior)
-            if fitted is not None:
-                self._rewind.to_fit(memory, prior, fitted)
-                self._case = None
-                memory.arm()
-
     def _next_stop(self) -> int:
         """Return the count at which something is due next."""
         count = self._memory.count
-        if self._beginning and self._prior is None:
-            return count + 1
-        due = [self._lookout.due(count), *self._free.values(), *self._fits]
+        due = [self._lookout.due(count), *self._free.values(), *self._commission.due(count)]
         if self._case is not None:
             due += [self._case.alarm + 1 + age for age in self._policy.ages]
         return min(when for when in due if when > count)
@@ -314,20 +272,8 @@ class Relocate(RecursiveEstimator):
 
     def _name(self, case: Opened) -> None:
         """Write down what changed, as it is seen now."""
-        active, row, state = case.active, case.before.at(case.onset), self._memory.state
-        after, before = state["theta"], row["theta"]
-        variances = [np.diag(r["claim"]) * r["noise"] for r in (state, row)]
-        self._found[-1] = replace(
-            self._found[-1],
-            onset=case.onset,
-            parameters=tuple(self._design.model.names[i] for i in active),
-            ratio=tuple((after[active] / before[active]).tolist()),
-            interval=tuple(
-                interval_of(float(after[i]), float(before[i]), (variances[0][i], variances[1][i]))
-                for i in active
-            ),
-            reason="" if len(active) else UNEXPLAINED,
-        )
+        names = self._design.model.names
+        self._found[-1] = named(self._found[-1], case, self._memory.state, names)
 
     def _close(self, case: Opened) -> None:
         """End a case; where the residual stays large, say so and take it as the new noise."""

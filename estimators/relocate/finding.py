@@ -11,4 +11,4 @@ def interval_of(after: float, before: float, variances: tuple[float, float]) -> 
     """Return in which interval a ratio lies, of two values with independent errors."""
     ratio = after / before
     deviation = (variances[0] + variances[1] * ratio**2) ** 0.5 / abs(before)
-    return ratio - SURE * deviation, ratio + SURE * deviation
+    return float(ratio - SURE * deviation), float(ratio + SURE * deviation)

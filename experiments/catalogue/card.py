@@ -14,7 +14,7 @@ GROUPS = {
     "several": "more than one change",
     "excitation": "other motion than the full multisine",
     "sensors": "what lies between axis and log",
-    "mismatch": "an axis that no model describes",
+    "mismatch": "an axis that the linear model does not describe",
     "nuisance": "changes that are no faults",
 }
 """The groups of the catalogue, in the order in which it is read."""

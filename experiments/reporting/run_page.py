@@ -12,6 +12,7 @@ from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.reporting.page import Shown
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
+from flexaxis.experiments.scoring.described import known_structure
 from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -112,11 +113,19 @@ def _mismatch(
     names, rows = mismatch.mismatched(scenarios), summary["rows"]
     if not names:
         return None
+    known = [name for name in names if known_structure(scenarios[name])]
+    parts = {
+        "Known structure": known,
+        "Unknown structure": [name for name in names if name not in known],
+    }
     return {
-        "scenarios": names,
+        "parts": [
+            (title, part, mismatch.mismatch_in_words(rows, summary["as_set"], part))
+            for title, part in parts.items()
+            if part
+        ],
         "estimators": list(dict.fromkeys(row["estimator"] for row in rows)),
         "cells": mismatch.matrix(rows, names),
-        "words": mismatch.mismatch_in_words(rows, summary["as_set"], names),
     }
 
 

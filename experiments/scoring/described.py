@@ -79,6 +79,19 @@ def describes(scenario: Scenario) -> bool:
     return known and sum(key in tables for key in DRY) <= 1
 
 
+def known_structure(scenario: Scenario) -> bool:
+    """
+    Return whether an estimator can have the structure of the axis from what it is told.
+
+    Cogging asks for its number of poles, and a limit of the torque for its value; nobody can know
+    of a change that is meant to be none.
+    """
+    tables, told = scenario.tables, scenario.data_sheet
+    poles = "cogging" not in tables or told.get("poles") == tables["cogging"].poles  # type: ignore[attr-defined]
+    limit = "saturation" not in tables or "torque_limit" in told
+    return describes(scenario) and poles and limit and not scenario.nuisance
+
+
 def linear_model(scenario: Scenario, parameters: Array) -> Model:
     """Return the linear model of an axis with some parameters (12,), of what estimators read."""
     return _read(scenario, three_mass(dict(zip(PARAMETER_NAMES, parameters.tolist(), strict=True))))

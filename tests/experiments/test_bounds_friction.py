@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import described, limits, true_path
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
+from flexaxis.experiments.scoring.described import known_structure
 from flexaxis.experiments.scoring.true_path import jump_gradient, state_at
 from flexaxis.sim.simulate import simulate
 
@@ -192,3 +193,21 @@ def test_the_phase_of_cogging_is_unknown_with_its_size():
     assert size == pytest.approx(0.05) and theta[names.index("c_cos")] == 0
     bound = jump_bound(scenario, names, ONSET, ONSET + 200, record.torque).unknown
     assert np.isfinite(bound).all() and (bound > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "known"),
+    [
+        ("coulomb_fm_step-v1", True),
+        ("real_lugre_fm_step-v1", True),
+        ("wg_fm_step-v1", True),
+        ("cogging_told_fm_step-v1", True),
+        ("cogging_fm_step-v1", False),  # nobody is told the number of poles
+        ("wrong_poles_fm_step-v1", False),
+        ("saturation_fm_step-v1", False),
+        ("directional_fm_step-v1", False),
+        ("temperature_fm_step-v1", False),
+    ],
+)
+def test_a_structure_is_known_where_an_estimator_can_have_it(name, known):
+    assert known_structure(find_scenario(name)) is known

@@ -1,0 +1,54 @@
+"""Begin a filter that learns: when its noise and motion are known, and when all is fitted anew."""
+
+from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
+from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.rewind import Rewind
+
+
+class Commission:
+    """
+    The first seconds of a filter.
+
+    Parameters
+    ----------
+    beginning : Beginning or None
+        What is known before; None for a filter that learns nothing once.
+    rewind : Rewind
+    walk : float
+        Standard deviation of what is tracked after a second, relative to θ(0).
+    """
+
+    def __init__(self, beginning: Beginning | None, rewind: Rewind, walk: float) -> None:
+        self._beginning, self._rewind, self._walk = beginning, rewind, walk
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to the start."""
+        self._prior: Prior | None = None  # what was known before, once it is known
+        self._fits: list[int] = []
+
+    def due(self, count: int) -> list[int]:
+        """Return the counts at which something is to be done."""
+        if self._beginning is None:
+            return []
+        return self._fits if self._prior is not None else [count + 1]
+
+    def attend(self, memory: Memory) -> bool:
+        """Do what is due at this sample; return whether the filter has begun anew."""
+        beginning = self._beginning
+        if beginning is None:
+            return False
+        prior = self._prior or beginning.prior(memory)
+        if prior is None:
+            return False
+        memory.drift = beginning.drift(memory.state, prior, self._walk)
+        if self._prior is None:
+            period = beginning.design.period
+            self._prior = prior
+            self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
+        if memory.count not in self._fits:
+            return False
+        fitted = beginning.fit(memory, prior)
+        if fitted is not None:
+            self._rewind.to_fit(memory, prior, fitted)
+        return fitted is not None
