@@ -50,6 +50,15 @@ class Fitted(NamedTuple):
     active: NDArray[np.int64]
 
 
+def output_gain(design: Design) -> float:
+    """Return y over the motor speed, one unless y has another unit."""
+    A, _, C = design.model.matrices(design.theta0)
+    gain = float(np.abs(C).sum())
+    if design.output == "increment":  # its state integrates the speed over a sample
+        gain *= design.period * float(np.abs(A[design.model.reset[-1]]).sum())
+    return gain
+
+
 @dataclass(frozen=True)
 class Beginning:
     """
@@ -80,7 +89,8 @@ class Beginning:
         if memory.state["samples"] < samples or not noise > 0:
             return None
         u, y, _ = memory.signals(memory.first)
-        sizes = measured_sizes(u[:-1, 0], y, self.design.period, self.nominal)
+        speed = y / output_gain(self.design)
+        sizes = measured_sizes(u[:-1, 0], speed, self.design.period, self.nominal)
         mine = self.roles.prior
         scale, names = self.design.scale[mine], self.design.model.names
         guesses = [

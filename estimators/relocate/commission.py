@@ -38,17 +38,17 @@ class Commission:
         beginning = self._beginning
         if beginning is None:
             return False
-        prior = self._prior or beginning.prior(memory)
-        if prior is None:
-            return False
-        memory.drift = beginning.drift(memory.state, prior, self._walk)
         if self._prior is None:
-            period = beginning.design.period
-            self._prior = prior
+            prior = beginning.prior(memory)
+            if prior is None:
+                return False
+            self._prior, period = prior, beginning.design.period
             self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
         if memory.count not in self._fits:
             return False
-        fitted = beginning.fit(memory, prior)
+        fitted = beginning.fit(memory, self._prior)
         if fitted is not None:
-            self._rewind.to_fit(memory, prior, fitted)
+            self._rewind.to_fit(memory, self._prior, fitted)
+        # what has been found to be absent walks no more
+        memory.drift = beginning.drift(memory.state, self._prior, self._walk)
         return fitted is not None

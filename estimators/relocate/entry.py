@@ -87,12 +87,14 @@ def relocate_friction(
     model = nominal if isinstance(nominal, Model) else real_axis(with_starts(nominal))
     known = {name.removeprefix("1/") for name in identify} | set(model.fixed)
     has = [name for name in model.parameters if name not in known]
+    # what is zero in the linear model is not there, and has no size of its own
+    there = [name for name in has if name in model.law_parameters or model.nominal[name]]
     return Relocate(
         model,
         identify=identify,
         suspects=[name for name in has if name not in model.law_parameters],
         track={name: guess for name, guess in TRACKED.items() if name in has},
-        learn={name: guess for name, guess in LEARNT.items() if name in has},
+        learn={name: guess for name, guess in LEARNT.items() if name in there},
         P0=(SPREAD * model.parametrize(identify).theta) ** 2 if P0 is None else P0,
         period=period,
         walk=walk,

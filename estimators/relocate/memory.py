@@ -95,7 +95,7 @@ class Memory:
     ) -> None:
         parts = listening(alarm, period)
         place = record(count=0, stop=-1, y=0.0, valid=0)
-        self._tuning = joined(tuning, parts[0], angle[0])
+        self._set = joined(tuning, parts[0], angle[0])
         self._begin = joined(state, parts[1], place, angle[1])
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
@@ -104,7 +104,7 @@ class Memory:
 
     def reset(self) -> None:
         """Return to the start."""
-        self._states = self._begin.copy()
+        self._states, self._tuning = self._begin.copy(), self._set.copy()
         self._ring = np.zeros(self._length, self._begin.dtype)
 
     @property

@@ -72,6 +72,8 @@ def parts_of(
     terms = planned(design.model, *box, period)
     rewind = Rewind(terms, box, roles, fading)
     beginning = Beginning(terms, design, roles, guesses, nominal) if guesses else None
+    if beginning is not None:  # until the noise is known a prior has no size in units of it
+        state["P"] = state["claim"] = 0.0
     policy = Policy(period, gain=gain)
     if learns:
         policy = replace(policy, looks=(*LOOKS, *LATER), adapting=True)
