@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.described import model_theta, true_model, with_structure
 from flexaxis.experiments.scoring.true_path import jump_gradient
@@ -199,10 +200,10 @@ def estimators() -> str:
 def _cell(row: Mapping[str, Any] | None) -> str:
     if row is None or row["bias"] is None:
         return "–"
-    parts = [f"{row['bias']:+.2g} ± {row['std']:.2g}"]
+    parts = [f"{number(row['bias'], 2)} ± {number(row['std'], 2)}"]
     if row["lag"] is not None:
-        over = f", {row['lag'] / row['lag_bound']:.2g}" if row["lag_bound"] else ""
-        parts.append(f"{row['lag']:.2g}{over}")
+        over = f", {number(row['lag'] / row['lag_bound'], 2)}" if row["lag_bound"] else ""
+        parts.append(f"{number(row['lag'], 2)}{over}")
     if found := row["detection"]:
         named = 0.0 if found["isolated"] is None else 100 * found["isolated"]
         parts.append(f"{100 * (1 - found['missed']):.0f}, {named:.0f}; {found['false_alarms']:.1f}")
@@ -222,12 +223,11 @@ def _results() -> Any:
 
 def _commit() -> str:
     words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    return subprocess.check_output(words, text=True).strip()
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return "".join(f"| {' | '.join(x)} |\n" for x in [heads, ["---"] * len(heads), *rows])
 
 
 def figure() -> Figure:
