@@ -13,7 +13,7 @@ from flexaxis.estimators.recursion.joint import start_sample, with_state
 from flexaxis.estimators.recursion.jumps import Jumps
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.modal import Modes, modal_records
+from flexaxis.estimators.recursion.modal import NEVER, Modes, modal_records
 from flexaxis.estimators.recursion.records import Record, joined
 from flexaxis.estimators.recursion.shared import (
     foresee,
@@ -204,17 +204,8 @@ class Tracker(RecursiveEstimator):
         taken = int(self.state["samples_taken"][0])
         if taken == self._commissioning:
             self._commission()
-        elif taken > self._commissioning and self._asks(taken):
+        elif taken > self._commissioning and self.state["asks"][0]:
             self._jumps.attend(self.state)
-
-    def _asks(self, taken: int) -> bool:
-        """Whether the filter stopped for a look, and not at the end of the samples."""
-        state = self.state[0]
-        jumping = 1.0 - state["probability"][0]
-        return bool(
-            taken - 1 == state["due"]
-            or (state["armed"] and jumping > self._tuning["alarm_above"][0])
-        )
 
     def _commission(self) -> None:
         """Fix what was not seen, and go through the first seconds again from what was learnt."""
@@ -228,7 +219,7 @@ class Tracker(RecursiveEstimator):
             given = (values[taken:] for values in (u, y, valid, estimates, trace))
             taken += self._loop(self._tuning, self.state, *given)
         self._weigh_once(started)
-        self.state["due"], self.state["armed"], self.state["calm"] = -1, 0, 0
+        self.state["due"], self.state["armed"], self.state["calm"] = NEVER, 0, 0
         self._first = []
 
     def _unseen(self) -> list[int]:

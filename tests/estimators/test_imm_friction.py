@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError
+from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.methods.imm import joint_imm
 from flexaxis.estimators.methods.imm_friction import imm_friction
 from flexaxis.estimators.models.axes import N1, three_mass
 from flexaxis.estimators.recursion.as_told import as_told, told_records
 from flexaxis.estimators.recursion.changes import single_change
 from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.jumps import AGES, Jumps
 from flexaxis.estimators.recursion.modal import Modes
 from flexaxis.estimators.recursion.records import joined, record
 from flexaxis.estimators.recursion.tracker import Tracker
@@ -148,7 +150,77 @@ def test_what_is_fixed_or_lost_explains_nothing():
     assert single_change(np.array([np.nan, 1.0]), C).gain == 0.0
 
 
+def watched(period=T, q=2):
+    """What `Jumps` reads of a filter: nothing has changed, and a jump is always likely."""
+    ring = np.zeros((500, q + q * q + 1))
+    ring[:, :q], ring[:, q : q + q * q], ring[:, -1] = 1.0, 0.01 * np.eye(q).ravel(), 0.9
+    return record(ring=ring, samples_taken=0, due=-1, armed=1, calm=0)
+
+
+def test_alarms_between_looks_do_not_leave_one_due_of_which_nothing_was_found():
+    """An alarm comes again and again: each begins anew, and all looks end by themselves."""
+    jumps, state, looks = Jumps(["k_T", "f_m"], T), watched(), []
+    alarms = {600, 601, 602, 605, 640, 641, *range(700, 720)}
+    for k in range(2000):
+        state["samples_taken"] = k + 1
+        if k in alarms or k == state["due"][0]:
+            jumps.attend(state)
+            looks.append(k)
+    assert jumps.findings == []
+    assert not jumps.alarm
+    assert state["due"] == -1
+    last, ages = 719, np.round(np.cumsum(AGES) / T)
+    np.testing.assert_array_equal(looks[-len(AGES) :], last + ages)
+
+
+def test_a_look_that_ended_does_not_name_an_older_finding():
+    jumps, state = Jumps(["k_T", "f_m"], T), watched()
+    jumps.findings.append(older := Finding(10, 9, ("f_m",), (1.5,)))
+    for k in range(600, 2000):
+        state["samples_taken"] = k + 1
+        if k in {600, *range(650, 670)} or k == state["due"][0]:
+            jumps.attend(state)
+    assert jumps.findings == [older]
+
+
 # ------------------------------------------------------------------ as a whole
+
+
+@pytest.mark.parametrize("name", ["fm_step-v1", "warming_coulomb-v1"])
+def test_chunks_find_what_a_run_finds(name):
+    """Also where a chunk ends between a jump that becomes likely and one that is significant."""
+    u, y, *_ = drawn(name)
+    u, y = u[:2400], y[:2400]
+    whole, parts = made(name), made(name)
+    expected = whole.run(u, y)
+    taken = [parts.run(u[k : k + 20], y[k : k + 20]) for k in range(0, len(u), 20)]
+    np.testing.assert_array_equal(np.concatenate(taken), expected)
+    assert parts.findings == whole.findings
+    assert parts.learnt == whole.learnt
+    np.testing.assert_array_equal(parts.covariance, whole.covariance)
+    assert not parts._first  # samples of commissioning are needed once
+
+
+def test_a_look_comes_from_the_data_and_not_from_where_they_end():
+    """What is pending at the end of a chunk stays so: an alarm that nobody asked for is none."""
+    u, y, *_ = drawn("fm_step-v1")
+    estimator, asked, attended = made("fm_step-v1"), [], []
+    attend = estimator._jumps.attend
+    estimator._jumps.attend = lambda state: (
+        attended.append(int(state["samples_taken"][0]) - 1),
+        attend(state),
+    )
+    whole = made("fm_step-v1")
+    for k in range(0, 2400, 20):
+        estimator.run(u[k : k + 20], y[k : k + 20])
+    attend_whole = whole._jumps.attend
+    whole._jumps.attend = lambda state: (
+        asked.append(int(state["samples_taken"][0]) - 1),
+        attend_whole(state),
+    )
+    whole.run(u[:2400], y[:2400])
+    assert attended == asked
+    assert len(asked) > 1
 
 
 def test_friction_is_told_from_viscous_friction_and_a_fault_is_named():
