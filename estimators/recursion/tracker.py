@@ -62,13 +62,14 @@ class Tracker(RecursiveEstimator):
     Attributes
     ----------
     theta, covariance
-        Of the tracked parameters; the covariance is that without what was told.
+        Of the tracked parameters, given what was told as far as the data do not contradict it.
     findings : tuple of Finding
         What was found, named anew one second after its alarm.
     alarm : bool
         Whether something was found in the last sample.
     learnt : dict of str to (float, float)
-        All parameters, tracked ones included, with value and standard deviation.
+        All parameters, tracked ones included, with value and standard deviation; of the tracked
+        ones and of those that were drawn to what was told these are as in ``theta``.
     fixed_because : dict of str to str
         Parameters that were not learnt, and why not.
     """
@@ -127,20 +128,30 @@ class Tracker(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        tracked = slice(len(self.names))
-        drawn = self.state["given"] if self.state["samples_taken"][0] else self.state["theta"]
-        return drawn[0, tracked] * self._design.scale[tracked]
+        return self._all(self._drawn)[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._covariance()[: len(self.names), : len(self.names)]
+        tracked = slice(len(self.names))
+        return self._all(self._drawn)[1][tracked, tracked]
 
-    def _covariance(self) -> Array:
-        """Return that of all parameters (p, p), over the mixture."""
+    @property
+    def _drawn(self) -> bool:
+        """Whether there is an estimate given what was told: there is none before a sample."""
+        return bool(self.state["samples_taken"][0])
+
+    def _all(self, drawn: bool) -> tuple[Array, Array]:
+        """Return all parameters (p,) and their covariance (p, p), as filtered or given the told."""
         state, scale = self.state[0], self._design.scale
-        weight, delta = state["predicted"], state["delta"][:, : len(scale)]
-        P = np.einsum("j,jab->ab", weight, state["P"][:, : len(scale), : len(scale)])
-        return (P + np.einsum("j,ja,jb->ab", weight, delta, delta)) * np.outer(scale, scale)
+        p = slice(len(scale))
+        weight, delta = state["predicted"], state["delta"][:, p]
+        theta, P = state["theta"][p].copy(), np.einsum("j,jab->ab", weight, state["P"][:, p, p])
+        P += np.einsum("j,ja,jb->ab", weight, delta, delta)
+        if drawn:
+            union = self._tuning["union"][0]
+            theta[union] = state["given"]
+            P[np.ix_(union, union)] = state["given_P"] + state["given_between"]
+        return theta * scale, P * np.outer(scale, scale)
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -152,10 +163,12 @@ class Tracker(RecursiveEstimator):
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
-        scale = self._design.scale
-        values = (self.state["theta"][0, : len(scale)] * scale).tolist()
-        deviations = np.sqrt(np.diag(self._covariance())).tolist()
-        pairs = zip(values, deviations, strict=True)
+        return self._named(self._drawn)
+
+    def _named(self, drawn: bool) -> dict[str, tuple[float, float]]:
+        """Return value and standard deviation by name."""
+        theta, P = self._all(drawn)
+        pairs = zip(theta.tolist(), np.sqrt(np.diag(P)).tolist(), strict=True)
         return dict(zip(self._design.model.names, pairs, strict=True))
 
     def commissioned(self) -> dict[str, dict[str, float]]:
@@ -166,10 +179,11 @@ class Tracker(RecursiveEstimator):
         -------
         dict
             ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
-            What was fixed is not among them.
+            What was fixed is not among them; and they are those of the data, not drawn to what was
+            told, to which the other estimator draws by itself.
         """
         found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
-        for name, (value, deviation) in self.learnt.items():
+        for name, (value, deviation) in self._named(False).items():
             if name in self.fixed_because:
                 continue
             inverse = name.startswith("1/")

@@ -111,6 +111,12 @@ def test_what_was_told_is_conditioning_by_hand():
     expected = theta[:q] + share * S[:q][:, [2, 4]] @ inverse @ apart
     assert 0.05 < share < 0.99
     np.testing.assert_allclose(given, expected, rtol=1e-9)
+    union = tuning["union"][0]
+    full, d = S[np.ix_(union, union)], S[np.ix_(union, [2, 4])] @ inverse @ apart
+    part = S[np.ix_(union, [2, 4])] @ inverse @ S[np.ix_([2, 4], union)]
+    claimed = state["given_P"][0] + state["given_between"][0]
+    mixture = share * (full - part) + (1 - share) * full + share * (1 - share) * np.outer(d, d)
+    np.testing.assert_allclose(claimed, mixture, rtol=1e-9, atol=1e-12)
 
 
 def _run_plain(tuning, state, given):
@@ -178,7 +184,7 @@ def test_a_look_that_ended_does_not_name_an_older_finding():
     jumps.findings.append(older := Finding(10, 9, ("f_m",), (1.5,)))
     for k in range(600, 2000):
         state["samples_taken"] = k + 1
-        if k in {600, *range(650, 670)} or k == state["due"][0]:
+        if k in {600, 650, 651, 652, 653} or k == state["due"][0]:
             jumps.attend(state)
     assert jumps.findings == [older]
 
@@ -186,41 +192,46 @@ def test_a_look_that_ended_does_not_name_an_older_finding():
 # ------------------------------------------------------------------ as a whole
 
 
-@pytest.mark.parametrize("name", ["fm_step-v1", "warming_coulomb-v1"])
-def test_chunks_find_what_a_run_finds(name):
-    """Also where a chunk ends between a jump that becomes likely and one that is significant."""
-    u, y, *_ = drawn(name)
-    u, y = u[:2400], y[:2400]
-    whole, parts = made(name), made(name)
+def test_chunks_find_what_a_run_finds():
+    """Also where a chunk ends while a jump is likely, but not significant yet."""
+    u, y, *_ = (v[:1600] for v in drawn("load_friction_fm_step-v1")[:2])
+    whole, parts = made("load_friction_fm_step-v1"), made("load_friction_fm_step-v1")
+    looks, part_looks = _looks(whole), _looks(parts)
     expected = whole.run(u, y)
     taken = [parts.run(u[k : k + 20], y[k : k + 20]) for k in range(0, len(u), 20)]
     np.testing.assert_array_equal(np.concatenate(taken), expected)
+    assert part_looks == looks
+    assert len(looks) > 10
     assert parts.findings == whole.findings
     assert parts.learnt == whole.learnt
     np.testing.assert_array_equal(parts.covariance, whole.covariance)
     assert not parts._first  # samples of commissioning are needed once
 
 
-def test_a_look_comes_from_the_data_and_not_from_where_they_end():
-    """What is pending at the end of a chunk stays so: an alarm that nobody asked for is none."""
-    u, y, *_ = drawn("fm_step-v1")
-    estimator, asked, attended = made("fm_step-v1"), [], []
-    attend = estimator._jumps.attend
-    estimator._jumps.attend = lambda state: (
-        attended.append(int(state["samples_taken"][0]) - 1),
-        attend(state),
-    )
-    whole = made("fm_step-v1")
-    for k in range(0, 2400, 20):
-        estimator.run(u[k : k + 20], y[k : k + 20])
-    attend_whole = whole._jumps.attend
-    whole._jumps.attend = lambda state: (
-        asked.append(int(state["samples_taken"][0]) - 1),
-        attend_whole(state),
-    )
-    whole.run(u[:2400], y[:2400])
-    assert attended == asked
-    assert len(asked) > 1
+def _looks(estimator):
+    """Return a list to which the samples are added at which an estimator looks at a jump."""
+    looks, attend = [], estimator._jumps.attend
+
+    def noted(state):
+        looks.append(int(state["samples_taken"][0]) - 1)
+        attend(state)
+
+    estimator._jumps.attend = noted
+    return looks
+
+
+def test_what_is_shown_is_what_a_run_returned():
+    u, y, *_ = (v[:1300] for v in drawn("fm_step-v1")[:2])
+    estimator = made("fm_step-v1")  # without friction, so that f_c is drawn to none
+    theta = estimator.run(u, y)
+    np.testing.assert_array_equal(estimator.theta, theta[-1])
+    shown = [estimator.learnt[name] for name in estimator.names]
+    np.testing.assert_array_equal([value for value, _ in shown], theta[-1])
+    deviations = np.sqrt(np.diag(estimator.covariance))
+    np.testing.assert_array_equal([deviation for _, deviation in shown], deviations)
+    undrawn = estimator.commissioned()
+    assert abs(theta[-1, 3]) < abs(undrawn["nominal"]["f_c"])
+    assert deviations[3] < undrawn["deviations"]["f_c"]
 
 
 def test_friction_is_told_from_viscous_friction_and_a_fault_is_named():
