@@ -31,7 +31,6 @@ from flexaxis.estimators.sampling.pattern import Pattern, split
 Array = NDArray[np.float64]
 
 SEEN = 0.25  # standard deviation after commissioning over that before, below which it is learnt
-UNSEEN = "the first seconds hardly move what it acts on, so it stays as it was told"
 
 
 class Tracker(RecursiveEstimator):
@@ -53,8 +52,8 @@ class Tracker(RecursiveEstimator):
     told : sequence of mapping of str to float
         Groups of parameters with the values to which their estimates are drawn where the data do
         not contradict, see `flexaxis.estimators.recursion.as_told`.
-    fixable : sequence of str
-        What of these is fixed where it is not seen.
+    fixable : mapping of str to str
+        What of these is fixed where it is not seen, and how `fixed_because` says so.
     x0_covariance : (n, n) array
     commissioning : int
         Samples of it; 0 for an axis that is known already.
@@ -92,14 +91,14 @@ class Tracker(RecursiveEstimator):
         tracked: int,
         modes: Modes,
         told: Sequence[Mapping[str, float]],
-        fixable: Sequence[str],
+        fixable: Mapping[str, str],
         x0_covariance: Array,
         commissioning: int,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
         super().__init__(names[:tracked], design.output, (lower[:tracked], upper[:tracked]))
-        self._design, self._which, self._fixable = design, np.array(modes.which), tuple(fixable)
+        self._design, self._which, self._fixable = design, np.array(modes.which), dict(fixable)
         self._told = {
             names.index(name): value / design.scale[names.index(name)]
             for group in told
@@ -253,7 +252,8 @@ class Tracker(RecursiveEstimator):
         self._tuning["jump"][0, np.isin(self._which, unseen)] = 0.0
         for i in unseen:
             self.state["theta"][0, i] = self._told[i]
-            self.fixed_because[self._design.model.names[i]] = UNSEEN
+            name = self._design.model.names[i]
+            self.fixed_because[name] = self._fixable[name]
 
     def _weigh_once(self, started: Record) -> None:
         """

@@ -17,6 +17,7 @@ from flexaxis.estimators.recursion.jumps import AGES, Jumps
 from flexaxis.estimators.recursion.modal import Modes
 from flexaxis.estimators.recursion.records import joined, record
 from flexaxis.estimators.recursion.tracker import Tracker
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
@@ -74,7 +75,7 @@ def test_one_linearisation_is_all_there_is_where_the_model_is_linear():
         tracked=1,
         modes=modes,
         told=(),
-        fixable=(),
+        fixable={},
         x0_covariance=np.zeros((5, 5)),
         commissioning=0,
     )
@@ -299,6 +300,45 @@ def test_what_was_commissioned_can_be_begun_from():
     )
     theta = second.run(u[1000:1400], y[1000:1400])
     assert np.all(np.abs(theta[100:] / [1.0, 1.25, 0.05, 0.1] - 1) < [0.02, 0.01, 0.05, 0.06])
+
+
+def test_what_is_told_of_laws_is_drawn_to_and_the_rest_to_none():
+    _, _, nominal, torque = drawn("fm_step-v1")
+    told = {"f_c": 0.1, "kappa": 1e3}
+    estimator = imm_friction(nominal | told, T, torque=torque)
+    names, scale = estimator._design.model.names, estimator._design.scale
+    drawn_to = {names[i]: value * scale[i] for i, value in estimator._told.items()}
+    assert drawn_to["f_c"] == pytest.approx(0.1)
+    assert drawn_to["kappa"] == pytest.approx(1e3)
+    assert drawn_to["f_s"] == drawn_to["gap"] == 0.0
+    assert drawn_to["J_m"] == pytest.approx(nominal["J_m"])
+
+
+def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
+    """At rest nothing is seen."""
+    _, _, nominal, torque = drawn("fm_step-v1")
+    estimator = imm_friction(nominal | {"kappa": 1e3}, T, torque=torque, commissioning=0.5)
+    estimator.run(np.zeros(200), np.zeros(200))
+    because = estimator.fixed_because
+    assert because["kappa"].endswith("stays as it was told")
+    assert because["J_m"].endswith("stays as it was told")
+    assert because["gap"].endswith("taken as absent")
+    assert estimator.learnt["kappa"] == (pytest.approx(1e3), 0.0)
+    assert estimator.learnt["gap"] == (0.0, 0.0)
+
+
+def test_a_told_zero_is_refused_by_its_name():
+    _, _, nominal, torque = drawn("fm_step-v1")
+    with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
+        imm_friction(nominal | {"f_m": 0.0}, T, torque=torque)
+    left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
+    estimator = imm_friction(nominal | {"f_m": 0.0}, T, torque=torque, **left)
+    assert estimator.names == ("k_T", "1/J_a", "f_c")
+
+
+def test_its_colour_is_its_own():
+    looks = [entry.look[0] for name, entry in REGISTRY.items() if name != "imm-friction"]
+    assert REGISTRY["imm-friction"].look[0] not in looks
 
 
 @pytest.mark.parametrize(
