@@ -40,7 +40,8 @@ def design_torque(scenario: Scenario) -> NDArray[np.float64]:
     """
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
-    linear |= {"fault": [], "nuisance": None, "told": None, "identify": list(DEFAULT_IDENTIFY)}
+    linear |= {"fault": [], "nuisance": None, "told": None, "substeps": None}
+    linear |= {"identify": list(DEFAULT_IDENTIFY), "output": "speed", "burn_in": 5.0}
     return nominal_torque(
         scenario.override(linear | {f"parameters.{name}": told[name] for name in PARAMETER_NAMES})
     )
