@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from flexaxis.estimators.methods.rpem import Rpem
 
 __all__ = [
+    "RECOMMENDED",
     "EstimatorError",
     "Frozen",
     "LiteralRpem",
@@ -28,6 +29,9 @@ __all__ = [
     "three_mass",
     "two_mass",
 ]
+
+RECOMMENDED = "relocate-friction"
+"""The registered estimator that the suite recommends for a real axis."""
 
 # numba and scipy take most of a second to import, so what needs them is loaded when it is used
 _LATER = {

@@ -20,7 +20,17 @@ SIGNIFICANT = (
 )
 CERTAIN = 12.0  # χ² that an alarm needs: 3.5 deviations, one in two thousand
 STORM = 60.0  # s, within which every alarm doubles what the next one needs
-AGES = (0.01, 0.02, 0.02, 0.05, 0.1, 0.1, 0.2)  # s between looks at what may become significant
+AGES = (
+    0.01,
+    0.02,
+    0.02,
+    0.05,
+    0.1,
+    0.1,
+    0.2,
+    0.2,
+    0.3,
+)  # s between looks at what may become significant
 
 
 class Jumps:

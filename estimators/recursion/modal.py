@@ -41,7 +41,7 @@ class Modes:
 
 ALARM = 0.5  # probability of all jumps together from which on one has happened
 CALM, CALM_FOR = 0.1, 0.5  # below which none is going on, and for how long until the next [s]
-REMEMBERED = 1.5  # s of estimates kept, for how they were before a jump
+REMEMBERED = 2.5  # s of estimates kept, for how they were before a jump
 ECHO = 10.0  # s over which the repetition of innovations is learnt
 
 

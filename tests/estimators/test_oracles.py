@@ -115,7 +115,7 @@ def test_a_change_of_a_linear_parameter_is_fitted_and_weighed_in_closed_form(
         theta=theta[None],
         x=np.zeros((1, model.n)),
         likelihood=np.zeros(1),
-        u=u[:N],
+        u=np.column_stack([u[:N], np.zeros(N)]),  # and the motor angle, that moves nothing here
         y=y,
         present=np.ones(N, bool),
         epsilon=np.zeros(1 + 4),

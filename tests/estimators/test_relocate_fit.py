@@ -114,8 +114,8 @@ def test_a_coloured_residual_is_fitted_by_generalised_least_squares(nominal, loo
         z_next = np.c_[z, np.zeros(3)] @ D[0].T + D[1:] @ now
         x, z, psi[k], y[k] = (D[0] @ now)[:5], z_next[:, :5], z_next[:, 5], (D[0] @ now)[5]
     misfit, H, g = normal_equations(
-        given, theta, np.zeros(5), np.c_[loop.u, 0 * loop.u][:N], y + noise, np.ones(N, bool), before, colour, 2.0,
-        np.arange(3),
+        given, theta, np.zeros(5), np.c_[loop.u, 0 * loop.u][:N], y + noise,
+        np.ones(N, bool), before, colour, 2.0, np.arange(3),
     )  # fmt: skip
     whitener = np.r_[1.0, -colour]
     white = np.convolve(np.r_[before, noise], whitener)[2 : N + 2]

@@ -176,3 +176,55 @@ def test_the_interval_of_a_ratio_holds_it_in_95_of_100():
         )
     ]
     assert np.mean(inside) == pytest.approx(0.95, abs=0.015)  # four deviations of 4000 draws
+
+
+def rubbing(multisine, by_hand, seconds, at, factor):
+    """u and noisy speed of the axis with LuGre friction, f_m changed at a time: RK4, fine steps."""
+    rng, N, h = np.random.default_rng(5), round(seconds / T), T / 40  # stable to 22 rad/s
+    reference, f_m = multisine(rng, N), N1["f_m"]
+    axes = [by_hand(dict(N1) | {"f_m": value}) for value in (f_m, factor * f_m)]
+    x, z, lowpass, integral, last = np.zeros(6), 0.0, 0.0, 0.0, 0.0
+    u, speed, smooth = np.zeros(N), np.zeros(N), np.exp(-T / 0.0005)
+    for k in range(N):
+        speed[k], error = x[2], reference[k] - x[5]
+        lowpass = smooth * lowpass + (1 - smooth) * (error - last) / T
+        last, s = error, 4.0 * error + lowpass
+        integral += T * 2.0 * s
+        u[k] = 0.22 * (s + integral)
+        A, B = axes[k * T >= at]
+
+        def slope(state, torque=u[k], A=A, B=B):
+            v, z = state[2], state[6]
+            level = LAW["f_c"] + LAW["f_s"] * np.exp(-((v / LAW["v_s"]) ** 2))
+            dz = v - LAW["sigma_0"] * abs(v) * z / level
+            pull = LAW["sigma_0"] * z + LAW["sigma_1"] * dz
+            moved = A @ state[:6] + B * torque
+            moved[2] -= pull / N1["J_m"]
+            return np.r_[moved, dz]
+
+        state = np.r_[x, z]
+        for _ in range(40):
+            a = slope(state)
+            b = slope(state + h / 2 * a)
+            c = slope(state + h / 2 * b)
+            d = slope(state + h * c)
+            state = state + h / 6 * (a + 2 * b + 2 * c + d)
+        x, z = state[:6], state[6]
+    return u, speed + 0.1 * rng.standard_normal(N)
+
+
+@pytest.mark.slow
+def test_a_fault_of_viscous_friction_is_told_from_dry_friction(by_hand):
+    from conftest import multisine
+
+    u, y = rubbing(multisine, by_hand, 9.0, 7.0, 1.5)
+    filter_ = relocate_friction(N1, T, P0=[1e-4, 1e-4, 1e-6])
+    theta = filter_.run(u, y) / [1.0, 1.25, 0.05, 0.1]
+    (finding,) = filter_.findings
+    assert filter_.names == ("k_T", "1/J_a", "f_m", "f_c")
+    assert finding.parameters == ("f_m",) and abs(finding.onset - 1400) <= 10
+    ((low, high),) = finding.interval
+    assert low < 1.5 < high < low + 0.1
+    before, after = theta[1200:1400].mean(axis=0), theta[-1]
+    assert (abs(before - 1) < [0.01, 0.01, 0.02, 0.04]).all()  # four deviations of 5 s of data
+    assert (abs(after - [1, 1, 1.5, 1]) < [0.01, 0.01, 0.03, 0.06]).all()
