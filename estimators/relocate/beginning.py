@@ -112,14 +112,14 @@ class Beginning:
         """
         Return Δ (p, p), what P gains in a sample.
 
-        What is tracked walks, relative to θ(0). The sum of speeds is an angle that wanders by T σ
+        What is tracked walks, relative to what it is expected to be. The sum of speeds is an angle that wanders by T σ
         in a sample, and so does the phase of what depends on it: a sin Nφ + b cos Nφ by N T σ.
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
         walks = np.zeros(len(theta))
         for i, name in enumerate(design.model.names[: self.roles.tracked]):
-            walks[i] = walk * WALKS.get(name, 1.0) * in_use[i]
+            walks[i] = walk * WALKS.get(name, 1.0) * abs(prior.theta[i]) * in_use[i]
         drift = np.diag(walks**2 * T / prior.noise)
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
@@ -192,7 +192,14 @@ class Beginning:
             return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
         start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
-        descent = Descent(start, self.box, active, iterations=ITERATIONS, converged=CONVERGED)
+        descent = Descent(
+            start,
+            self.box,
+            active,
+            sizes=deviation[active],
+            iterations=ITERATIONS,
+            converged=CONVERGED,
+        )
         while not descent.done:
             descent.take(evaluate(descent.trial))
         return descent.at

@@ -1,8 +1,13 @@
 """Begin a filter that learns: when its noise and motion are known, and when all is fitted anew."""
 
+import numpy as np
+from numpy.typing import NDArray
+
 from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.rewind import Rewind
+
+Array = NDArray[np.float64]
 
 
 class Commission:
@@ -26,6 +31,10 @@ class Commission:
         """Return to the start."""
         self._prior: Prior | None = None  # what was known before, once it is known
         self._fits: list[int] = []
+
+    def expected(self, p: int) -> Array:
+        """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""
+        return np.ones(p) if self._prior is None else np.abs(self._prior.theta)
 
     def due(self, count: int) -> list[int]:
         """Return the counts at which something is to be done."""

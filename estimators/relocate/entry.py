@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.entry import Entry
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
 from flexaxis.estimators.models.axes import PAPER, real_axis
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.recursion.design import as_numbers
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.filter import Relocate
 from flexaxis.estimators.relocate.guesses import LEARNT, TRACKED, with_starts
@@ -75,7 +78,7 @@ def relocate_friction(
     Make the filter that rewinds and refits, on a real axis: with friction and what it has besides.
 
     Tracked are what is identified and f_c; structure, of the axis and of its friction, is learnt
-    once.
+    once. Parameters of laws that are identified come behind the others.
 
     Parameters
     ----------
@@ -85,17 +88,21 @@ def relocate_friction(
         As for `relocate`.
     """
     model = nominal if isinstance(nominal, Model) else real_axis(with_starts(nominal))
-    known = {name.removeprefix("1/") for name in identify} | set(model.fixed)
+    given = [name for name in identify if name not in model.law_parameters]
+    theta = _start(model, given)
+    asked = {name: (TRACKED | LEARNT)[name] for name in _laws_of(identify, given)}
+    track = asked | {name: guess for name, guess in TRACKED.items() if name in model.parameters}
+    known = {name.removeprefix("1/") for name in given} | set(model.fixed)
     has = [name for name in model.parameters if name not in known]
     # what is zero in the linear model is not there, and has no size of its own
     there = [name for name in has if name in model.law_parameters or model.nominal[name]]
     return Relocate(
         model,
-        identify=identify,
+        identify=given,
         suspects=[name for name in has if name not in model.law_parameters],
-        track={name: guess for name, guess in TRACKED.items() if name in has},
-        learn={name: guess for name, guess in LEARNT.items() if name in there},
-        P0=(SPREAD * model.parametrize(identify).theta) ** 2 if P0 is None else P0,
+        track=track,
+        learn={name: LEARNT[name] for name in LEARNT if name in there and name not in track},
+        P0=(SPREAD * theta) ** 2 if P0 is None else _of(P0, identify, given),
         period=period,
         walk=walk,
         alarm=alarm,
@@ -103,6 +110,39 @@ def relocate_friction(
         output=output,
         noise=noise,
     )
+
+
+
+def _start(model: Model, identify: Sequence[str]) -> NDArray[np.float64]:
+    """Return θ(0); changes are relative to it, so none may be zero."""
+    theta = model.parametrize(identify).theta
+    for name, value in zip(identify, theta, strict=True):
+        if not value:
+            raise EstimatorError(
+                f"{name} = 0 gives its changes no scale: give the size that it may have, or do not "
+                "identify it"
+            )
+    return theta
+
+
+def _laws_of(identify: Sequence[str], given: Sequence[str]) -> list[str]:
+    """Return the parameters of laws that are identified."""
+    asked = [name for name in identify if name not in given]
+    for name in asked:
+        if name not in TRACKED | LEARNT:
+            raise EstimatorError(
+                f"relocate-friction cannot track {name!r}; of laws it can track "
+                + ", ".join(TRACKED | LEARNT)
+            )
+    return asked
+
+
+def _of(P0: ArrayLike, identify: Sequence[str], given: Sequence[str]) -> ArrayLike:
+    """Return the part of P(0) of those parameters that are given one; laws have a prior."""
+    whole, mine = as_numbers("P0", P0), [list(identify).index(name) for name in given]
+    if len(given) == len(identify) or len(whole) != len(identify):
+        return P0
+    return whole[mine] if whole.ndim == 1 else whole[np.ix_(mine, mine)]
 
 
 ENTRIES = (
@@ -121,7 +161,8 @@ ENTRIES = (
         relocate_friction,
         knob="walk",
         default=WALK,
-        look=("#AA4499", "P"),
+        look=("#FF9DA7", "P"),
         rank=31,
+        laws=True,
     ),
 )

@@ -221,9 +221,10 @@ class Relocate(RecursiveEstimator):
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
             with np.errstate(all="ignore"):  # a filter that diverges is a result
                 self._look(self._case)
-        found = self._lookout.look(memory)
+        expected = self._commission.expected(len(self._design.scale))
+        found = self._lookout.look(memory, expected)
         if found is not None:
-            self._settle(found)
+            self._settle(found, expected)
         self._freeze()
         memory.state["stop"] = self._next_stop()
 
@@ -289,12 +290,12 @@ class Relocate(RecursiveEstimator):
         self._case = None
         self._memory.arm()
 
-    def _settle(self, found: Found) -> None:
+    def _settle(self, found: Found, expected: Array) -> None:
         """Take up what a search has found, or say that there is nothing to be found."""
         if found.better is None:
             self._find(found.first, LOST)
             return
-        self._rewind.to_start(self._memory, found.first, found.better)
+        self._rewind.to_start(self._memory, found.first, found.better, expected)
         self._case = None
         self._memory.arm()
 

@@ -70,8 +70,8 @@ LEARNT = {
     "c_cos": Guess(0.0, 0.1, TORQUE),
 }
 """What is learnt once."""
-WALKS = {"f_m": 3.0, "f_c": 10.0}
-"""How much faster than inertias these walk: with temperature, f_c most."""
+WALKS = {"f_m": 3.0, "f_c": 1.5}
+"""How much faster than inertias these walk with temperature, for what they are expected to be."""
 TOLD = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """Of these a data sheet says what they are, and it may be right."""
 ABSENT = (
@@ -81,6 +81,8 @@ ABSENT = (
     (("c_sin", "c_cos"), ()),
 )
 """What an axis may not have at all, and what means nothing then."""
+INERT = ("f_c", "f_s", "kappa", "gap", "c_sin", "c_cos")
+"""Without these no law does anything, whatever its other parameters are."""
 POSITIVE = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "v_0", "gap")
 
 
@@ -103,7 +105,12 @@ def measured_sizes(u: Array, y: Array, period: float, nominal: Mapping[str, floa
 
 
 def natural_sizes(nominal: Mapping[str, float]) -> Sizes:
-    """Return sizes of a hundredth of a rad at the pace of the axis: units, and no more."""
+    """
+    Return sizes of a motion by a hundredth of a unit of angle at the pace of the axis.
+
+    A linear model does not say how large its motion is, so these depend on units. They are what
+    parameters of laws are divided by, and nothing else: no law acts until a motion is measured.
+    """
     pace = np.sqrt(nominal["k_a"] / nominal["J_a"])
     return _sizes(0.01 * nominal["J_m"] * pace**2, 0.01 * pace, 0.01, nominal)
 
@@ -114,7 +121,7 @@ def _sizes(torque: float, speed: float, angle: float, nominal: Mapping[str, floa
 
 
 def with_starts(nominal: Mapping[str, float]) -> dict[str, float]:
-    """Return nominal values with one of about the right size for each parameter of the laws."""
+    """Return nominal values, with a size for each parameter of the laws that is not among them."""
     sizes = natural_sizes(nominal)
     starts = {name: guess.at(0.0, sizes)[0] for name, guess in (TRACKED | LEARNT).items()}
     return {name: value for name, value in starts.items() if name not in nominal} | dict(nominal)

@@ -73,8 +73,16 @@ class Lookout:
         """Return the count at which to look next."""
         return count + 1 if self._search else count - count % self._check + self._check
 
-    def look(self, memory: Memory) -> Found | None:
-        """Do what is due at this sample; return what came of a search that has ended."""
+    def look(self, memory: Memory, expected: Array) -> Found | None:
+        """
+        Do what is due at this sample; return what came of a search that has ended.
+
+        Parameters
+        ----------
+        memory : Memory
+        expected : (p,) array
+            About how large each parameter may be.
+        """
         if self._search is not None:
             self._search.advance()
             return self._end(memory, self._search.best) if self._search.done else None
@@ -82,10 +90,10 @@ class Lookout:
             if not left(memory.state, SUSPICIOUS):
                 self._said, self._wait, self._next = False, self._check, memory.count
             elif memory.count >= self._next:
-                self._begin(memory)
+                self._begin(memory, expected)
         return None
 
-    def _begin(self, memory: Memory) -> None:
+    def _begin(self, memory: Memory, expected: Array) -> None:
         """Search the last seconds; of the state before them, only that of the start is known."""
         self._first = first = memory.count - self._check
         u, y, present = memory.signals(first)
@@ -95,6 +103,7 @@ class Lookout:
             self._terms,
             memory.state["theta"].copy(),
             self._box,
+            expected=expected,
             identified=self._identified,
             x=memory.stretch(first).x[0],
             signals=(u[:-1].copy(), y, present),

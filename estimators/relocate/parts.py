@@ -8,7 +8,7 @@ import numpy as np
 
 from flexaxis.estimators.methods.start import ROBUST
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.measurement import measured
+from flexaxis.estimators.recursion.measurement import CEILING, measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
 from flexaxis.estimators.relocate.beginning import Beginning
 from flexaxis.estimators.relocate.commission import Commission
@@ -65,7 +65,10 @@ def parts_of(
     period, box, learns = design.period, (design.lower, design.upper), roles.known > roles.tracked
     fading = roles.fading(design.forgetting, len(design.theta0))
     pattern, _ = split(design.model)
-    records = on_lanes(design, pattern), measured(design, clip=ROBUST, correct=True)
+    # a prior is a ceiling of its own; θ(0), a law's, says not how uncertain it may be
+    ceiling = np.inf if guesses else CEILING
+    parts = measured(design, clip=ROBUST, correct=True, ceiling=ceiling)
+    records = on_lanes(design, pattern), parts
     tuning, state = (joined(*pair) for pair in zip(*records, strict=True))
     tuning["inflation"] = 1 / fading
     angle = measuring(design.model, increments=design.output == "increment", period=period)

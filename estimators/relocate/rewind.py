@@ -71,12 +71,12 @@ class Rewind:
         since = case.onset - case.before.first
         self._run(memory, row, theta, (X, P, claim), (past.y[since:], past.present[since:]))
 
-    def to_start(self, memory: Memory, first: int, found: Evaluated) -> None:
+    def to_start(self, memory: Memory, first: int, found: Evaluated, expected: Array) -> None:
         """Go back to a sample, and begin anew there with parameters that a search has found."""
         row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.roles.tracked)
         X, P = np.zeros((1 + len(found.theta), n + 1)), np.zeros_like(row["P"])
         X[0, :n] = memory.stretch(first).x[0]
-        P[mine, mine] = SPREAD**2 / found.square
+        P[mine, mine] = (SPREAD * expected[mine]) ** 2 / found.square
         self._run(memory, row, found.theta, (X, P, P), memory.signals(first)[1:])
 
     def to_fit(self, memory: Memory, prior: Prior, fitted: Fitted) -> None:

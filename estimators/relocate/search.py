@@ -17,7 +17,7 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 POINTS = 64  # all over the box
-REACH = 3.0  # times and parts of where the filter started
+REACH = 3.0  # times and parts of what is expected
 DESCENTS = 4  # from the best of them
 ITERATIONS = 20  # of each, at most
 CONVERGED = 1e-3  # of the sum of squares, that a further step gains
@@ -44,6 +44,8 @@ class Search:
     theta : (p,) array
         Where the filter is.
     box : (lower, upper), each (p,)
+    expected : (p,) array
+        About how large each parameter may be.
     identified : int
     x : (n,) array
         State before the stretch.
@@ -63,12 +65,13 @@ class Search:
         theta: Array,
         box: tuple[Array, Array],
         *,
+        expected: Array,
         identified: int,
         x: Array,
         signals: tuple[Array, Array, NDArray[np.bool_]],
     ) -> None:
         self._terms, self._x, self._signals = terms, x, signals
-        self._active, self._box = np.arange(identified), box
+        self._active, self._box, self._expected = np.arange(identified), box, expected
         self._points = [self._point(theta, place) for place in halton(POINTS, identified)]
         self._seen: list[Evaluated] = []
         self._starts: list[Evaluated] = []
@@ -78,7 +81,7 @@ class Search:
 
     def _point(self, theta: Array, place: Array) -> Array:
         point = theta.copy()
-        point[self._active] = REACH ** (2 * place - 1)  # relative to θ(0)
+        point[self._active] = REACH ** (2 * place - 1) * self._expected[self._active]
         return np.clip(point, *self._box)
 
     def advance(self) -> None:
@@ -113,6 +116,16 @@ class Descent:
     """
     Levenberg–Marquardt's method from one point, one evaluation at a time.
 
+    Parameters
+    ----------
+    start : Evaluated
+    box : (lower, upper), each (p,)
+    active : (q,) int array
+    sizes : (q,) array, optional
+        About how far each of these may have to go; all the same by default.
+    iterations, converged
+        As by default here.
+
     Attributes
     ----------
     at : Evaluated
@@ -128,11 +141,13 @@ class Descent:
         box: tuple[Array, Array],
         active: NDArray[np.int64],
         *,
+        sizes: Array | None = None,
         iterations: int = ITERATIONS,
         converged: float = CONVERGED,
     ) -> None:
         self.at, self.done, self._converged = start, False, converged
         self._box, self._active, self._damping, self._left = box, active, 1e-2, iterations
+        self._sizes = np.ones(len(active)) if sizes is None else sizes
         self.trial = self._next()
 
     def take(self, tried: Evaluated) -> None:
@@ -151,7 +166,9 @@ class Descent:
         damped = self.at.H + self._damping * np.diag(np.diag(self.at.H))
         trial = self.at.theta.copy()
         if np.isfinite(self.at.square):
-            trial[self._active] += np.linalg.lstsq(damped, self.at.g, rcond=None)[0]
+            by, slope = self._sizes, self._sizes * self.at.g  # rank is judged free of units
+            step = np.linalg.lstsq(damped * np.outer(by, by), slope, rcond=None)[0]
+            trial[self._active] += by * step
         return np.clip(trial, *self._box)
 
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.relocate.guesses import POSITIVE, Guess, natural_sizes
+from flexaxis.estimators.relocate.guesses import INERT, POSITIVE, Guess, natural_sizes
 
 Array = NDArray[np.float64]
 
 SUSPECT_BOX = (0.4, 2.5)  # times nominal
-LAW_BOX = 1e-6, 1e6  # times a scale of about the right size: no more than a guard
+LAW_BOX = 1e-9, 1e6  # times a scale that depends on units: no more than a guard
 
 
 @dataclass(frozen=True)
@@ -92,11 +92,12 @@ def widened(
     scale = np.r_[narrow.scale, own]
     positive = np.array([name in POSITIVE for name in wide.names[p:]], bool)
     least = np.where(law, np.where(positive, LAW_BOX[0], -LAW_BOX[1]), SUSPECT_BOX[0])
+    inert = np.array([name in INERT and name in prior for name in wide.names[p:]], bool)
     design = replace(
         narrow,
         model=wide.relative(scale),
         scale=scale,
-        theta0=np.r_[narrow.theta0, theta / own],
+        theta0=np.r_[narrow.theta0, np.where(inert, np.maximum(least, 0.0), theta / own)],
         P0=P,
         drift=np.zeros_like(P),
         regularization=np.zeros(len(P)),

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import BRISTLES, N1, real_axis
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.relocate.entry import relocate_friction
 from flexaxis.estimators.relocate.finding import interval_of
 from flexaxis.estimators.relocate.follow import angle_of, follow
@@ -228,3 +230,66 @@ def test_a_fault_of_viscous_friction_is_told_from_dry_friction(by_hand):
     before, after = theta[1200:1400].mean(axis=0), theta[-1]
     assert (abs(before - 1) < [0.01, 0.01, 0.02, 0.04]).all()  # four deviations of 5 s of data
     assert (abs(after - [1, 1, 1.5, 1]) < [0.01, 0.01, 0.03, 0.06]).all()
+
+
+MOVED = {"torque": 1e3, "angle": 180 / np.pi}  # to mN m and degrees
+
+
+def other_units(q):
+    """The axis q in mN m and degrees: all but ratios are torques by angles, or their rates."""
+    ratio = MOVED["torque"] / MOVED["angle"]
+    return {name: value * (1.0 if name in {"k_T", "r"} else ratio) for name, value in q.items()}
+
+
+@pytest.mark.slow
+def test_estimates_do_not_depend_on_units(by_hand):
+    from conftest import multisine
+
+    u, y = rubbing(multisine, by_hand, 5.5, 4.0, 1.5)  # two fits, a fault, a rewind
+    here = relocate_friction(N1, T)
+    there = relocate_friction(other_units(N1), T)
+    expected = here.run(u, y)
+    found = there.run(MOVED["torque"] * u, MOVED["angle"] * y)
+    ratio = MOVED["torque"] / MOVED["angle"]
+    np.testing.assert_allclose(
+        found / [1.0, 1 / ratio, ratio, MOVED["torque"]], expected, rtol=1e-6, atol=1e-9
+    )
+    assert len(here.findings) == 1
+    for mine, other in zip(here.findings, there.findings, strict=True):
+        assert (mine.alarm, mine.onset, mine.parameters) == (
+            other.alarm, other.onset, other.parameters,
+        )  # fmt: skip
+
+
+def test_no_law_acts_before_a_motion_is_measured():
+    filter_ = relocate_friction(N1, T)
+    u, y = np.sin(np.arange(150) / 9), np.random.default_rng(6).standard_normal(150)
+    theta = filter_.run(u, y)
+    assert (theta[:, 3] < 1e-9 * abs(u).max()).all()
+    bristles = filter_._memory.stretch(0).x[:, 5]
+    assert (abs(bristles) < 1e-9 * abs(u).max()).all()
+
+
+def test_a_law_that_is_identified_is_tracked_behind_the_others():
+    P0 = np.diag([1e-4, 1e-2, 1e-4, 1e-6])
+    filter_ = relocate_friction(N1, T, identify=("k_T", "f_c", "1/J_a", "f_m"), P0=P0)
+    assert filter_.names == ("k_T", "1/J_a", "f_m", "f_c")
+    np.testing.assert_allclose(np.diag(filter_._design.P0)[:4], [1e-4, 1e-4 / 1.25**2, 4e-4, 0])
+    with pytest.raises(EstimatorError, match=r"cannot track 'poles'; of laws it can track f_c"):
+        relocate_friction(N1 | {"poles": 24.0}, T, identify=("k_T", "poles"))
+
+
+@pytest.mark.parametrize("name", ["f_m", "d_g"])
+def test_what_starts_at_zero_cannot_be_identified(name):
+    with pytest.raises(EstimatorError, match=f"^{name} = 0 gives its changes no scale: give the"):
+        relocate_friction(N1 | {name: 0.0}, T, identify=("k_T", name))
+
+
+def test_every_estimator_has_a_colour_and_marker_of_its_own():
+    looks = [entry.look for entry in REGISTRY.values() if entry.look is not None]
+    assert len(set(looks)) == len(looks)
+    friction = [entry.look[0] for name, entry in REGISTRY.items() if "friction" in name]
+    colours = [look[0] for look in looks]
+    for colour in set(friction):
+        if colour != REGISTRY["imm-friction"].look[0]:
+            assert colours.count(colour) == 1
