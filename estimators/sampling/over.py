@@ -72,6 +72,7 @@ def _with_laws(pattern: Pattern) -> Compiled:
             state["before"],
             state["mean"],
             state["torque"],
+            state["reach"],
         )
         evaluate(flat, tuning["coefficients"], state["theta"], M)
         assign(laws[3], laws[4], state["theta"], work[3])

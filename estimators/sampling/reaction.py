@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 60  # of Newton's method; two or three do
 CONVERGED = 1e-7  # of w̄, the last step: what is left is its square
+LEAST = 1e-300  # of a scale, so that none divides by zero
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
 
@@ -35,6 +36,7 @@ def room(L: int, lanes: int) -> dict[str, Array]:
         "before": np.zeros((L, lanes)),  # drives before the step
         "mean": np.zeros((L, lanes)),  # w̄
         "torque": np.zeros((L, lanes)),  # F
+        "reach": np.zeros(L),  # of w̄, in the search for it
     }
 
 
@@ -91,7 +93,7 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
         Those of `room`, in their order, with roles, coupling and before written.
     """
     kind, memory, drive, _, _ = laws
-    _, _, _, _, local, _, _, _, before, mean, torque = work
+    _, _, _, _, local, _, _, _, before, mean, torque, _ = work
     drives(drive, X, u, mean)
     for i in range(len(mean)):
         for a in range(mean.shape[1]):
@@ -112,7 +114,7 @@ def react(laws, h, response, u, X, work):  # noqa: PLR0917
 def differentiate(laws, response, X, work):
     """Write w̄' into ``mean``, as (I − G F_w) w̄', and F' into ``torque``; not their first lanes."""
     _, memory, drive, value, parameter = laws
-    _, _, _, _, local, gain, _, inverse, _, mean, torque = work
+    _, _, _, _, local, gain, _, inverse, _, mean, torque, _ = work
     L, lanes = mean.shape
     for i in range(L):  # F_s s' + F_θ
         for a in range(1, lanes):
@@ -135,7 +137,7 @@ def differentiate(laws, response, X, work):
 def remember(laws, X, work):
     """Take the states that laws have of their own over the step, and keep their torques."""
     _, memory, _, value, parameter = laws
-    torques, _, _, _, local, _, _, inverse, _, mean, _ = work
+    torques, _, _, _, local, _, _, inverse, _, mean, _, _ = work
     for i in range(len(mean)):
         torques[i] = local[i, F]
         m = memory[i]
@@ -166,12 +168,14 @@ def search(kind, memory, h, X, work):
     c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
     at w̄, and (I − G F_w)⁻¹ in ``inverse``.
     """
-    torques, offset, change, roles, local, gain, jacobian, inverse, _, mean, _ = work
+    torques, offset, change, roles, local, gain, jacobian, inverse, _, mean, _, reach = work
     L = len(torques)
     for i in range(L):
         offset[i] = mean[i, 0]
+        reach[i] = abs(offset[i])
         for j in range(L):
             mean[i, 0] += gain[i, j] * torques[j]
+            reach[i] += abs(gain[i, j] * torques[j])
     last, share, ended = np.inf, 1.0, False
     for _ in range(MOST_STEPS):
         for i in range(L):
@@ -183,16 +187,18 @@ def search(kind, memory, h, X, work):
         invert(jacobian, inverse)
         if ended:
             break
-        size = newton(offset, change, local, gain, inverse, mean)
-        share = max(0.5 * share, LEAST_SHARE) if size > 0.5 * last else min(1.0, 2.0 * share)
+        size = newton(offset, change, local, gain, inverse, mean, reach)
+        # a share s of a step leaves 1 − s of the way if the laws are straight there
+        shrinks = size <= (1.0 - 0.5 * share) * last
+        share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
         for i in range(L):
             mean[i, 0] += change[i] if ended else share * change[i]
 
 
 @inlined
-def newton(offset, change, local, gain, inverse, mean):  # noqa: PLR0917
-    """Write the step of Newton's method, and return its size relative to w̄ and c."""
+def newton(offset, change, local, gain, inverse, mean, reach):  # noqa: PLR0917
+    """Write the step of Newton's method, and return its size relative to what w̄ is made of."""
     size = 0.0
     for i in range(len(change)):
         change[i] = 0.0
@@ -203,9 +209,8 @@ def newton(offset, change, local, gain, inverse, mean):  # noqa: PLR0917
         for i in range(len(change)):
             change[i] += inverse[i, j] * residual
     for i in range(len(change)):
-        scale = abs(mean[i, 0]) + abs(offset[i])
-        if scale > 0.0:
-            size = max(size, abs(change[i]) / scale)
+        if change[i] != 0.0:
+            size = max(size, abs(change[i]) / max(reach[i], LEAST))
     return size
 
 

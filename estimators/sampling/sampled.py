@@ -274,6 +274,7 @@ def prepare(terms, theta, active, further=0):
         np.zeros((L, lanes)),
         np.zeros((L, lanes)),
         np.zeros((L, lanes)),
+        np.zeros(L),
     )
     return Prepared(
         D,

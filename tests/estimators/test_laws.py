@@ -161,6 +161,22 @@ def test_against_an_adaptive_integrator(name, most):
     assert distance(travelled(model, u, steps=64)[:, 0, -1], reference) < max(most / 50, 1e-8)
 
 
+def test_the_search_ends_where_the_laws_hold():
+    """Under a rough torque as well, where a step of the search may halve what is left, no more."""
+    u = 0.8 * np.random.default_rng(1).standard_normal(1000)
+    for name in ("static", "bristle"):
+        model = axis(name, beta=8.0, sigma_0=1e4, v_0=0.0)
+        one = model.parametrize(["k_T"])
+        ready = prepare(planned(one, one.theta, one.theta, T), one.theta, np.arange(1))
+        X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
+        for value in u:
+            travel(ready, X, moved, value)
+            X, moved = moved, X
+            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
+            left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
+            assert abs(left) < 1e-9 * scale[0]
+
+
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("output", ["speed", "increment"])
 def test_derivatives_against_differences(name, output):
