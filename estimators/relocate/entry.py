@@ -112,7 +112,6 @@ def relocate_friction(
     )
 
 
-
 def _start(model: Model, identify: Sequence[str]) -> NDArray[np.float64]:
     """Return θ(0); changes are relative to it, so none may be zero."""
     theta = model.parametrize(identify).theta
