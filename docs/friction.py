@@ -2,7 +2,7 @@
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`, and what made it is said below it.
 With names of tables, or `figure`, only these are made: `motions` and `figure` take a minute,
-`estimators` takes a quarter of an hour, and `results/friction` is used if it is there.
+`estimators` takes a quarter of an hour, and `results/friction-page` is used if it is there.
 """
 
 import json
@@ -61,7 +61,7 @@ UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "
            "wrong_poles_fm_step")  # fmt: skip
 SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
 ESTIMATORS = ("rpem-forgetting", "rpem-friction", "imm-friction", "relocate-friction")
-RESULTS = ROOT / "results" / "friction"
+RESULTS = ROOT / "results" / "friction-page"
 RUN = ("run", *SCENARIOS, *(w for e in ESTIMATORS for w in ("--estimator", e)), "--seeds", "10")
 
 

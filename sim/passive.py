@@ -79,7 +79,14 @@ def _layout() -> _Layout:
 def _find(structure: Any, value: int) -> int:
     """Return at which of its words a structure of the engine holds a value."""
     words = (ctypes.c_int64 * (_SEARCHED // 8)).from_address(structure._address)
-    return next(i for i in range(len(words)) if words[i] == value)
+    for i in range(len(words)):
+        if words[i] == value:
+            return i
+    raise SimulationError(
+        f"laws of friction cannot be built into MuJoCo {mujoco.__version__}: its structures are "
+        "not laid out as in the versions that are known; install mujoco 4.0",
+        run=0, time=0.0, reason="unknown layout of the engine",
+    )  # fmt: skip
 
 
 @cache

@@ -195,8 +195,14 @@ def _zero_problems(names: list[tuple[str, str]], parameters: Any) -> Iterator[Pr
 
 
 def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[Problem]:
-    """Yield why parameters of laws cannot be identified on this plant."""
+    """Yield why parameters of laws cannot be identified on this plant, or changed."""
     owners = law_owners(content)
+    changed = [(f"{place}.parameter", c.get("parameter")) for place, c in _changes(content)]
+    named = [(f"identify[{i}]", name) for i, name in enumerate(identify)] + changed
+    for key, name in named:
+        mine = [t for t, names in LAWS.items() if content.get(t) and meant(str(name)) in names]
+        if len(mine) > 1:
+            yield key, f"{name} is one of {' and one of '.join(mine)}: keep one of these tables"
     for i, name in enumerate(identify):
         if name in LAW_NAMES and name not in owners:
             yield f"identify[{i}]", _no_such_law(name)

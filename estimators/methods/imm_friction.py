@@ -36,6 +36,8 @@ SUSPECTS = ("J_m", "k_g")  # of what is learnt once, what a fault or a payload m
 SUSPECTED = 0.1  # how often these jump, over how often what is tracked does
 ABSENT = (("kappa", "gap"), ("c_sin", "c_cos"), ("f_c", "f_s"), ("f_s",))
 """What of the laws is zero on many an axis, in the groups in which it is."""
+AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
+AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
 def imm_friction(
@@ -107,8 +109,10 @@ def imm_friction(
     tracked = (*identify, *(name for name in track if _is_left(model, name, identify)))
     learnt = _learnt(model, tracked, learn)
     names = (*tracked, *learnt)
-    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
+    stated = model.parameters if isinstance(nominal, Model) else told
+    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *stated)])
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
+    _no_zero(thought)
     thought = thought if deviations is None else _known_better(thought, deviations)
     design = make_design(
         model,
@@ -121,8 +125,8 @@ def imm_friction(
         noise=noise,
         scale=thought.scale,
     )
-    groups = [{n: model.nominal[n] for n in LEARNT if n in learnt}]
-    groups += [dict.fromkeys(group, 0.0) for group in ABSENT if set(group) <= set(names)]
+    stated = (*stated, *LEARNT)  # which every axis has
+    fixable = (*LEARNT, *ABSENT[0]) if learn == "auto" else ()
     if commissioning is None:
         commissioning = COMMISSIONING if deviations is None else 0.0
     at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
@@ -143,8 +147,8 @@ def imm_friction(
         design,
         tracked=len(tracked),
         modes=modes,
-        told=[group for group in groups if group],
-        fixable=(*LEARNT, *ABSENT[0]) if learn == "auto" else (),
+        told=_told_groups(model, names, learnt, stated),
+        fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
         x0_covariance=rests,
         commissioning=round(commissioning / period),
     )
@@ -191,6 +195,25 @@ def _learnt(model: Model, tracked: Sequence[str], learn: Sequence[str] | str) ->
     return _names("learn", learn, found)
 
 
+def _told_groups(
+    model: Model, names: Sequence[str], learnt: Sequence[str], stated: Sequence[str]
+) -> list[dict[str, float]]:
+    """Return to what groups of parameters are drawn: as stated, and zero where nothing is."""
+    structure = tuple(n for n in LEARNT if n in learnt)
+    groups = [group for group in (structure, *ABSENT) if group and set(group) <= set(names)]
+    return [{n: model.nominal[n] if n in stated else 0.0 for n in group} for group in groups]
+
+
+def _no_zero(thought: Prior) -> None:
+    """Refuse what has neither a size nor a sign, by which an estimate could move."""
+    for name, scale in zip(thought.names, thought.scale, strict=True):
+        if not scale:
+            raise EstimatorError(
+                f"{name} is told to be 0, which gives no size for its estimate; tell about how "
+                f"large {name} may be, or leave it out of identify and track"
+            )
+
+
 def _names(option: str, given: object, allowed: Sequence[str]) -> tuple[str, ...]:
     """Return names that an option gives, refused where there is no such parameter."""
     if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
@@ -229,7 +252,7 @@ ENTRIES = (
         imm_friction,
         knob="walk",
         default=WALK,
-        look=("#882255", "D"),
+        look=("#CC6677", "D"),
         rank=9.5,
         laws=True,
     ),

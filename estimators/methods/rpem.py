@@ -90,8 +90,9 @@ class Rpem(CompiledFilter):
     scale : (p,) array_like, optional
         Size that each parameter may have, where one of a law starts at zero; θ(0) by default.
     settle : float
-        Time before which nothing is learnt once [s]: what is tracked, and the state, come first
-        from where they start, or their errors are learnt as structure for ever.
+        Time before which nothing of the linear model is learnt once [s]: what is tracked, and the
+        state, come first from where they start, or their errors are learnt as structure for ever.
+        What laws have is learnt at once, or what is tracked goes wrong without it.
 
     Attributes
     ----------
@@ -170,7 +171,8 @@ class Rpem(CompiledFilter):
         lanes, later = on_lanes(design, pattern), _settling(design, settle)
         tuning, start = map(joined, lanes, parts, later)
         if settle:
-            start["P"][0, design.tracked :] = start["P"][0, :, design.tracked :] = 0.0
+            waits = later[0]["known_before"][0] > 0.0
+            start["P"][0, waits] = start["P"][0, :, waits] = 0.0
             start["claim"] = start["P"]
         super().__init__(rpem_loop(pattern), tuning, start, design, read_claim)
 
@@ -229,6 +231,7 @@ def _settling(design: Design, settle: float) -> tuple[Record, Record]:
     seconds = at_least_zero("settle", settle, "seconds before anything is learnt once")
     known = np.diag(design.P0).copy()
     known[: design.tracked] = 0.0
+    known[np.array(design.model.additive)] = 0.0
     return record(settled=round(seconds / design.period), known_before=known), record(taken=0)
 
 

@@ -85,6 +85,11 @@ def joint_ukf(
         bounds=bounds,
         output=output,
     )
+    if design.model.laws is not None:
+        raise EstimatorError(
+            f"model {model.name!r} has nonlinear laws, which the unscented filter here cannot take "
+            "over a sample; take ekf, imm or Rpem"
+        )
     pattern, _ = split(design.model)
     known, level_start = level(design)
     tuning = joined(_tuning(design, pattern, spread, v0), known)

@@ -42,7 +42,12 @@ ROLES: Mapping[str, tuple[str, ...]] = {
 """What the parameters of each kind of law are, in the order in which compiled code takes them."""
 KINDS = tuple(ROLES)
 REMEMBERS = ("bristle",)  # kinds with a state of their own
-NEEDED = {"bristle": ("stiffness",)}  # roles that must be above 0
+NEEDED = {  # roles that must be above 0
+    "bristle": ("stiffness",),
+    "sinusoid": ("poles",),
+    "clip": ("limit",),
+}
+SIGNED = ("cubic", "sine", "cosine")  # roles that may be below it
 MOST_ROLES = max(map(len, ROLES.values()))
 INPUT = "input"
 
@@ -90,10 +95,13 @@ class Law:
                     f"law {self.kind!r} has no parameter {role!r}: "
                     + did_you_mean(role, ROLES[self.kind])
                 )
-        for role in NEEDED.get(self.kind, ()):
-            given = self.parameters.get(role, 0.0)
-            if not isinstance(given, str) and not given > 0:
-                raise EstimatorError(f"law {self.kind!r} needs a {role} above 0")
+        for role in ROLES[self.kind]:
+            given, needed = self.parameters.get(role, 0.0), role in NEEDED.get(self.kind, ())
+            if isinstance(given, str) or role in SIGNED:
+                continue
+            if not given >= 0 or (needed and not given > 0):
+                least = "above 0" if needed else "0 or above it"
+                raise EstimatorError(f"law {self.kind!r} takes a {role} {least}, not {given!r}")
         for formula in self.acts.values():
             multiply_out(formula)
         if not self.drive or not self.acts:
@@ -112,6 +120,15 @@ class Law:
         """Names of those that must be above 0."""
         needed = (self.parameters.get(role) for role in NEEDED.get(self.kind, ()))
         return tuple(name for name in needed if isinstance(name, str))
+
+    @property
+    def nonnegative(self) -> tuple[str, ...]:
+        """Names of those that must not be below 0."""
+        return tuple(
+            name
+            for role, name in self.parameters.items()
+            if isinstance(name, str) and role not in SIGNED
+        )
 
     @property
     def remembers(self) -> bool:

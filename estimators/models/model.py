@@ -113,8 +113,8 @@ class Model:
 
     def _check_signs(self) -> None:
         for names, allowed, words in (
-            ((*self.positive, *self._law_positive), np.greater, "above 0"),
-            (self.nonnegative, np.greater_equal, "0 or above it"),
+            ((*self.positive, *self._of_laws("positive")), np.greater, "above 0"),
+            ((*self.nonnegative, *self._of_laws("nonnegative")), np.greater_equal, "0 or above it"),
             (self.nonzero, np.not_equal, "other than 0"),
         ):
             for name in names:
@@ -132,9 +132,8 @@ class Model:
         order = list(self.nominal)
         return tuple(sorted(used, key=lambda p: (order.index(p) if p in order else len(order), p)))
 
-    @property
-    def _law_positive(self) -> tuple[str, ...]:
-        return tuple(name for law in self.laws for name in law.positive)
+    def _of_laws(self, which: str) -> tuple[str, ...]:
+        return tuple(name for law in self.laws for name in getattr(law, which))
 
     @property
     def _remembering(self) -> int:

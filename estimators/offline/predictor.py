@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
+from flexaxis.estimators.sampling.sampled import planned, prepare, travel
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,8 @@ def predict(
     """
     Return ŷ (N,) and its gradient ψ (N, p) for a torque u (N,), from rest; eq. (15)–(23).
 
-    Exact for a torque that is held over each sample.
+    Exact for a torque that is held over each sample, but for nonlinear laws, which
+    `flexaxis.estimators.sampling.reaction` solves.
 
     Parameters
     ----------
@@ -28,9 +30,25 @@ def predict(
     period : float
         Sampling period T [s].
     """
+    if model.laws is not None:
+        at = np.asarray(theta, float)
+        ready = prepare(planned(model, at, at, period), at, np.arange(len(at)))
+        rows = _along(ready, np.zeros((1 + len(at), model.n + 1)), np.ascontiguousarray(u, float))
+        return rows[:, 0].copy(), rows[:, 1:].copy()
     transition, gain, output = sampled_system(model, theta, period)
     outputs = respond(transition, gain, output, np.ascontiguousarray(u, float))
     return outputs[:, -1], outputs[:, :-1]
+
+
+@compiled
+def _along(ready, X, u):
+    """Return output and gradient (N, 1+p) along a record, from rest; X is lost."""
+    moved, rows = np.zeros_like(X), np.zeros((len(u), len(X)))
+    for k in range(len(u) - 1):
+        travel(ready, X, moved, u[k])
+        X[:] = moved
+        rows[k + 1] = X[:, -1]
+    return rows
 
 
 @compiled

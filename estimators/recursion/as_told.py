@@ -12,7 +12,8 @@ with c the 95 % quantile of χ² for so many parameters. These are Akaike's weig
 Burnham and D. R. Anderson, *Model selection and multimodel inference*, 2002, §2.9): a told value
 that is wrong draws an estimate by no more than its own √c standard deviations or so, whereas Bayes
 factors would hold on to it until far later. Groups follow each other, each given those before. The
-filter itself is left alone.
+filter itself is left alone. To the covariance of the estimate each group adds w(1 − w) d dᵀ, d the
+difference of the two estimates, as of any mixture.
 """
 
 from collections.abc import Sequence
@@ -54,6 +55,7 @@ def told_records(
     state = record(
         given=np.zeros(len(union)),
         given_P=np.zeros((len(union), len(union))),
+        given_between=np.zeros((len(union), len(union))),
         factor=np.zeros((most, most)),
         towards=np.zeros((most, len(union))),
         apart_told=np.zeros(most),
@@ -64,7 +66,11 @@ def told_records(
 
 @inlined
 def as_told(tuning, state, estimates):
-    """Write estimates (q,) given what was told, as far as the data do not contradict it."""
+    """
+    Write estimates (q,) given what was told, as far as the data do not contradict it.
+
+    Of all that is given, ``given_P + given_between`` is the covariance.
+    """
     union, given, given_P = tuning["union"], state["given"], state["given_P"]
     weight, P, delta = state["predicted"], state["P"], state["delta"]
     for a in range(len(union)):
@@ -76,6 +82,7 @@ def as_told(tuning, state, estimates):
                 apart = delta[j, i] * delta[j, union[b]]
                 total += weight[j] * (P[j, i, union[b]] + apart)
             given_P[a, b] = given_P[b, a] = total
+    state["given_between"][:] = 0.0
     for g in range(len(state["told_share"])):
         state["told_share"][g] = draw(tuning, state, g)
     for i in range(len(estimates)):
@@ -108,12 +115,26 @@ def draw(tuning, state, g):
                 W[i, a] /= L[i, i]
         square += e[i] ** 2
     share = 1.0 / (1.0 + np.exp(min(0.5 * (square - tuning["limit"][g]), 100.0)))
+    draw_to(state, k, share)
+    return share
+
+
+@inlined
+def draw_to(state, k, share):
+    """Take the estimates a share of the way, and what is known of them."""
+    given, P, between = state["given"], state["given_P"], state["given_between"]
+    W, e = state["towards"], state["apart_told"]
+    spread = share * (1.0 - share)
+    for i in range(k):
+        for j in range(k):
+            for a in range(len(given)):
+                for b in range(len(given)):
+                    between[a, b] += spread * e[i] * e[j] * W[i, a] * W[j, b]
     for i in range(k):
         for a in range(len(given)):
             given[a] += share * W[i, a] * e[i]
             for b in range(len(given)):
                 P[a, b] -= share * W[i, a] * W[i, b]
-    return share
 
 
 @inlined

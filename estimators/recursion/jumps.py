@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.finding import UNEXPLAINED, Finding
 from flexaxis.estimators.recursion.changes import Z95, single_change
+from flexaxis.estimators.recursion.modal import NEVER
 from flexaxis.estimators.recursion.records import Record
 
 Array = NDArray[np.float64]
@@ -68,11 +69,14 @@ class Jumps:
             ``due``, ``armed`` and ``calm`` are written.
         """
         now = int(state["samples_taken"][0]) - 1
-        if self._onset is not None:
+        due = now == state["due"][0]
+        if due:
+            state["due"] = NEVER
+        if due and self._onset is not None:
             self._look(state, now)
-        elif now == state["due"][0]:
+        elif due:
             self.findings[-1] = self._named(self.findings[-1], state, now)
-        else:
+        else:  # also after calm, while what came before has not become significant
             state["armed"], state["calm"] = 0, 0
             self._onset, self._ages = self._begun(state, now), list(AGES)
             self._look(state, now)
@@ -88,7 +92,7 @@ class Jumps:
         elif self._ages:
             later = self._ages.pop(0)
         else:
-            self._onset = None
+            self._onset, state["due"] = None, NEVER
             return
         state["due"] = now + max(1, round(later / self._period))
 

@@ -43,6 +43,7 @@ ALARM = 0.5  # probability of all jumps together from which on one has happened
 CALM, CALM_FOR = 0.1, 0.5  # below which none is going on, and for how long until the next [s]
 REMEMBERED = 2.5  # s of estimates kept, for how they were before a jump
 ECHO = 10.0  # s over which the repetition of innovations is learnt
+NEVER = -1  # the sample of a look that is not due
 
 
 def modal_records(
@@ -108,8 +109,9 @@ def modal_records(
     watched = record(
         ring=np.zeros((round(REMEMBERED / period), q + q * q + 1)),
         samples_taken=0,
-        due=-1,
+        due=NEVER,
         armed=1,
         calm=0,
+        asks=0,  # whether somebody has to look after the last sample
     )
     return joined(tuning, known, chain), joined(start, level_start, filters, work, watched)

@@ -233,9 +233,10 @@ def recentre(tuning, state):
 @inlined
 def watch(tuning, state):
     """
-    Keep what is thought of the parameters that jump, and return whether somebody has to look.
+    Keep what is thought of the parameters that jump; write and return whether somebody has to look.
 
-    That is where a jump has become more likely than none, and at the sample ``due``.
+    That is where a jump has become more likely than none, and at the sample ``due``: never because
+    the samples at hand have come to their end.
     """
     ring, which, weight = state["ring"], tuning["which"], state["predicted"]
     size, q = len(ring), len(which)
@@ -256,4 +257,6 @@ def watch(tuning, state):
     state["calm"] = state["calm"] + 1 if jumping < tuning["calm_below"] else 0
     if state["armed"] == 0 and state["calm"] >= tuning["calm_for"]:
         state["armed"] = 1
-    return taken == state["due"] or (state["armed"] == 1 and jumping > tuning["alarm_above"])
+    begun = state["armed"] == 1 and jumping > tuning["alarm_above"]
+    state["asks"] = 1 if begun or taken == state["due"] else 0
+    return state["asks"] == 1

@@ -13,7 +13,7 @@ from flexaxis.estimators.recursion.joint import start_sample, with_state
 from flexaxis.estimators.recursion.jumps import Jumps
 from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.modal import Modes, modal_records
+from flexaxis.estimators.recursion.modal import NEVER, Modes, modal_records
 from flexaxis.estimators.recursion.records import Record, joined
 from flexaxis.estimators.recursion.shared import (
     foresee,
@@ -31,7 +31,6 @@ from flexaxis.estimators.sampling.pattern import Pattern, split
 Array = NDArray[np.float64]
 
 SEEN = 0.25  # standard deviation after commissioning over that before, below which it is learnt
-UNSEEN = "the first seconds hardly move what it acts on, so it stays as it was told"
 
 
 class Tracker(RecursiveEstimator):
@@ -53,8 +52,8 @@ class Tracker(RecursiveEstimator):
     told : sequence of mapping of str to float
         Groups of parameters with the values to which their estimates are drawn where the data do
         not contradict, see `flexaxis.estimators.recursion.as_told`.
-    fixable : sequence of str
-        What of these is fixed where it is not seen.
+    fixable : mapping of str to str
+        What of these is fixed where it is not seen, and how `fixed_because` says so.
     x0_covariance : (n, n) array
     commissioning : int
         Samples of it; 0 for an axis that is known already.
@@ -62,13 +61,14 @@ class Tracker(RecursiveEstimator):
     Attributes
     ----------
     theta, covariance
-        Of the tracked parameters; the covariance is that without what was told.
+        Of the tracked parameters, given what was told as far as the data do not contradict it.
     findings : tuple of Finding
         What was found, named anew one second after its alarm.
     alarm : bool
         Whether something was found in the last sample.
     learnt : dict of str to (float, float)
-        All parameters, tracked ones included, with value and standard deviation.
+        All parameters, tracked ones included, with value and standard deviation; of the tracked
+        ones and of those that were drawn to what was told these are as in ``theta``.
     fixed_because : dict of str to str
         Parameters that were not learnt, and why not.
     """
@@ -91,14 +91,14 @@ class Tracker(RecursiveEstimator):
         tracked: int,
         modes: Modes,
         told: Sequence[Mapping[str, float]],
-        fixable: Sequence[str],
+        fixable: Mapping[str, str],
         x0_covariance: Array,
         commissioning: int,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
         super().__init__(names[:tracked], design.output, (lower[:tracked], upper[:tracked]))
-        self._design, self._which, self._fixable = design, np.array(modes.which), tuple(fixable)
+        self._design, self._which, self._fixable = design, np.array(modes.which), dict(fixable)
         self._told = {
             names.index(name): value / design.scale[names.index(name)]
             for group in told
@@ -127,20 +127,30 @@ class Tracker(RecursiveEstimator):
 
     @property
     def theta(self) -> Array:  # noqa: D102
-        tracked = slice(len(self.names))
-        drawn = self.state["given"] if self.state["samples_taken"][0] else self.state["theta"]
-        return drawn[0, tracked] * self._design.scale[tracked]
+        return self._all(self._drawn)[0][: len(self.names)]
 
     @property
     def covariance(self) -> Array:  # noqa: D102
-        return self._covariance()[: len(self.names), : len(self.names)]
+        tracked = slice(len(self.names))
+        return self._all(self._drawn)[1][tracked, tracked]
 
-    def _covariance(self) -> Array:
-        """Return that of all parameters (p, p), over the mixture."""
+    @property
+    def _drawn(self) -> bool:
+        """Whether there is an estimate given what was told: there is none before a sample."""
+        return bool(self.state["samples_taken"][0])
+
+    def _all(self, drawn: bool) -> tuple[Array, Array]:
+        """Return all parameters (p,) and their covariance (p, p), as filtered or given the told."""
         state, scale = self.state[0], self._design.scale
-        weight, delta = state["predicted"], state["delta"][:, : len(scale)]
-        P = np.einsum("j,jab->ab", weight, state["P"][:, : len(scale), : len(scale)])
-        return (P + np.einsum("j,ja,jb->ab", weight, delta, delta)) * np.outer(scale, scale)
+        p = slice(len(scale))
+        weight, delta = state["predicted"], state["delta"][:, p]
+        theta, P = state["theta"][p].copy(), np.einsum("j,jab->ab", weight, state["P"][:, p, p])
+        P += np.einsum("j,ja,jb->ab", weight, delta, delta)
+        if drawn:
+            union = self._tuning["union"][0]
+            theta[union] = state["given"]
+            P[np.ix_(union, union)] = state["given_P"] + state["given_between"]
+        return theta * scale, P * np.outer(scale, scale)
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
@@ -152,10 +162,12 @@ class Tracker(RecursiveEstimator):
 
     @property
     def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
-        scale = self._design.scale
-        values = (self.state["theta"][0, : len(scale)] * scale).tolist()
-        deviations = np.sqrt(np.diag(self._covariance())).tolist()
-        pairs = zip(values, deviations, strict=True)
+        return self._named(self._drawn)
+
+    def _named(self, drawn: bool) -> dict[str, tuple[float, float]]:
+        """Return value and standard deviation by name."""
+        theta, P = self._all(drawn)
+        pairs = zip(theta.tolist(), np.sqrt(np.diag(P)).tolist(), strict=True)
         return dict(zip(self._design.model.names, pairs, strict=True))
 
     def commissioned(self) -> dict[str, dict[str, float]]:
@@ -166,10 +178,11 @@ class Tracker(RecursiveEstimator):
         -------
         dict
             ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
-            What was fixed is not among them.
+            What was fixed is not among them; and they are those of the data, not drawn to what was
+            told, to which the other estimator draws by itself.
         """
         found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
-        for name, (value, deviation) in self.learnt.items():
+        for name, (value, deviation) in self._named(False).items():
             if name in self.fixed_because:
                 continue
             inverse = name.startswith("1/")
@@ -204,17 +217,8 @@ class Tracker(RecursiveEstimator):
         taken = int(self.state["samples_taken"][0])
         if taken == self._commissioning:
             self._commission()
-        elif taken > self._commissioning and self._asks(taken):
+        elif taken > self._commissioning and self.state["asks"][0]:
             self._jumps.attend(self.state)
-
-    def _asks(self, taken: int) -> bool:
-        """Whether the filter stopped for a look, and not at the end of the samples."""
-        state = self.state[0]
-        jumping = 1.0 - state["probability"][0]
-        return bool(
-            taken - 1 == state["due"]
-            or (state["armed"] and jumping > self._tuning["alarm_above"][0])
-        )
 
     def _commission(self) -> None:
         """Fix what was not seen, and go through the first seconds again from what was learnt."""
@@ -228,7 +232,7 @@ class Tracker(RecursiveEstimator):
             given = (values[taken:] for values in (u, y, valid, estimates, trace))
             taken += self._loop(self._tuning, self.state, *given)
         self._weigh_once(started)
-        self.state["due"], self.state["armed"], self.state["calm"] = -1, 0, 0
+        self.state["due"], self.state["armed"], self.state["calm"] = NEVER, 0, 0
         self._first = []
 
     def _unseen(self) -> list[int]:
@@ -248,7 +252,8 @@ class Tracker(RecursiveEstimator):
         self._tuning["jump"][0, np.isin(self._which, unseen)] = 0.0
         for i in unseen:
             self.state["theta"][0, i] = self._told[i]
-            self.fixed_because[self._design.model.names[i]] = UNSEEN
+            name = self._design.model.names[i]
+            self.fixed_because[name] = self._fixable[name]
 
     def _weigh_once(self, started: Record) -> None:
         """

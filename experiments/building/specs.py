@@ -29,7 +29,7 @@ from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
@@ -125,7 +125,9 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
     stored = _has_stored_prior(nominal, offered["identify"], scenario)
-    if wanted and (_has_laws(spec.make) or not stored):  # friction is of the size of the torque
+    if wanted and _has_laws(spec.make):  # friction is of the size of the torque
+        offered["torque"] = design_torque(scenario)
+    elif wanted and not stored:
         offered["torque"] = nominal_torque(scenario)
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)

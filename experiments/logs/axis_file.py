@@ -23,7 +23,8 @@ from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 
-_KEYS = ("model", "name", "states", "A", "B", "C", "nominal", "delay", "whitening", "noise")
+_MODEL = ("model", "name", "states", "A", "B", "C")
+_KEYS = (*_MODEL, "nominal", "law", "delay", "whitening", "noise")
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
     noise = tables.get("noise")
     return Axis(
         model=model_from_tables(tables),
-        tables={k: tables[k] for k in ("model", "name", "states", "A", "B", "C") if k in tables},
+        tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
         known=True,
         delay=float(tables.get("delay", 0.0)),
         whitening=tuple(map(float, whitening)),

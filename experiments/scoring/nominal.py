@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import tomllib
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.simulate import simulate
 
@@ -27,6 +30,21 @@ def nominal_torque(scenario: Scenario) -> NDArray[np.float64]:
         | ({"excitation.pause": []} if hasattr(scenario.excitation, "pause") else {})
     )
     return _torque(nominal.to_toml())
+
+
+def design_torque(scenario: Scenario) -> NDArray[np.float64]:
+    """
+    Return the torque (8000,) [N m] of 40 s on the reference of the axis as it was designed.
+
+    That is what is told of it: nothing of what it has beyond the linear model comes in.
+    """
+    told = started_nominal(scenario.override({"start": 1.0}))
+    linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
+    linear |= {"fault": [], "nuisance": None, "told": None, "substeps": None}
+    linear |= {"identify": list(DEFAULT_IDENTIFY), "output": "speed", "burn_in": 5.0}
+    return nominal_torque(
+        scenario.override(linear | {f"parameters.{name}": told[name] for name in PARAMETER_NAMES})
+    )
 
 
 @lru_cache(maxsize=64)

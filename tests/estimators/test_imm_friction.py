@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import EstimatorError
+from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.methods.imm import joint_imm
 from flexaxis.estimators.methods.imm_friction import imm_friction
 from flexaxis.estimators.models.axes import N1, three_mass
 from flexaxis.estimators.recursion.as_told import as_told, told_records
 from flexaxis.estimators.recursion.changes import single_change
 from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.jumps import AGES, Jumps
 from flexaxis.estimators.recursion.modal import Modes
 from flexaxis.estimators.recursion.records import joined, record
 from flexaxis.estimators.recursion.tracker import Tracker
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
@@ -72,7 +75,7 @@ def test_one_linearisation_is_all_there_is_where_the_model_is_linear():
         tracked=1,
         modes=modes,
         told=(),
-        fixable=(),
+        fixable={},
         x0_covariance=np.zeros((5, 5)),
         commissioning=0,
     )
@@ -109,6 +112,12 @@ def test_what_was_told_is_conditioning_by_hand():
     expected = theta[:q] + share * S[:q][:, [2, 4]] @ inverse @ apart
     assert 0.05 < share < 0.99
     np.testing.assert_allclose(given, expected, rtol=1e-9)
+    union = tuning["union"][0]
+    full, d = S[np.ix_(union, union)], S[np.ix_(union, [2, 4])] @ inverse @ apart
+    part = S[np.ix_(union, [2, 4])] @ inverse @ S[np.ix_([2, 4], union)]
+    claimed = state["given_P"][0] + state["given_between"][0]
+    mixture = share * (full - part) + (1 - share) * full + share * (1 - share) * np.outer(d, d)
+    np.testing.assert_allclose(claimed, mixture, rtol=1e-9, atol=1e-12)
 
 
 def _run_plain(tuning, state, given):
@@ -148,7 +157,82 @@ def test_what_is_fixed_or_lost_explains_nothing():
     assert single_change(np.array([np.nan, 1.0]), C).gain == 0.0
 
 
+def watched(period=T, q=2):
+    """What `Jumps` reads of a filter: nothing has changed, and a jump is always likely."""
+    ring = np.zeros((500, q + q * q + 1))
+    ring[:, :q], ring[:, q : q + q * q], ring[:, -1] = 1.0, 0.01 * np.eye(q).ravel(), 0.9
+    return record(ring=ring, samples_taken=0, due=-1, armed=1, calm=0)
+
+
+def test_alarms_between_looks_do_not_leave_one_due_of_which_nothing_was_found():
+    """An alarm comes again and again: each begins anew, and all looks end by themselves."""
+    jumps, state, looks = Jumps(["k_T", "f_m"], T), watched(), []
+    alarms = {600, 601, 602, 605, 640, 641, *range(700, 720)}
+    for k in range(2000):
+        state["samples_taken"] = k + 1
+        if k in alarms or k == state["due"][0]:
+            jumps.attend(state)
+            looks.append(k)
+    assert jumps.findings == []
+    assert not jumps.alarm
+    assert state["due"] == -1
+    last, ages = 719, np.round(np.cumsum(AGES) / T)
+    np.testing.assert_array_equal(looks[-len(AGES) :], last + ages)
+
+
+def test_a_look_that_ended_does_not_name_an_older_finding():
+    jumps, state = Jumps(["k_T", "f_m"], T), watched()
+    jumps.findings.append(older := Finding(10, 9, ("f_m",), (1.5,)))
+    for k in range(600, 2000):
+        state["samples_taken"] = k + 1
+        if k in {600, 650, 651, 652, 653} or k == state["due"][0]:
+            jumps.attend(state)
+    assert jumps.findings == [older]
+
+
 # ------------------------------------------------------------------ as a whole
+
+
+def test_chunks_find_what_a_run_finds():
+    """Also where a chunk ends while a jump is likely, but not significant yet."""
+    u, y, *_ = (v[:1600] for v in drawn("load_friction_fm_step-v1")[:2])
+    whole, parts = made("load_friction_fm_step-v1"), made("load_friction_fm_step-v1")
+    looks, part_looks = _looks(whole), _looks(parts)
+    expected = whole.run(u, y)
+    taken = [parts.run(u[k : k + 20], y[k : k + 20]) for k in range(0, len(u), 20)]
+    np.testing.assert_array_equal(np.concatenate(taken), expected)
+    assert part_looks == looks
+    assert len(looks) > 10
+    assert parts.findings == whole.findings
+    assert parts.learnt == whole.learnt
+    np.testing.assert_array_equal(parts.covariance, whole.covariance)
+    assert not parts._first  # samples of commissioning are needed once
+
+
+def _looks(estimator):
+    """Return a list to which the samples are added at which an estimator looks at a jump."""
+    looks, attend = [], estimator._jumps.attend
+
+    def noted(state):
+        looks.append(int(state["samples_taken"][0]) - 1)
+        attend(state)
+
+    estimator._jumps.attend = noted
+    return looks
+
+
+def test_what_is_shown_is_what_a_run_returned():
+    u, y, *_ = (v[:1300] for v in drawn("fm_step-v1")[:2])
+    estimator = made("fm_step-v1")  # without friction, so that f_c is drawn to none
+    theta = estimator.run(u, y)
+    np.testing.assert_array_equal(estimator.theta, theta[-1])
+    shown = [estimator.learnt[name] for name in estimator.names]
+    np.testing.assert_array_equal([value for value, _ in shown], theta[-1])
+    deviations = np.sqrt(np.diag(estimator.covariance))
+    np.testing.assert_array_equal([deviation for _, deviation in shown], deviations)
+    undrawn = estimator.commissioned()
+    assert abs(theta[-1, 3]) < abs(undrawn["nominal"]["f_c"])
+    assert deviations[3] < undrawn["deviations"]["f_c"]
 
 
 def test_friction_is_told_from_viscous_friction_and_a_fault_is_named():
@@ -216,6 +300,45 @@ def test_what_was_commissioned_can_be_begun_from():
     )
     theta = second.run(u[1000:1400], y[1000:1400])
     assert np.all(np.abs(theta[100:] / [1.0, 1.25, 0.05, 0.1] - 1) < [0.02, 0.01, 0.05, 0.06])
+
+
+def test_what_is_told_of_laws_is_drawn_to_and_the_rest_to_none():
+    _, _, nominal, torque = drawn("fm_step-v1")
+    told = {"f_c": 0.1, "kappa": 1e3}
+    estimator = imm_friction(nominal | told, T, torque=torque)
+    names, scale = estimator._design.model.names, estimator._design.scale
+    drawn_to = {names[i]: value * scale[i] for i, value in estimator._told.items()}
+    assert drawn_to["f_c"] == pytest.approx(0.1)
+    assert drawn_to["kappa"] == pytest.approx(1e3)
+    assert drawn_to["f_s"] == drawn_to["gap"] == 0.0
+    assert drawn_to["J_m"] == pytest.approx(nominal["J_m"])
+
+
+def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
+    """At rest nothing is seen."""
+    _, _, nominal, torque = drawn("fm_step-v1")
+    estimator = imm_friction(nominal | {"kappa": 1e3}, T, torque=torque, commissioning=0.5)
+    estimator.run(np.zeros(200), np.zeros(200))
+    because = estimator.fixed_because
+    assert because["kappa"].endswith("stays as it was told")
+    assert because["J_m"].endswith("stays as it was told")
+    assert because["gap"].endswith("taken as absent")
+    assert estimator.learnt["kappa"] == (pytest.approx(1e3), 0.0)
+    assert estimator.learnt["gap"] == (0.0, 0.0)
+
+
+def test_a_told_zero_is_refused_by_its_name():
+    _, _, nominal, torque = drawn("fm_step-v1")
+    with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
+        imm_friction(nominal | {"f_m": 0.0}, T, torque=torque)
+    left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
+    estimator = imm_friction(nominal | {"f_m": 0.0}, T, torque=torque, **left)
+    assert estimator.names == ("k_T", "1/J_a", "f_c")
+
+
+def test_its_colour_is_its_own():
+    looks = [entry.look[0] for name, entry in REGISTRY.items() if name != "imm-friction"]
+    assert REGISTRY["imm-friction"].look[0] not in looks
 
 
 @pytest.mark.parametrize(

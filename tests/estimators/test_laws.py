@@ -347,9 +347,18 @@ def test_a_law_that_cannot_be_is_refused(law, words):
         replace(three_mass(VALUES), laws=(Law(*law),))
 
 
+@pytest.mark.parametrize("name", ["f_c", "f_s", "v_0", "gap", "poles", "torque_limit"])
+def test_a_law_refuses_what_cannot_be(name):
+    with pytest.raises(EstimatorError, match=f"{name} = -1 is not possible"):
+        axis("all", **{name: -1.0})
+    with pytest.raises(EstimatorError, match="takes a limit above 0"):
+        replace(LIMIT, parameters={"limit": 0.0})
+    assert axis("all", kappa=-1.0, c_sin=-1.0).nominal["kappa"] == -1.0
+
+
 def test_a_law_parameter_is_identified_as_itself():
     model = replace(three_mass(VALUES), laws=(BRISTLES,))
     with pytest.raises(EstimatorError, match="'f_c' itself"):
         model.parametrize(["1/f_c"])
-    with pytest.raises(EstimatorError, match="sigma_0 = 0"):
+    with pytest.raises(EstimatorError, match="sigma_0 = 0 is not"):
         replace(three_mass(VALUES | {"sigma_0": 0.0}), laws=(BRISTLES,))

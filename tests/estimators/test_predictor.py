@@ -1,8 +1,11 @@
 """ŷ and ψ of a whole record, against a textbook loop and finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from flexaxis.estimators import increment, three_mass
+from flexaxis.estimators.models.axes import STATIC
 from flexaxis.estimators.offline.predictor import predict
 
 T = 0.005
@@ -41,3 +44,17 @@ def test_psi_is_the_slope_of_the_prediction(nominal, loop):
             slope = (above - below) / (2 * step[i])
             # a central difference: truncation 1e-8 (the resonances are sharp), rounding 1e-11
             assert np.abs(psi[:, i] - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+def test_a_model_with_laws_is_predicted_with_them(nominal):
+    values = dict(nominal) | {"f_c": 0.1, "f_s": 0.0, "alpha": 1.0, "beta": 8.0}
+    model = replace(three_mass(values), laws=(STATIC,)).parametrize(["k_T", "f_m", "f_c"])
+    u = 0.8 * np.random.default_rng(1).standard_normal(200)
+    y, psi = predict(model, model.theta, u, period=0.005)
+    for i in range(3):
+        step = 1e-5 * model.theta[i] * np.eye(3)[i]
+        ends = [predict(model, model.theta + s, u, period=0.005)[0] for s in (step, -step)]
+        slope = (ends[0] - ends[1]) / (2 * step[i])
+        assert abs(slope - psi[:, i]).max() < 1e-6 * abs(slope).max()
+    linear = three_mass(nominal).parametrize(["k_T"])
+    assert np.std(y - predict(linear, linear.theta, u, period=0.005)[0]) > 0.1 * np.std(y)

@@ -7,14 +7,16 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.specs import Spec, build, parse
 from flexaxis.experiments.catalogue.card import in_a_line, reference_card
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting.terminal import score_table
 from flexaxis.experiments.running.case import run_case
 from flexaxis.experiments.running.estimate import estimate
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.nominal import design_torque
 from flexaxis.experiments.scoring.pooling import pool_group
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import started_nominal, started_theta, theta_over_time
@@ -184,3 +186,22 @@ def test_the_card_says_what_is_told():
     assert card["unmodelled"] == "told k_g × 1.1"
     assert "told noise of 0.2" in in_a_line(made(SHEET))
     assert reference_card(made())["data sheet"] == "nothing"
+
+
+def test_nothing_of_the_laws_shows_in_the_torque_that_estimators_are_offered():
+    """Who is told the size of the motion is not told which laws act, or of a fault."""
+    one, other = (find_scenario(n) for n in ("coulomb_fm_step-v1", "coulomb2_fm_step-v1"))
+    np.testing.assert_array_equal(design_torque(one), design_torque(other))
+    real = find_scenario("real_lugre_fm_step-v1")
+    linear = find_scenario("fm_step-v1").override({"told": {"k_g": 1.1, "J_m": 0.95, "k_a": 0.95}})
+    np.testing.assert_array_equal(design_torque(real), design_torque(linear))
+    assert not np.array_equal(design_torque(real), design_torque(one))  # what is told does show
+    offered = {}
+
+    def mine(nominal, period, *, identify, output, torque):
+        offered["torque"] = torque
+        return REGISTRY["frozen"].factory(nominal, period, identify=identify, output=output)
+
+    mine.laws = True
+    build(Spec("mine", mine, {}), real)
+    np.testing.assert_array_equal(offered["torque"], design_torque(real))

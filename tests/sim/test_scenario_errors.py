@@ -132,6 +132,8 @@ CASES = [
     ("friction.coulomb = 0.1\nidentify = ['1/f_c']", "identify[0]: unknown parameter '1/f_c';", ""),
     ("lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.1, stribeck = 0.5 }\n"
      "identify = ['f_m', 'f_s']", "identify[1]: 'f_s' cannot be estimated where it is 0:", ""),
+    ("friction.coulomb = 0.1\nload_friction = { f_c = 0.05, load = 0.1 }\nidentify = ['f_c']",
+     "identify[0]: f_c is one of friction and one of load_friction: keep one", ""),
     ("told.f_c = 1.1", "told.f_c: the plant has no f_c: give it the table friction or ", ""),
     ("told.pole = 24", "told.pole: unknown parameter 'pole'; ", " Did you mean 'poles'?"),
     ("told.poles = 23.5", "told.poles: must be a whole number of periods in a turn, not 23.5", ""),

@@ -32,6 +32,8 @@ class Row:
         Alarms outside the windows of faults in 2000 s.
     alarms : float
         Per minute, over the same time.
+    further : float
+        Alarms in the windows of faults beyond one for each, a run.
     cost : float
         Median [µs a sample].
     lost, runs : int
@@ -49,6 +51,7 @@ class Row:
     covered: float | None
     false: float
     alarms: float
+    further: float
     cost: float
     lost: int
     runs: int
@@ -81,6 +84,7 @@ def pooled(runs: Sequence[Judged]) -> Row:
         covered=share([found.covered for _, found in met if found.covered is not None]),
         false=2000 * rate,
         alarms=60 * rate,
+        further=float(np.mean([max(run.alarms - run.false - len(run.faults), 0) for run in runs])),
         cost=float(np.median([run.cost for run in runs])),
         lost=int(gone.sum()),
         runs=len(runs),

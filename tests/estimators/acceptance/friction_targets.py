@@ -126,7 +126,7 @@ def _lag(given: Given) -> Limits | None:
         return 0.0, 0.4
     if given.scenario == "fm_step-v1":
         return 0.0, 0.12
-    if given.scenario in (*LITTLE, *ENCODERS):
+    if given.scenario in (*LITTLE, *OTHERS, *ENCODERS):
         return 0.0, 0.15
     row = given.row
     bound = row.lag / row.efficiency["tracked"] if row.lag and row.efficiency else 0.0
@@ -171,6 +171,7 @@ CHANGES = (
 )
 REST = (
     Column("false", lambda row: row.false, ".1f", lambda given: (0.0, 1.0)),
+    Column("more", lambda row: row.further, ".2f"),
     Column("lost", lambda row: row.lost, "d", lambda given: (0, 0)),
     Column("µs", lambda row: row.cost, ".1f"),
 )
