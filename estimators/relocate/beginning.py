@@ -112,8 +112,9 @@ class Beginning:
         """
         Return Δ (p, p), what P gains in a sample.
 
-        What is tracked walks, relative to what it is expected to be. The sum of speeds is an angle that wanders by T σ
-        in a sample, and so does the phase of what depends on it: a sin Nφ + b cos Nφ by N T σ.
+        What is tracked walks, relative to what it is expected to be. The sum of speeds is an angle
+        that wanders by T σ in a sample, and so does the phase of what depends on it:
+        a sin Nφ + b cos Nφ by N T σ.
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0

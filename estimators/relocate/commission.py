@@ -42,6 +42,20 @@ class Commission:
             return []
         return self._fits if self._prior is not None else [count + 1]
 
+    def recover(self, memory: Memory) -> bool:
+        """
+        Where the filter has diverged, begin anew with what was told; return whether it had.
+
+        Laws do nothing then, until the next fit.
+        """
+        state = memory.state
+        if not state["guarded"] or np.isfinite(state["theta"]).all():
+            return False
+        assert self._prior is not None and self._beginning is not None  # or it is not guarded
+        self._rewind.to_told(memory, self._beginning.design.theta0, self._prior.noise)
+        state["guarded"] = bool(np.isfinite(state["theta"]).all())  # nothing more can be done
+        return True
+
     def attend(self, memory: Memory) -> bool:
         """Do what is due at this sample; return whether the filter has begun anew."""
         beginning = self._beginning
@@ -52,6 +66,7 @@ class Commission:
             if prior is None:
                 return False
             self._prior, period = prior, beginning.design.period
+            memory.state["guarded"] = 1
             self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
         if memory.count not in self._fits:
             return False

@@ -213,7 +213,11 @@ class Relocate(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         memory = self._memory
-        if self._commission.attend(memory):
+        with np.errstate(all="ignore"):  # a filter that diverges is a result
+            lost, begun = self._commission.recover(memory), self._commission.attend(memory)
+        if lost:
+            self._find(memory.first, LOST)
+        if lost or begun:
             self._case = None
             memory.arm()
         if memory.state["armed"] and memory.ringing:

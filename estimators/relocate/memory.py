@@ -94,7 +94,7 @@ class Memory:
         angle: tuple[Record, Record],
     ) -> None:
         parts = listening(alarm, period)
-        place = record(count=0, stop=-1, y=0.0, valid=0)
+        place = record(count=0, stop=-1, guarded=0, y=0.0, valid=0)
         self._set = joined(tuning, parts[0], angle[0])
         self._begin = joined(state, parts[1], place, angle[1])
         self._period = period
@@ -250,7 +250,7 @@ def remembering_loop(pattern: Pattern) -> Compiled:
     Return the compiled loop: a filter with forgetting and state correction, memory and alarm.
 
     ``run(tunings, states, u, y, valid, estimates, trace, ring)`` stops after the sample at which
-    the alarm goes off, or at which ``count`` reaches ``stop``.
+    the alarm goes off, ``count`` reaches ``stop``, or a guarded filter diverges.
     """
     return sample_loop(pattern, remember, "relocate")
 
@@ -269,7 +269,17 @@ def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: 
     if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
         predict(tuning, state)
     publish(state, k, estimates, trace)
-    return ringing or state["count"] == state["stop"]
+    return ringing or state["count"] == state["stop"] or diverged(state)
+
+
+@inlined
+def diverged(state):
+    """Return whether θ is no number, in a filter that minds it."""
+    total = 0.0
+    if state["guarded"]:
+        for i in range(len(state["theta"])):
+            total += state["theta"][i]
+    return not np.isfinite(total)
 
 
 @compiled

@@ -89,6 +89,15 @@ class Rewind:
         row, signals = memory.beginning(first + 1), memory.signals(first)[1:]
         self._run(memory, row, theta, (X, P, P), signals, before=before)
 
+    def to_told(self, memory: Memory, theta: Array, noise: float) -> None:
+        """Go back as far as is remembered, and begin anew near what was told, all else fixed."""
+        first, n, mine = memory.first, self.terms.n, np.arange(self.roles.given)
+        X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
+        P[mine, mine] = SPREAD**2 / noise
+        row = memory.beginning(first + 1)
+        self._run(memory, row, theta, (X, P, P), memory.signals(first)[1:])
+        memory.state["signal"], memory.state["force"] = memory.state["power"], 0.0
+
     def _run(
         self,
         memory: Memory,

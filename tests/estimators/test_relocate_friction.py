@@ -8,7 +8,7 @@ from flexaxis.estimators.models.axes import BRISTLES, N1, real_axis
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.relocate.entry import relocate_friction
-from flexaxis.estimators.relocate.finding import interval_of
+from flexaxis.estimators.relocate.finding import LOST, interval_of
 from flexaxis.estimators.relocate.follow import angle_of, follow
 from flexaxis.estimators.relocate.guesses import with_starts
 from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed, weight
@@ -293,3 +293,15 @@ def test_every_estimator_has_a_colour_and_marker_of_its_own():
     for colour in set(friction):
         if colour != REGISTRY["imm-friction"].look[0]:
             assert colours.count(colour) == 1
+
+
+@pytest.mark.slow
+def test_told_what_is_far_from_true_it_stays_finite_and_says_that_it_is_lost(by_hand):
+    from conftest import multisine
+
+    u, y = rubbing(multisine, by_hand, 5.0, 9.0, 1.0)
+    for wrong in ({"J_m": 8 * N1["J_m"]}, {"J_m": 0.25 * N1["J_m"]}, {"k_g": 2 * N1["k_g"]}):
+        filter_ = relocate_friction(N1 | wrong, T)
+        assert np.isfinite(filter_.run(u, y)).all()
+        lost = [finding for finding in filter_.findings if finding.reason == LOST]
+        assert 1 <= len(lost) <= 4  # at most one for each fit and one of the search
