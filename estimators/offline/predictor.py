@@ -6,7 +6,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
-from flexaxis.estimators.sampling.sampled import planned, prepare, travel
+from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
 

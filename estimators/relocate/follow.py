@@ -15,7 +15,7 @@ from flexaxis.estimators.models.laws import KINDS
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.sampling.compiler import compiled, inlined
-from flexaxis.estimators.sampling.sampled import travel
+from flexaxis.estimators.sampling.prepared import travel
 
 Array = NDArray[np.float64]
 SINUSOID = KINDS.index("sinusoid")

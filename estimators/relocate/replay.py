@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import Terms, prepare
+from flexaxis.estimators.sampling.prepared import prepare
+from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexaxis.estimators.relocate.follow import follow
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.sampled import prepare
+from flexaxis.estimators.sampling.prepared import prepare
 
 
 @compiled

@@ -11,7 +11,8 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.estimators.sampling.plan import law_plan
-from flexaxis.estimators.sampling.sampled import Prepared, prepare, terms, travel
+from flexaxis.estimators.sampling.prepared import Prepared, prepare, travel
+from flexaxis.estimators.sampling.sampled import terms
 from flexaxis.experiments.scoring.described import true_model
 from flexaxis.sim.scenario import Scenario
 

@@ -29,7 +29,8 @@ from flexaxis.estimators.recursion.records import on_lanes
 from flexaxis.estimators.sampling.compiler import Compiled
 from flexaxis.estimators.sampling.over import over_sample
 from flexaxis.estimators.sampling.pattern import split
-from flexaxis.estimators.sampling.sampled import planned, prepare, terms, travel
+from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.sampled import planned, terms
 from flexaxis.sim.nonlinear import (
     CoggingConfig,
     LuGreConfig,

@@ -15,7 +15,8 @@ from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, need
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.screen import screen
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.sampling.sampled import planned, prepare, travel
+from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.sampled import planned
 
 T = 0.005
 LAW = {"f_c": 0.1, "f_s": 0.05, "v_s": 0.5, "sigma_0": 100.0, "sigma_1": 0.3, "v_0": 0.1}
