@@ -54,7 +54,7 @@ class Dies(Base):
 
 
 class Unknown(Base):
-    names = ("f_x",)
+    names = ("f_mm",)
 
 
 class Inverse(Base):
