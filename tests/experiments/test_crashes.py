@@ -104,7 +104,7 @@ def told(capsys, *words):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Unknown", "own.py:Unknown: names[0]: unknown parameter 'f_x'; known are k_T, "),
+        ("Unknown", "own.py:Unknown: names[0]: unknown parameter 'f_mm'; known are k_T, "),
         ("Unknown", "Did you mean 'f_m'?"),
         ("Inverse", "names[1]: unknown parameter '1/j_a'"),
         ("Inverse", "Did you mean '1/J_a'?"),
