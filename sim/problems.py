@@ -200,7 +200,8 @@ def _law_problems(identify: list[Any], content: Mapping[str, Any]) -> Iterator[P
     changed = [(f"{place}.parameter", c.get("parameter")) for place, c in _changes(content)]
     named = [(f"identify[{i}]", name) for i, name in enumerate(identify)] + changed
     for key, name in named:
-        mine = [t for t, names in LAWS.items() if content.get(t) and meant(str(name)) in names]
+        # "coulomb" is that of the table friction alone
+        mine = [t for t, names in LAWS.items() if content.get(t) and name in names]
         if len(mine) > 1:
             yield key, f"{name} is one of {' and one of '.join(mine)}: keep one of these tables"
     for i, name in enumerate(identify):
