@@ -12,6 +12,7 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -90,7 +91,7 @@ def _beside(log: Path) -> Path:
     return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path
 
 
-def _print(rows: list[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
+def _print(rows: Sequence[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
     from rich.console import Console
     from rich.table import Table
 

@@ -108,8 +108,8 @@ def prepare(
         valid[index[~there]] = False
         values, at = values[there], raw.time[there]
         if name.endswith("angle"):
-            values, found = unwrapped(values)
-            wrap = found if name == "angle" else wrap
+            values, turned = unwrapped(values)
+            wrap = turned if name == "angle" else wrap
         if even:
             signals[name] = _placed(values, index[there], length)
         elif name == "torque" and not smooth:

@@ -15,6 +15,7 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
+
 def expected_deviations(record: Record, axis: Axis) -> dict[str, float]:
     """Return what the excitation can tell of each parameter alone: its relative deviation.
 

@@ -6,7 +6,10 @@ from flexaxis.experiments.logs.doubts.evidence import Evidence
 
 def _look(e: Evidence) -> Doubt:
     low, high = e.band
-    name, text = "band of the excitation", f"98 % of the torque lies within {low:.3g} … {high:.3g} Hz"
+    name, text = (
+        "band of the excitation",
+        f"98 % of the torque lies within {low:.3g} … {high:.3g} Hz",
+    )
     if high * e.period < 0.25:
         return Doubt(name, high, "Hz", "ok", text)
     text += (

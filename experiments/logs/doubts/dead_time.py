@@ -1,5 +1,7 @@
 """Dead time from torque to motion, its drift, and opposite signs."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
@@ -11,15 +13,33 @@ Array = NDArray[np.float64]
 
 SHIFTED = 0.75  # samples
 SMALL = 0.25  # samples
+FAST = 0.5  # rad that the fastest excitation turns by in a sample: below, a lead tells nothing
 NAME = "dead time from torque to angle"
 
 
-def lag_of(e: Evidence, part: slice = slice(None)) -> tuple[float, float] | None:
-    """Return by how much the acceleration lags the torque [samples], and the sign of its gain.
+class Lag(NamedTuple):
+    """Samples by which the acceleration lags the torque.
+
+    Attributes
+    ----------
+    samples : float
+    turn : float
+        What the excitation at which it was seen turns by in a sample [rad].
+    opposite : bool
+        Whether torque and motion have opposite signs.
+    """
+
+    samples: float
+    turn: float
+    opposite: bool
+
+
+def lag_of(e: Evidence, part: slice = slice(None)) -> Lag | None:
+    """Return by how much the acceleration lags the torque; None if the excitation hides it.
 
     From the phase of their cross-correlation at the upper end of the excitation, where the motor's
     own inertia is all that counts; its friction and a mode beyond that end look like a fraction
-    of a sample. None where the excitation does not show it.
+    of a sample. Friction and modes of any passive axis make the acceleration lead, never lag.
     """
     speed, u = e.speed[part], e.torque[part]
     a, u = np.diff(speed), u[:-1]
@@ -36,22 +56,27 @@ def lag_of(e: Evidence, part: slice = slice(None)) -> tuple[float, float] | None
     # means over a sample, half a sample later
     late = 0.5 if e.incremental else 0.0
     lag = -float(np.angle(cross[top].sum())) / centre / e.period - late
-    return lag, float(np.sign(cross[bottom].sum().real))
+    return Lag(lag, centre * e.period, bool(cross[bottom].sum().real < 0))
 
 
 def _look(e: Evidence) -> Doubt:
     found = lag_of(e)
     if found is None:
         return Doubt(NAME, None, "samples", "note", "not visible in this excitation")
-    lag, sign = found
-    if sign < 0:
+    lag = found.samples
+    if found.opposite:
         text = "torque and motion have opposite signs: turn one of them"
-        return Doubt(NAME, lag, "samples", "problem", text, "--scale torque=-1")
+        remedy = "--scale torque=-1"
+        return Doubt(NAME, lag, "samples", "problem", text, remedy)
+    if lag < -SMALL and found.turn < FAST:
+        return Doubt(NAME, None, "samples", "ok", "not seen: the excitation is too slow for it")
     if abs(lag) > SHIFTED:
         early = "the motor moves before its torque; " if lag < 0 else ""
         text = f"{early}a shift of one sample ruins the estimates: let identify find the delay"
-        return Doubt(NAME, lag, "samples", "problem", text, "flexaxis identify (without --delay)")
-    text = "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
+        return Doubt(NAME, lag, "samples", "problem", text, "flexaxis identify, without --delay")
+    text = (
+        "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
+    )
     return Doubt(NAME, lag, "samples", "ok", text)
 
 

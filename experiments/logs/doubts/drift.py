@@ -5,21 +5,20 @@ import numpy as np
 from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 
-SMALL = 10.0  # % of the rms of the angle
+SMALL = 5.0  # % of the rms of the speed
+UNEXPLAINED = 0.5  # coherence below which the torque does not explain the motion
+FLOOR = 20  # percentile of the speed's spectrum that is taken for its white noise
 
 
 def _look(e: Evidence) -> Doubt | None:
-    name, unit = "drift of the angle", "% of the motion"
+    name, unit = "drift of the motion", "% of the motion"
     s, low = e.spectra, e.band[0]
-    f = s.frequency
     if e.corner is None:
         return Doubt(name, None, unit, "ok", "not told apart: the excitation begins too low")
-    seen = f > 0
-    angle = np.zeros_like(f)
-    angle[seen] = s.speed[seen] / f[seen] ** 2  # power of the angle, but for a factor
-    slow = seen & (f < 0.7 * low)
-    unexplained = float((angle * (1 - s.coherence))[slow].sum())
-    share = 100 * float(np.sqrt(unexplained / angle[seen].sum()))
+    slow = (s.frequency < 0.7 * low) & (s.coherence < UNEXPLAINED)
+    noise = 2 * float(np.percentile(s.speed[1:], FLOOR))
+    drifting = float(np.maximum(s.speed[slow] - noise, 0).sum())
+    share = 100 * float(np.sqrt(drifting / s.speed.sum()))
     if share < SMALL:
         return Doubt(name, share, unit, "ok", "small")
     text = (

@@ -19,9 +19,9 @@ def _look(e: Evidence) -> Doubt | None:
     lags = []
     for k in range(PIECES):
         found = lag_of(e, slice(k * length, (k + 1) * length))
-        if found is None or found[1] < 0:
+        if found is None or found.opposite:
             return None
-        lags.append(found[0])
+        lags.append(found.samples)
     middle = (np.arange(PIECES) - (PIECES - 1) / 2) / PIECES
     slope = float(middle @ lags / (middle @ middle))
     rest = np.asarray(lags) - np.mean(lags) - slope * middle

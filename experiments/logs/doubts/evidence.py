@@ -128,6 +128,16 @@ class Evidence:
         after = np.append(self.speed[1:], self.speed[-1])
         return after if self.incremental else (self.speed + after) / 2
 
+    @cached_property
+    def step_sign(self) -> Array:
+        """Mean sign of the motor speed over [t_k, t_{k+1}), which turns over in between (N,)."""
+        ends = self.speed
+        if self.incremental:
+            ends = (self.speed + np.append(self.speed[1:], self.speed[-1])) / 2
+        after = np.append(ends[1:], ends[-1])
+        size = np.abs(ends) + np.abs(after)
+        return np.divide(ends + after, size, out=np.zeros_like(ends), where=size > 0)
+
 
 def of_record(record: Record) -> Evidence:
     """Return what a record alone tells."""

@@ -18,7 +18,8 @@ SMALL = 1.0  # % of the rms of the speed: what the mean of a torque may make uns
 def low_gain(e: Evidence) -> float | None:
     """Return the gain from torque to speed at the low end of the excitation [rad/s per N m]."""
     s, (low, high) = e.spectra, e.band
-    near = (s.frequency >= low) & (s.frequency <= max(1.5 * low, low + 0.02 * (high - low)))
+    above = max(1.5 * low, low + 0.02 * (high - low))
+    near = (s.frequency >= low) & (s.frequency <= above) & (s.frequency > 0)
     near &= s.torque > 1e-3 * s.torque.max()
     if not near.any() or np.mean(s.coherence[near]) < TELLS:
         return None

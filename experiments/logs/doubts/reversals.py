@@ -17,11 +17,17 @@ def _look(e: Evidence) -> Doubt:
     slow, fast = np.percentile(np.abs(v), [10, 90])
     span = float(fast / max(slow, 1e-12 * fast + 1e-300))
     duration = len(e.time) * e.period
-    text = f"{reversals / duration:.2g} a second; 80 % of the speeds within {slow:.2g} … {fast:.2g} rad/s"
+    text = (
+        f"{reversals / duration:.2g} a second; 80 % of the speeds within {slow:.2g} … {fast:.2g} "
+        "rad/s"
+    )
     if reversals >= FEW and span >= WIDE:
         return Doubt(name, float(reversals), "", "ok", text)
     few = "there are few reversals" if reversals < FEW else "the speeds are nearly the same"
-    text += f"; {few}: dry and viscous friction can hardly be told apart. Log motions to and fro at several speeds"
+    text += (
+        f"; {few}: dry and viscous friction can hardly be told apart. Log motions to and fro at "
+        "several speeds"
+    )
     return Doubt(name, float(reversals), "", "note", text)
 
 

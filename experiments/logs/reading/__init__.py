@@ -1,1 +1,1 @@
-"""Logs in the formats that there are: names and units first, then the columns that are asked for."""
+"""Logs in their formats: names and units first, then the columns that are asked for."""
