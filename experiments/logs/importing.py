@@ -19,7 +19,7 @@ from flexaxis.experiments.logs.doubts.torque_kind import GIVEN, torque_kind
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
 from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
-from flexaxis.experiments.logs.readers import read_columns
+from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -64,7 +64,7 @@ def import_log(
         If the log cannot be used; the message begins with its name.
     """
     chosen = mapping_from(tables, source=str(path))
-    raw = pick(read_columns(path), chosen)
+    raw = pick(open_log(path), chosen)
     try:
         check_time(raw.time)
         refuse_nonsense(raw)
