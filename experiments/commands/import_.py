@@ -40,14 +40,16 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.importing import import_log
     from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
     from flexaxis.experiments.logs.log_page import LogPage, write_page
+    from flexaxis.experiments.logs.own import record_beside, spare_foreign
     from flexaxis.experiments.logs.visibility import expected_deviations
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
-    path = args.output or _beside(args.log)
+    path = args.output or record_beside(args.log)
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model), path, report)
+    spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
     found = import_log(args.log, tables_of(args), **treatment(args))
     seen = expected_deviations(found.record, axis) if axis else {}
@@ -81,14 +83,6 @@ def main(args: argparse.Namespace) -> int:
     print(path)
     print(report)
     return 0
-
-
-def _beside(log: Path) -> Path:
-    """Return where the record of a log goes by default: next to it, and never over it."""
-    from flexaxis.experiments.running.outputs import same
-
-    path = log.with_suffix(".nc")
-    return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path
 
 
 def _print(rows: Sequence[tuple[str, str, str, str]], seen: dict[str, float]) -> None:

@@ -15,7 +15,12 @@ from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import examine
 from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
-from flexaxis.experiments.logs.doubts.torque_kind import GIVEN, torque_kind
+from flexaxis.experiments.logs.doubts.torque_kind import (
+    AGAINST,
+    GIVEN,
+    kind_seen,
+    torque_kind,
+)
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
 from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
@@ -86,23 +91,31 @@ def import_log(
 
 def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
     """Return whether the torque is smooth, and why."""
-    if chosen.smooth is not None:
-        return chosen.smooth, GIVEN
-    there = np.isfinite(raw.torque)
-    motion = raw.speed
-    if raw.angle is not None:
-        there &= np.isfinite(raw.angle)
-        motion = np.full(len(raw.time), np.nan)
-        angle = unwrapped(raw.angle[there])[0]
-        motion[there] = np.diff(angle, prepend=angle[0])
-    assert motion is not None  # a mapping has one of the two
-    there &= np.isfinite(motion)
+    stated = chosen.smooth
+    speed, there = _motion(raw)
     if there.sum() < FEWEST:
-        return False, "too few samples to tell; taken for a command"
-    name = chosen.columns.get("torque", "torque")
-    period = float(np.median(np.diff(raw.time)))
-    kind, because = torque_kind(raw.torque[there], period, speed=motion[there], name=name)
-    return kind == "smooth", because
+        return bool(stated), "too few samples to tell" if stated is None else GIVEN
+    signals = raw.torque[there], float(np.median(np.diff(raw.time)))
+    if stated is None:
+        name = chosen.columns.get("torque", "torque")
+        kind, because = torque_kind(*signals, speed=speed[there], name=name)
+        return kind == "smooth", because
+    seen = kind_seen(*signals, speed=speed[there])
+    against = seen is not None and (seen[0] == "smooth") != stated
+    return stated, f"{AGAINST} {seen[1]}" if against and seen else GIVEN
+
+
+def _motion(raw: Raw) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the speed at the samples of a log, but for a factor, and where all is there."""
+    there = np.isfinite(raw.torque)
+    if raw.angle is None:
+        assert raw.speed is not None  # a mapping has one of the two
+        return raw.speed, there & np.isfinite(raw.speed)
+    there &= np.isfinite(raw.angle)
+    speed = np.zeros(len(raw.time))
+    angle = unwrapped(raw.angle[there])[0] if there.any() else np.zeros(0)
+    speed[there] = np.diff(angle, prepend=angle[:1])
+    return speed, there
 
 
 def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:

@@ -28,6 +28,13 @@ MOVES, MOVES_NOT = 0.5, 0.3  # of the coherence that a torque which acts would h
 EXPECTED = 0.1  # coherence below which nothing can be told from its absence
 LONGEST = 500_000  # samples that are looked at
 
+GIVEN = "as stated"
+"""The reason of a kind that somebody stated."""
+AGAINST = f"{GIVEN}, but"
+"""How the reason begins where the signals speak against that."""
+UNSEEN = "its samples do not tell"
+_WORDS = {"held": "a command", "smooth": "a measured current"}
+
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
 
@@ -55,19 +62,27 @@ def torque_kind(
     >>> torque_kind(np.sign(np.random.default_rng(0).standard_normal(1000)), 0.001)[0]
     'held'
     """
+    seen = kind_seen(torque, period, speed=speed)
+    if seen:
+        return seen
+    if _COMMAND.search(name):
+        return "held", f"{UNSEEN}, but its column is called {name}"
+    if _MEASURED.search(name):
+        return "smooth", f"{UNSEEN}, but its column is called {name}"
+    return "held", f"{UNSEEN}; taken for a command"
+
+
+def kind_seen(
+    torque: ArrayLike, period: float, *, speed: ArrayLike | None = None
+) -> tuple[Kind, str] | None:
+    """Return what the signals alone tell of the kind of a torque; None where they do not."""
     u = np.asarray(torque, float)[:LONGEST]
     by_shape = _by_shape(u, period)
     if by_shape:
         return "held", by_shape
-    if speed is not None:
-        told = _by_motion(u, np.asarray(speed, float)[:LONGEST], period)
-        if told:
-            return told
-    if _COMMAND.search(name):
-        return "held", f"its column is called {name}; its samples do not tell"
-    if _MEASURED.search(name):
-        return "smooth", f"its column is called {name}; its samples do not tell"
-    return "held", "nothing tells whether it is a command or measured; taken for a command"
+    if speed is None:
+        return None
+    return _by_motion(u, np.asarray(speed, float)[:LONGEST], period)
 
 
 def _by_shape(u: Array, period: float) -> str:
@@ -114,18 +129,16 @@ def _by_motion(u: Array, speed: Array, period: float) -> tuple[Kind, str] | None
 
 
 def _look(e: Evidence) -> Doubt:
-    name = "torque between samples"
-    kind = "smooth" if e.smooth else "held"
-    text = f"{kind}: {e.kind_because}" if e.kind_because else kind
-    if e.kind_because.startswith(GIVEN) or e.raw is None:
-        return Doubt(name, None, "", "ok", text)
+    name, kind = "torque between samples", "smooth" if e.smooth else "held"
     other = "held" if e.smooth else "smooth"
+    command, remedy = f"--torque-is {other}", {"torque_is": other}
+    text = f"{kind}: {e.kind_because}" if e.kind_because else kind
+    if AGAINST in e.kind_because:
+        return Doubt(name, None, "", "problem", text, command, remedy)
+    if UNSEEN not in e.kind_because:
+        return Doubt(name, None, "", "ok", text)
     text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
-    return Doubt(name, None, "", "note", text, f"--torque-is {other}", {"torque_is": other})
+    return Doubt(name, None, "", "note", text, command)
 
-
-GIVEN = "as stated"
-"""The reason of a kind that somebody stated."""
-_WORDS = {"held": "a command", "smooth": "a measured current"}
 
 LOOK = Look(10, _look)
