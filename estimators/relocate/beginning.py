@@ -20,6 +20,7 @@ from flexaxis.estimators.relocate.fit import normal_equations
 from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import Terms
@@ -27,7 +28,7 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
-EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
+LESS = 0.8  # of the noise reckoned with, that a fit leaves: then that was no noise
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
@@ -44,10 +45,11 @@ class Prior(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """θ (p,) that explains the data, and which of it they ask for; the rest is as it was told."""
+    """θ (p,) that explains the data, which of it they ask for, the rest as told; noise variance."""
 
     theta: Array
     active: NDArray[np.int64]
+    noise: float
 
 
 def output_gain(design: Design) -> float:
@@ -133,20 +135,33 @@ class Beginning:
         """Explain all data that are remembered, with no more parameters than they ask for."""
         names, every = self.design.model.names, np.arange(self.roles.known)
         few = np.array([i for i in every if i < self.roles.tracked or names[i] in LINEAR])
-        first = self._descend(memory, prior, few, (prior.theta, memory.state["theta"].copy()))
+        now = memory.state["theta"].copy()
+        first = self._descend(memory, prior, few, (prior.theta, now))
         whole = self._descend(memory, prior, every, (first.theta,))
-        samples = memory.count - memory.first
         if not np.isfinite(whole.square):
             return None
-        if whole.square > EXPLAINED * samples:
-            return Fitted(whole.theta, every)
-        less = self._reduced(memory, prior, whole)
-        return less or Fitted(whole.theta, every)
+        left = self._left(memory, whole)
+        if not self.design.noise and left.variance < LESS * prior.noise:
+            prior = prior._replace(noise=left.variance)
+            whole = self._descend(memory, prior, every, (whole.theta,))
+            left = self._left(memory, whole)
+        return self._reduced(memory, prior, whole, left)
 
-    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated) -> Fitted | None:
-        """Return a fit with less parameters than the whole, None if it explains much less."""
+    def _left(self, memory: Memory, whole: Evaluated) -> Remainder:
+        """Return what a fit leaves of all data."""
+        u, y, present = memory.signals(memory.first)
+        x = memory.stretch(memory.first).x[0]
+        signals = u[:-1].copy(), y, present
+        return remainder(self.terms, whole.theta, x, signals, self.roles.known)
+
+    def _reduced(
+        self, memory: Memory, prior: Prior, whole: Evaluated, left: Remainder
+    ) -> Fitted:
+        """Return a fit with less parameters than the whole, or that if less explain much less."""
         known, questions = self.roles.known, self._questions(prior)
-        posterior = Posterior(np.arange(known), whole.theta[:known], whole.H)
+        worth = max(left.variance * left.repeated / prior.noise, 1.0)
+        P0 = np.diag(prior.deviation**-2)
+        posterior = Posterior(np.arange(known), whole.theta[:known], (whole.H - P0) / worth + P0)
         mean, deviation = prior.theta[:known], prior.deviation
         active, fixed = needed(posterior, questions, mean=mean, deviation=deviation)
         theta = prior.theta.copy()
@@ -155,9 +170,9 @@ class Beginning:
             theta[places] = told
         theta = np.clip(theta, *self.box)
         found = self._descend(memory, prior, active.active, (theta,))
-        if found.square > whole.square + WORSE:
-            return None
-        return Fitted(found.theta, active.active)
+        if found.square > whole.square + WORSE * worth:
+            return Fitted(whole.theta, np.arange(known), prior.noise)
+        return Fitted(found.theta, active.active, prior.noise)
 
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""

@@ -220,6 +220,8 @@ class Relocate(RecursiveEstimator):
         if lost or begun:
             self._case = None
             memory.arm()
+        if self._commission.goes_on(memory.count):  # what is new then is what is being learnt
+            memory.state["armed"] = 0
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
