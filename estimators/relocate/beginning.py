@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.seen import FIXABLE, seen
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
@@ -154,16 +155,15 @@ class Beginning:
         signals = u[:-1].copy(), y, present
         return remainder(self.terms, whole.theta, x, signals, self.roles.known)
 
-    def _reduced(
-        self, memory: Memory, prior: Prior, whole: Evaluated, left: Remainder
-    ) -> Fitted:
+    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated, left: Remainder) -> Fitted:
         """Return a fit with less parameters than the whole, or that if less explain much less."""
         known, questions = self.roles.known, self._questions(prior)
         worth = max(left.variance * left.repeated / prior.noise, 1.0)
         P0 = np.diag(prior.deviation**-2)
         posterior = Posterior(np.arange(known), whole.theta[:known], (whole.H - P0) / worth + P0)
         mean, deviation = prior.theta[:known], prior.deviation
-        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation)
+        unseen = self._unseen(posterior, questions, deviation)
+        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation, unseen=unseen)
         theta = prior.theta.copy()
         theta[active.active] = active.theta
         for places, told in fixed:
@@ -173,6 +173,17 @@ class Beginning:
         if found.square > whole.square + WORSE * worth:
             return Fitted(whole.theta, np.arange(known), prior.noise)
         return Fitted(found.theta, active.active, prior.noise)
+
+    def _unseen(
+        self, posterior: Posterior, questions: Sequence[Question], deviation: Array
+    ) -> list[Question]:
+        """Return the questions about what the excitation does not show."""
+        known = seen(np.diag(np.linalg.inv(posterior.H)), deviation**2)
+        names = self.design.model.names
+        hidden = [i for i, name in enumerate(names[: len(known)]) if name in FIXABLE]
+        return [
+            q for q in questions if np.isin(q.places, hidden).all() and not known[q.places].any()
+        ]
 
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""
