@@ -146,7 +146,7 @@ class Beginning:
             prior = prior._replace(noise=left.variance)
             whole = self._descend(memory, prior, every, (whole.theta,))
             left = self._left(memory, whole)
-        return self._reduced(memory, prior, whole, left)
+        return self._reduced(memory, prior, (first, whole), left)
 
     def _left(self, memory: Memory, whole: Evaluated) -> Remainder:
         """Return what a fit leaves of all data."""
@@ -155,8 +155,11 @@ class Beginning:
         signals = u[:-1].copy(), y, present
         return remainder(self.terms, whole.theta, x, signals, self.roles.known)
 
-    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated, left: Remainder) -> Fitted:
+    def _reduced(
+        self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
+    ) -> Fitted:
         """Return a fit with less parameters than the whole, or that if less explain much less."""
+        first, whole = fits
         known, questions = self.roles.known, self._questions(prior)
         worth = max(left.variance * left.repeated / prior.noise, 1.0)
         P0 = np.diag(prior.deviation**-2)
@@ -164,15 +167,31 @@ class Beginning:
         mean, deviation = prior.theta[:known], prior.deviation
         unseen = self._unseen(posterior, questions, deviation)
         active, fixed = needed(posterior, questions, mean=mean, deviation=deviation, unseen=unseen)
-        theta = prior.theta.copy()
+        theta, start = prior.theta.copy(), first.theta.copy()
         theta[active.active] = active.theta
         for places, told in fixed:
-            theta[places] = told
-        theta = np.clip(theta, *self.box)
-        found = self._descend(memory, prior, active.active, (theta,))
+            theta[places] = start[places] = told
+        starts = np.clip(theta, *self.box), np.clip(start, *self.box)
+        found = self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
-            return Fitted(whole.theta, np.arange(known), prior.noise)
+            return self._shown(memory, prior, fits, unseen)
         return Fitted(found.theta, active.active, prior.noise)
+
+    def _shown(
+        self,
+        memory: Memory,
+        prior: Prior,
+        fits: tuple[Evaluated, Evaluated],
+        unseen: Sequence[Question],
+    ) -> Fitted:
+        """Return a fit with all but what the excitation does not show."""
+        gone = np.concatenate([np.zeros(0, np.int64), *(q.places for q in unseen)])
+        rest = np.setdiff1d(np.arange(self.roles.known), gone)
+        starts = [fit.theta.copy() for fit in fits]
+        for theta in starts:
+            theta[gone] = prior.theta[gone]
+        found = self._descend(memory, prior, rest, starts)
+        return Fitted(found.theta, rest, prior.noise)
 
     def _unseen(
         self, posterior: Posterior, questions: Sequence[Question], deviation: Array
