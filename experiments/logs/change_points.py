@@ -32,6 +32,7 @@ CURVED = 20  # logs from which on the effect of a covariate may be curved
 FIRST_LOOK, DRAWS = 500, 10_000  # simulated sequences
 CORRELATIONS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 SCATTERS = np.geomspace(0.1, 30.0, 14)  # τ over the median deviation
+LEAN = 0.25  # of log-likelihood, that may be lost for more memory: the estimate of it is too low
 SHAPES = ("step", "ramp", "outlier")
 
 
@@ -210,8 +211,11 @@ class _Noise:
             if candidates:
                 ratio, _ = _ratios(self.white(x), self.white(design), self._courses(candidates))
                 whole = np.column_stack([design, candidates[int(np.argmax(ratio))][2]])
-            likelihood, self.scatter, self.correlation, self.root = max(
-                self._likelihoods(x, whole), key=lambda entry: entry[0]
+            entries = list(self._likelihoods(x, whole))
+            enough = max(entry[0] for entry in entries) - LEAN
+            memory = max(entry[2] for entry in entries if entry[0] >= enough)
+            _, self.scatter, self.correlation, self.root = max(
+                (entry for entry in entries if entry[2] == memory), key=lambda entry: entry[0]
             )
 
     def _courses(self, candidates: list[tuple[str, int, Array]]) -> Array:
