@@ -212,8 +212,10 @@ class _Noise:
                 ratio, _ = _ratios(self.white(x), self.white(design), self._courses(candidates))
                 whole = np.column_stack([design, candidates[int(np.argmax(ratio))][2]])
             entries = list(self._likelihoods(x, whole))
-            enough = max(entry[0] for entry in entries) - LEAN
-            memory = max(entry[2] for entry in entries if entry[0] >= enough)
+            likeliest = max(entries, key=lambda entry: entry[0])
+            memory = max(
+                (e[2] for e in entries if e[0] >= likeliest[0] - LEAN) if likeliest[1] else [0.0]
+            )
             _, self.scatter, self.correlation, self.root = max(
                 (entry for entry in entries if entry[2] == memory), key=lambda entry: entry[0]
             )
@@ -243,7 +245,7 @@ class _Noise:
 
 
 def _ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
-    """Return F (m, S) of each of m courses in each of S white sequences, and their projections.
+    """Return F (m, S) of each of m courses in each of S white sequences, and what each explains.
 
     Parameters
     ----------
@@ -260,8 +262,9 @@ def _ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
     residual = x - Q @ (Q.T @ x)
     gain = (unit.T @ residual) ** 2
     freedom = len(x) - design.shape[1] - 1
-    total = (residual**2).sum(axis=0)
-    return gain * freedom / np.maximum(total - gain, 1e-300), gain
+    left_over = (residual**2).sum(axis=0) - gain
+    # estimates scatter by what they claim at least, however alike they are by chance
+    return gain / np.maximum(left_over / freedom, 1.0), gain
 
 
 def _best(

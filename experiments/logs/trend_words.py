@@ -9,7 +9,7 @@ import numpy as np
 
 from flexaxis.experiments.logs.change_points import Change
 from flexaxis.experiments.logs.covariates import Clock
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, Verdict
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, SMALLEST, Verdict
 
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
@@ -36,6 +36,9 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
             f"{size:+.2g} ± {found.percent_deviation(found.change):.2g} %. Worn and warm cannot be "
             "told apart on these logs; add some of worn and cold, or new and warm"
         ]
+    elif found.found.changes:
+        sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in found.found.changes)
+        lines = [f"changed by {sizes} only, which is less than {100 * SMALLEST:g} %"]
     else:
         slopes = [text for text in _slopes(found, covariates) if "no effect" not in text]
         lines = [", ".join(["did not change", *slopes])]
@@ -72,7 +75,7 @@ def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
         if abs(slope) < 2 * sd:
             lines.append(f"{name} has no effect that can be seen")
         else:
-            lines.append(f"{name} explains {100 * slope:+.2g} ± {100 * sd:.1g} % a unit")
+            lines.append(f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it")
     return lines
 
 
@@ -97,7 +100,12 @@ def remarks(
             ("note", "without a covariate, warm and worn cannot be told apart: --covariate temp, "
              "a column of the logs, or a CSV with the name of each log and its value")
         )  # fmt: skip
-    memory = [v.name for v in found if v.found.correlation >= COLOURED]
+    memory = [
+        v.name
+        for v in found
+        if v.found.correlation >= COLOURED
+        and v.found.scatter > 0.5 * np.median(v.series.deviation)
+    ]
     if memory:
         lines.append(
             ("note", f"{', '.join(memory)}: what differs from log to log is alike from one to the "

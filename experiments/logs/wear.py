@@ -16,6 +16,7 @@ from flexaxis.experiments.logs.errors import LogError
 Array = NDArray[np.float64]
 
 STEADY, CHANGED, EXPLAINED, OPEN = "steady", "changed", "explained", "open"
+SMALLEST = 0.01  # relative change that is worth a word
 PROPORTIONAL = 0.2  # relative deviation up to which ratios of estimates are taken
 
 
@@ -91,14 +92,15 @@ def verdict(
     bare = explain(replace(series, covariates=np.empty((len(logs), 0))), false_alarms=false_alarms)
     found = explain(series, false_alarms=false_alarms) if covariates.shape[1] else bare
     kind, change = STEADY, None
-    if found.changes:
+    if any(abs(c.size) >= SMALLEST for c in found.changes):
         kind = CHANGED
-    elif bare.changes:
+    elif any(abs(c.size) >= SMALLEST for c in bare.changes) and not found.changes:
         # of the same shape and at the same place, but with the covariates beside it
         largest = max(bare.changes, key=lambda c: abs(c.size))
         change = size_of(series, largest)
-        rest = abs(change.size) + 2 * change.deviation
-        kind = EXPLAINED if rest < abs(largest.size) / 2 else OPEN
+        gone = abs(change.size) < 2 * change.deviation
+        other = abs(change.size - largest.size) > 2 * change.deviation
+        kind = EXPLAINED if gone and other else OPEN
     return Verdict(name, kind, logs, series, proportional, found, bare, change)
 
 
