@@ -262,9 +262,8 @@ def _ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
     residual = x - Q @ (Q.T @ x)
     gain = (unit.T @ residual) ** 2
     freedom = len(x) - design.shape[1] - 1
-    left_over = (residual**2).sum(axis=0) - gain
-    # estimates scatter by what they claim at least, however alike they are by chance
-    return gain / np.maximum(left_over / freedom, 1.0), gain
+    total = (residual**2).sum(axis=0)
+    return gain * freedom / np.maximum(total - gain, 1e-300), gain
 
 
 def _best(
@@ -281,7 +280,10 @@ def _best(
     Z, C = noise.white(design), noise._courses(candidates)
     ratio, gain = _ratios(noise.white(x), Z, C)
     top = int(np.argmax(ratio))
-    chance = _chance(float(ratio[top]), Z, C, false_alarms, rng)
+    # where there is no scatter besides, estimates scatter by what they claim, however alike they
+    # are by chance
+    largest = float(ratio[top] if noise.scatter else min(ratio[top], gain[top]))
+    chance = _chance(largest, Z, C, false_alarms, rng)
     if chance > false_alarms:
         return None
     shape, place, _ = candidates[top]
