@@ -28,6 +28,7 @@ from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
+from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
@@ -247,6 +248,8 @@ def _keywords(make: Callable[..., Any]) -> set[str]:
 def _find(name: str) -> Callable[..., Estimator]:
     if name in REGISTRY:
         return REGISTRY[name].factory
+    if (held := given(name)) is not None:
+        return held
     module, colon, attribute = name.rpartition(":")
     if colon:
         found = getattr(_module(module), attribute, None)
