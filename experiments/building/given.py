@@ -46,7 +46,7 @@ def given(name: str) -> Callable[..., Any] | None:
     return _HELD.get(name)
 
 
-def source(name: str) -> bytes:
+def written(name: str) -> bytes:
     """Return the text of a class of this session; empty where it is not known."""
     import inspect
 

@@ -94,7 +94,7 @@ class _Listed(ModuleType):
 
 
 class _Front(ModuleType):
-    """This package, in which one name is both: the package `estimators` and what lists them."""
+    """The front door, where one name is both: the package `estimators` and what lists them."""
 
     def __setattr__(self, name: str, value: object) -> None:
         if name == "estimators" and isinstance(value, ModuleType):  # the import system sets it

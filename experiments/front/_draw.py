@@ -107,6 +107,16 @@ def estimates(
     return returned(found)
 
 
+def plain_logs(ax: Axes) -> None:
+    """Write plain numbers on logarithmic axes, so few that they have room."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def _finish(ax: Axes, scenario: Scenario | None) -> None:
     if scenario is not None:
         mark(ax, scenario)

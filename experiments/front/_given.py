@@ -32,7 +32,8 @@ def text_of(estimator: str | Callable[..., Any]) -> str:
     """Return an estimator as text, as for `--estimator`."""
     if isinstance(estimator, str):
         return estimator
-    if not callable(estimator) or hasattr(estimator, "step") and not isinstance(estimator, type):
+    made = hasattr(estimator, "step") and not isinstance(estimator, type)
+    if made or not callable(estimator):
         raise EstimatorError(
             f"{type(estimator).__name__} object: each run needs an estimator of its own, so give "
             "its name or its class, not an instance"
@@ -50,7 +51,8 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
         in this one.
     """
     several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
-    texts = [text_of(one) for one in (estimators if several else [estimators])]  # type: ignore[union-attr, list-item]
+    wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
+    texts = [text_of(one) for one in wanted]
     here = [text for text in texts if is_given(text)]
     if here and jobs > 1:
         raise EstimatorError(
@@ -63,9 +65,10 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
 def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
     """Return scenarios by their names, those of suites, those from files, or as they are."""
     one = isinstance(scenarios, str | Scenario)
+    wanted: list[Any] = [scenarios] if one else list(scenarios)  # type: ignore[arg-type]
     found: list[Scenario] = []
-    for each in [scenarios] if one else scenarios:  # type: ignore[list-item]
-        found += [each] if isinstance(each, Scenario) else select([str(each)]).scenarios  # type: ignore[list-item]
+    for each in wanted:
+        found += [each] if isinstance(each, Scenario) else select([str(each)]).scenarios
     return tuple({scenario.hash: scenario for scenario in found}.values())
 
 

@@ -95,7 +95,9 @@ class Recording(Record):
             If xarray is not installed.
         """
         said = {n: {"units": unit, "long_name": words} for n, (unit, words) in SIGNALS.items()}
-        found = {name: ("time", getattr(self, name), said[name]) for name in self.signals}
+        found: dict[str, Any] = {
+            name: ("time", getattr(self, name), said[name]) for name in self.signals
+        }
         along: dict[str, Any] = {"time": ("time", self.time, said["time"])}
         if self.valid is not None:
             found["valid"] = ("time", self.valid, {})

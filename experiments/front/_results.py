@@ -63,6 +63,7 @@ class Results(kept.Results):
         """
         from matplotlib import pyplot
 
+        from flexaxis._draw import plain_logs
         from flexaxis.experiments.reporting.figures import draw_speed_variance
         from flexaxis.experiments.reporting.sweep_figures import draw_lags
 
@@ -73,6 +74,7 @@ class Results(kept.Results):
         key = x or next(iter(self.axes), "")
         if not key:
             draw_speed_variance(ax, [self._named(row) for row in self.pooled(["base", "method"])])
+            plain_logs(ax)
             return ax
         rows = [row for row in self.pooled(["method", key]) if row["lag"] is not None]
         draw_lags(ax, [row for row in rows if row["changed"] and row[key] is not None], key)
@@ -176,9 +178,7 @@ def study(
     return _run(study_from(content), folder, jobs=jobs, resume=resume)
 
 
-def _run(
-    wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool = True
-) -> Results:
+def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool = True) -> Results:
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means, run_study
     from flexaxis.experiments.running.progress import progress

@@ -25,7 +25,9 @@ from flexaxis.sim.scenario import Scenario
 def warm(spec: Spec, scenario: Scenario) -> None:
     """Let an estimator compile what it compiles, so that the cost scored is that of running."""
     rest = np.zeros(2)
-    _estimates(spec.text, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)")
+    _estimates(
+        spec.text, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)"
+    )
 
 
 def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
