@@ -35,7 +35,7 @@ def scenario_lines(*, group: str = "", find: str = "") -> list[Line]:
 
 def suite_lines(*, find: str = "") -> list[Line]:
     """Return the suites: name, summary; those with some text."""
-    lines = [{"name": n, "summary": catalogue.find_suite(n).card} for n in catalogue.suite_names()]
+    lines = [{"name": n, "summary": catalogue.suite_card(n)} for n in catalogue.suite_names()]
     return _found(lines, find)
 
 
