@@ -37,6 +37,10 @@ def is_path(name: str) -> bool:
 
 def unknown_scenario(name: str) -> ScenarioError:
     """Return the error for a name that is neither in the catalogue nor a file."""
+    if name in suite_names():
+        return ScenarioError(
+            f"{name} is a suite of scenarios: name one of them; `flexaxis show {name}` lists them"
+        )
     known = [*scenario_names(), *suite_names()]
     return ScenarioError(
         f"unknown scenario {name!r}.{did_you_mean(name, known)} "

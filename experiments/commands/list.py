@@ -46,13 +46,16 @@ def main(args: argparse.Namespace) -> int:
 def _wanted(args: argparse.Namespace) -> dict[str, Callable[[], list[Line]]]:
     """Return what makes the lines of each kind that is asked for."""
     from flexaxis.experiments.catalogue import listing
+    from flexaxis.sim.errors import FlexaxisError
 
     makers: dict[str, Callable[[], list[Line]]] = {
         "scenarios": partial(listing.scenario_lines, group=args.group or "", find=args.find),
         "suites": partial(listing.suite_lines, find=args.find),
         "estimators": partial(listing.estimator_lines, find=args.find),
     }
-    kind = "scenarios" if args.group else args.kind  # only these have groups
+    kind = "scenarios" if args.group else args.kind
+    if args.group and args.kind not in (None, "scenarios"):
+        raise FlexaxisError(f"--group is of scenarios, and {args.kind} have none: leave it out")
     return {name: make for name, make in makers.items() if kind in (None, name)}
 
 

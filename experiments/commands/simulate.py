@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 HELP = "simulate a scenario and save the record (NetCDF-4)"
-GROUP = "one run"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
