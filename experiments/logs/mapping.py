@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 
 Array = NDArray[np.float64]
 
@@ -152,14 +153,7 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
 
 def load_mapping(path: Path) -> dict[str, Any]:
     """Return the tables of a mapping file."""
-    import tomllib
-
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    return read_toml(path, LogError)
 
 
 def pick(log: Log, mapping: LogMap) -> Raw:
