@@ -46,7 +46,7 @@ def open_file(path: Path) -> Log:
         for name in samples
     }
 
-    def read(names: Sequence[str]) -> dict[str, Array]:
+    def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:
         return {name: columns[name] for name in names}
 
     return Log(path.name, tuple(columns), read, dict.fromkeys(clock.values(), "s"), clock)

@@ -28,13 +28,22 @@ def open_file(path: Path) -> Log:
     """Open one; see `reader.open_log`."""
     layout = layout_of(path)
 
-    def read(chosen: Sequence[str]) -> dict[str, Array]:
-        return _read(path, layout, chosen)
+    def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:
+        table = _table(path, layout, names)
+        found = {}
+        for name in names:
+            try:
+                found[name] = _numbers(path, layout, name, table[name])
+            except LogError:
+                if strict:
+                    raise
+        return found
 
     return Log(path.name, layout.names, read, layout.units)
 
 
-def _read(path: Path, layout: Layout, chosen: Sequence[str]) -> dict[str, Array]:
+def _table(path: Path, layout: Layout, chosen: Sequence[str]) -> Any:
+    """Return some columns as a table of pandas, without a line that was cut off at the end."""
     try:
         import pandas
     except ImportError as error:
@@ -62,7 +71,7 @@ def _read(path: Path, layout: Layout, chosen: Sequence[str]) -> dict[str, Array]
     table = table[list(dict.fromkeys(chosen))]
     if len(table) > 1 and table.iloc[-1].isna().any():
         table = table.iloc[:-1]  # a line that was cut off as the log ended
-    return {name: _numbers(path, layout, name, table[name]) for name in chosen}
+    return table
 
 
 def _in_words(text: str, layout: Layout) -> str:

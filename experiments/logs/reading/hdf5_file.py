@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +37,7 @@ def open_file(path: Path) -> Log:
             unit = item.attrs.get("units", "")
             units[column] = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
 
-    def read(names: Sequence[str]) -> dict[str, Array]:
+    def read_all(names: Sequence[str]) -> dict[str, Array]:
         found: dict[str, Array] = {}
         with h5py.File(path) as file:
             for place in dict.fromkeys(places[name] for name in names):
@@ -46,7 +46,11 @@ def open_file(path: Path) -> Log:
 
     _guarded(path, lambda: _visit(path, visit))
     stated = {name: unit for name, unit in units.items() if unit}
-    return Log(path.name, tuple(places), lambda names: _guarded(path, lambda: read(names)), stated)
+
+    def read(names: Sequence[str], *, strict: bool = True) -> Mapping[str, Array]:
+        return _guarded(path, lambda: read_all(names))  # type: ignore[no-any-return]
+
+    return Log(path.name, tuple(places), read, stated)
 
 
 def _visit(path: Path, visit: Any) -> None:

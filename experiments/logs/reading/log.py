@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,14 @@ LONGEST = 200_000_000  # samples of a column: 1.6 GB
 SHOWN = 40  # names in a message
 
 
+class Reader(Protocol):
+    """Returns columns (N,) by name, NaN where a value is missing."""
+
+    def __call__(self, names: Sequence[str], *, strict: bool = True) -> Mapping[str, Array]:
+        """Return them; a column of texts is an error, or left out if not strict."""
+        ...
+
+
 @dataclass(frozen=True)
 class Log:
     """What a file holds: sequences of numbers by name, not yet read.
@@ -28,8 +36,8 @@ class Log:
     source : str
         File name, for messages.
     names : tuple of str
-    read : callable
-        From names to their columns (N,), NaN where a value is missing; see `load`.
+    read : Reader
+        Reads columns; see `load` and `numbers`.
     units : dict of str to str
         Units as the file states them, of some columns.
     clock : dict of str to str
@@ -38,7 +46,7 @@ class Log:
 
     source: str
     names: tuple[str, ...]
-    read: Callable[[Sequence[str]], Mapping[str, Array]]
+    read: Reader
     units: Mapping[str, str] = field(default_factory=dict)
     clock: Mapping[str, str] = field(default_factory=dict)
 
@@ -57,6 +65,10 @@ class Log:
                     f"{did_you_mean(name, self.names)} There are {shown(self.names)}"
                 )
         return dict(self.read(list(dict.fromkeys(names))))
+
+    def numbers(self) -> dict[str, Array]:
+        """Return all columns that hold numbers."""
+        return dict(self.read(self.names, strict=False))
 
 
 def shown(names: Sequence[str]) -> str:

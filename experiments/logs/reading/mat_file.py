@@ -35,8 +35,8 @@ def open_file(path: Path) -> Log:
         names, columns = json.loads(done.stdout), _split(out)
     found = dict(zip(names, columns, strict=True))
 
-    def read(chosen: Sequence[str]) -> dict[str, Array]:
-        return {name: found[name] for name in chosen}
+    def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:
+        return {name: found[name] for name in names}
 
     return Log(path.name, tuple(found), read)
 

@@ -33,11 +33,11 @@ def open_file(path: Path) -> Log:
     names, units = names_and_units(fields)
     place = dict(zip(names, fields, strict=True))
 
-    def read(chosen: Sequence[str]) -> dict[str, Array]:
+    def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:
         try:
-            table = parquet.read_table(path, columns=[place[name] for name in chosen])
+            table = parquet.read_table(path, columns=[place[name] for name in names])
         except (ArrowException, OSError) as error:
             raise LogError(f"{path}: broken parquet ({error})") from error
-        return {name: np.asarray(table[place[name]].to_numpy(), float) for name in chosen}
+        return {name: np.asarray(table[place[name]].to_numpy(), float) for name in names}
 
     return Log(path.name, tuple(names), read, units)
