@@ -75,18 +75,21 @@ def import_log(
         refuse_nonsense(raw)
         smooth, because = _kind(raw, chosen)
         found = prepare(raw, smooth=smooth, resample=resample, highpass=highpass)
+        record = _record(found, burn_in, _told(path, smooth, because, highpass))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+
+
+def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dict[str, str]:
+    """Return what a record keeps of its import."""
     told = {
         "flexaxis": version("flexaxis"),
         "log": path.name,
         "torque": "smooth" if smooth else "held",
         "torque_because": because,
     }
-    if highpass is not None:
-        told["highpass"] = f"{highpass:g}"
-    record = _record(found, burn_in, told)
-    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+    return told if highpass is None else told | {"highpass": f"{highpass:g}"}
 
 
 def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
@@ -127,6 +130,11 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
         burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)
+    if not 0 <= burn_in < 0.9 * len(moving) * found.period:
+        raise LogError(
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{len(moving) * found.period:.4g} s"
+        )
     return Record(
         time=found.time,
         torque=signals["torque"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -57,6 +57,8 @@ KINDS = {
     "load_angle": "angle",
 }
 """The signals that a mapping may name, and the kind of unit each has."""
+
+LARGEST = 1e12  # of a rate or a factor
 
 _OPTIONS = ("rate", "scale", "unit", "torque_is")
 
@@ -120,35 +122,44 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
     LogError
         With a line for each key that is unknown or has a value of the wrong kind.
     """
-    problems = []
-    for key, value in tables.items():
-        if key not in (*KINDS, *_OPTIONS):
-            problems.append(
-                f"{source}: {key}: no such key.{did_you_mean(key, (*KINDS, *_OPTIONS))} "
-                f"There are {', '.join((*KINDS, *_OPTIONS))}"
-            )
-        elif key in ("scale", "unit"):
-            wanted = (int, float) if key == "scale" else str
-            for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
-                if name not in KINDS or not isinstance(entry, wanted):
-                    problems.append(
-                        f"{source}: {key}.{name} = {entry!r}: give "
-                        f"{'a number' if key == 'scale' else 'a unit'} for one of "
-                        f"{', '.join(KINDS)}.{did_you_mean(name, KINDS)}"
-                    )
-        elif key == "rate" and not (isinstance(value, int | float) and value > 0):
-            problems.append(f"{source}: rate is {value!r}; give the sampling rate in Hz, above 0")
-        elif key == "torque_is" and value not in ("held", "smooth"):
-            problems.append(f"{source}: torque_is is {value!r}; give 'held' or 'smooth'")
+    problems = [f"{source}: {text}" for key in tables for text in _wrong(key, tables[key])]
     if problems:
         raise LogError("\n".join(problems))
     return LogMap(
         columns={name: str(tables[name]) for name in KINDS if name in tables},
-        rate=tables.get("rate"),
+        rate=float(tables["rate"]) if "rate" in tables else None,
         scale=dict(tables.get("scale", {})),
         unit=dict(tables.get("unit", {})),
         smooth=tables["torque_is"] == "smooth" if "torque_is" in tables else None,
     )
+
+
+def _wrong(key: str, value: object) -> Iterator[str]:
+    """Yield what is wrong with an entry of a mapping."""
+    known = (*KINDS, *_OPTIONS)
+    if key not in known:
+        yield f"{key}: no such key.{did_you_mean(key, known)} There are {', '.join(known)}"
+    elif key in KINDS and not isinstance(value, str):
+        yield f"{key} is {value!r}; give the name of a column, in quotes"
+    elif key == "rate" and not _is_number(value, above=0):
+        yield f"rate is {value!r}; give the sampling rate in Hz, above 0"
+    elif key == "torque_is" and value not in ("held", "smooth"):
+        yield f"torque_is is {value!r}; give 'held' or 'smooth'"
+    elif key in ("scale", "unit"):
+        wanted = "a number other than 0" if key == "scale" else "a unit"
+        for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
+            good = _is_number(entry) and entry != 0 if key == "scale" else isinstance(entry, str)
+            if name not in KINDS or not good:
+                yield (
+                    f"{key}.{name} = {entry!r}: give {wanted} for one of {', '.join(KINDS)}."
+                    f"{did_you_mean(name, KINDS)}"
+                )
+
+
+def _is_number(value: object, *, above: float = -LARGEST) -> bool:
+    """Whether a value is a number within sensible limits."""
+    there = isinstance(value, int | float) and not isinstance(value, bool)
+    return there and above < value <= LARGEST  # type: ignore[operator]
 
 
 def load_mapping(path: Path) -> dict[str, Any]:

@@ -78,6 +78,13 @@ def layout_of(path: Path) -> Layout:
     rows = [(k, cells(line, separator, decimal)) for k, line in kept]
     start = next(i for i, (_, row) in enumerate(rows) if _is_row(row) and len(row) == width)
     first = rows[start][0]
+    head = max((i for i, (_, row) in enumerate(rows[:start]) if not _is_row(row)), default=-1)
+    if head + 1 < start:
+        number, row = rows[head + 1]
+        raise LogError(
+            f"{path}: line {number + 1} has {len(row)} cells, but most have {width}: decimal commas "
+            "between commas? Write the log with points, or with semicolons between the columns"
+        )
     names, units = _head(path, [row for _, row in rows[:start]], lines[:first], width, separator)
     comment = next((mark for mark in COMMENTS for line in lines if line.startswith(mark)), None)
     return Layout(encoding, separator, decimal, tuple(names), units, first, comment)
@@ -88,7 +95,11 @@ def cells(line: str, separator: str, decimal: str = ".") -> list[str]:
     if separator == BLANKS:
         row = line.split()
     else:
-        row = [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        try:
+            row = next(csv.reader([line], delimiter=separator))
+        except csv.Error:  # a cell beyond all measure
+            row = line.split(separator)
+        row = [cell.strip() for cell in row]
     if decimal == ",":
         row = [cell.replace(",", ".") if "." not in cell else cell + "?" for cell in row]
     return row
