@@ -6,19 +6,22 @@ where it forgets nothing. So the first seconds are fitted anew from what was kno
 until they say more than that.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import motion
+from flexaxis.estimators.offline.structure import LEARNT as SHEET
+from flexaxis.estimators.offline.structure import guessed
+from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.seen import FIXABLE, seen
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
@@ -34,6 +37,15 @@ WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
+WALKS = {"f_m": 3.0, "f_c": 1.5}
+"""How much faster than inertias these walk with temperature, for what they are expected to be."""
+ABSENT = (
+    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+    (("kappa",), ()),
+    (("gap",), ()),
+    (("c_sin", "c_cos"), ()),
+)
+"""What an axis may not have at all, and what means nothing then."""
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -74,16 +86,17 @@ class Beginning:
     design : Design
         That of the filter.
     roles : Roles
-    guesses : tuple of Guess
-        Of what has a prior of its own.
-    nominal : mapping
+    model : Model
+        As it was told.
+    told : tuple of str
+        Parameters whose values were given.
     """
 
     terms: Terms
     design: Design
     roles: Roles
-    guesses: tuple[Guess, ...]
-    nominal: Mapping[str, float]
+    model: Model
+    told: tuple[str, ...]
 
     def prior(self, memory: Memory) -> Prior | None:
         """Return what was known before, in sizes of what has moved since; None while that rests."""
@@ -93,18 +106,18 @@ class Beginning:
             return None
         u, y, _ = memory.signals(memory.first)
         speed = y / output_gain(self.design)
-        sizes = measured_sizes(u[:-1, 0], speed, self.design.period, self.nominal)
-        mine = self.roles.prior
-        scale, names = self.design.scale[mine], self.design.model.names
-        guesses = [
-            guess.at(self.nominal[names[i]], sizes)
-            for i, guess in zip(mine, self.guesses, strict=True)
-        ]
-        start, deviation = np.array(guesses).reshape(-1, 2).T / scale
-        theta = self.design.theta0.copy()
-        theta[mine] = start
-        own = np.full(self.roles.given, SPREAD)
-        return Prior(np.clip(theta, *self.box), np.r_[own, np.abs(deviation)], noise)
+        period, known = self.design.period, self.roles.known
+        moves = motion(u[:-1, 0], speed, period)
+        of = thought(
+            guessed(self.model, self.told, period=period, motion=moves),
+            self.design.model.names[:known],
+            period=period,
+            told=self.told,
+            motion=moves,
+        )
+        theta, scale = self.design.theta0.copy(), self.design.scale[:known]
+        theta[:known] = of.start / scale
+        return Prior(np.clip(theta, *self.box), np.abs(of.deviation / scale), noise)
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -128,7 +141,7 @@ class Beginning:
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
             a, b = (in_use * theta)[turning] * design.scale[turning]
-            along = self.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
+            along = self.model.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
             drift[np.ix_(turning, turning)] += np.outer(along, along)
         return drift
 
@@ -217,7 +230,7 @@ class Beginning:
             for of, with_them in ABSENT
             if set(of) <= set(names)
         ]
-        sheet = [places([name]) for name in TOLD if name in names]
+        sheet = [places([name]) for name in SHEET if name in names]
         return absent + [Question(i, prior.theta[i], places([])) for i in sheet]
 
     def _descend(
