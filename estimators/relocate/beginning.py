@@ -16,10 +16,17 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import LEARNT as SHEET
-from flexaxis.estimators.offline.structure import guessed
+from flexaxis.estimators.offline.structure import TRACKED, guessed
 from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.seen import FIXABLE, seen
+from flexaxis.estimators.recursion.seen import (
+    AS_ABSENT,
+    AS_TOLD,
+    FIXABLE,
+    NOT_ASKED_FOR,
+    NOT_THERE,
+    seen,
+)
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import normal_equations
 from flexaxis.estimators.relocate.memory import Memory
@@ -58,11 +65,24 @@ class Prior(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """θ (p,) that explains the data, which of it they ask for, the rest as told; noise variance."""
+    """
+    Parameters that explain the data.
+
+    Attributes
+    ----------
+    theta : (p,) array
+    active : (q,) int array
+        Those that are learnt; the others are as they were told.
+    noise : float
+        Its variance.
+    because : dict of str to str
+        Why the others are not learnt.
+    """
 
     theta: Array
     active: NDArray[np.int64]
     noise: float
+    because: dict[str, str]
 
 
 def output_gain(design: Design) -> float:
@@ -118,6 +138,11 @@ class Beginning:
         theta, scale = self.design.theta0.copy(), self.design.scale[:known]
         theta[:known] = of.start / scale
         return Prior(np.clip(theta, *self.box), np.abs(of.deviation / scale), noise)
+
+    @property
+    def fitted(self) -> tuple[float, ...]:
+        """Seconds of motion of which all is fitted: the first where somebody told of all laws."""
+        return FITTED[:1] if set(self.model.law_parameters) <= set(self.told) else FITTED
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -188,7 +213,8 @@ class Beginning:
         found = self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
             return self._shown(memory, prior, fits, unseen)
-        return Fitted(found.theta, active.active, prior.noise)
+        because = self._because(active.active, unseen)
+        return Fitted(found.theta, active.active, prior.noise, because)
 
     def _shown(
         self,
@@ -204,7 +230,18 @@ class Beginning:
         for theta in starts:
             theta[gone] = prior.theta[gone]
         found = self._descend(memory, prior, rest, starts)
-        return Fitted(found.theta, rest, prior.noise)
+        return Fitted(found.theta, rest, prior.noise, self._because(rest, unseen))
+
+    def _because(self, active: NDArray[np.int64], unseen: Sequence[Question]) -> dict[str, str]:
+        """Return why each of the others is not learnt."""
+        hidden = {int(i) for question in unseen for i in question.places}
+        found = {}
+        for i in np.setdiff1d(np.arange(self.roles.known), active):
+            name = self.design.model.names[i]
+            stated = name in self.told or name in SHEET
+            words = (AS_TOLD, AS_ABSENT) if int(i) in hidden else (NOT_ASKED_FOR, NOT_THERE)
+            found[name] = words[not stated]
+        return found
 
     def _unseen(
         self, posterior: Posterior, questions: Sequence[Question], deviation: Array
@@ -220,15 +257,17 @@ class Beginning:
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""
         names = self.design.model.names[: self.roles.known]
-        lower = self.design.lower
+        theta = np.where(np.isin(names, self.told), prior.theta[: len(names)], 0.0)
+        lower = np.maximum(self.design.lower[: len(names)], 0.0)
+        theta = np.where(theta != 0, theta, lower)  # kappa may be told to be below zero
 
         def places(of: Sequence[str]) -> NDArray[np.int64]:
             return np.array([names.index(name) for name in of if name in names], np.int64)
 
         absent = [
-            Question(places(of), np.maximum(lower[places(of)], 0.0), places(with_them))
+            Question(places(of), theta[places(of)], places(with_them))
             for of, with_them in ABSENT
-            if set(of) <= set(names)
+            if set(of) <= set(names) and not set(of) & set(self.told) & set(TRACKED)
         ]
         sheet = [places([name]) for name in SHEET if name in names]
         return absent + [Question(i, prior.theta[i], places([])) for i in sheet]

@@ -94,6 +94,8 @@ class Relocate(RecursiveEstimator):
         Whether something was found in the last sample.
     findings : tuple of Finding
         All that was found, the latest with its present value.
+    fixed_because : dict of str to str
+        What is as it was told, or taken as absent, and why.
     prediction, innovation, innovation_variance, innovations
         As of every `flexaxis.estimators.recursion.filter.RecursiveEstimator`.
 
@@ -198,6 +200,11 @@ class Relocate(RecursiveEstimator):
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
         return tuple(self._found)
+
+    @property
+    def fixed_because(self) -> dict[str, str]:
+        """What is not learnt once as it might be, and why."""
+        return dict(self._commission.fixed_because)
 
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array

@@ -10,7 +10,6 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.relocate.entry import relocate_friction
 from flexaxis.estimators.relocate.finding import LOST, interval_of
 from flexaxis.estimators.relocate.follow import angle_of, follow
-from flexaxis.estimators.relocate.guesses import with_starts
 from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed, weight
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.screen import screen
@@ -138,7 +137,10 @@ def test_a_question_is_answered_by_the_ratio_of_the_evidence():
 
 
 def test_a_torque_that_depends_on_the_angle_follows_the_measured_one():
-    nominal = with_starts(N1) | {"poles": 24.0, "c_sin": 0.1, "c_cos": 0.0}
+    no_friction = LAW | {"f_c": 1e-9, "f_s": 0.0, "sigma_1": 0.0}
+    nominal = (
+        N1 | no_friction | {"kappa": 0.0, "gap": 0.0, "poles": 24.0, "c_sin": 0.1, "c_cos": 0.0}
+    )
     model = real_axis(nominal).parametrize(["k_T", "c_sin"])
     row, terms = angle_of(model), planned(model, 0.5 * model.theta, 2 * model.theta, T)
     assert row == 5
