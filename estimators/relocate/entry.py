@@ -133,7 +133,8 @@ def _start(model: Model, identify: Sequence[str]) -> NDArray[np.float64]:
 def _laws_of(model: Model, identify: Sequence[str], given: Sequence[str]) -> list[str]:
     """Return the parameters of laws that are identified."""
     asked = [name for name in identify if name not in given]
-    allowed = [name for name in model.law_parameters if name not in DATA_SHEET]
+    names = dict.fromkeys(name for law in model.laws for name in law.names)
+    allowed = [name for name in names if name not in DATA_SHEET]
     for name in asked:
         if name not in allowed:
             raise EstimatorError(
