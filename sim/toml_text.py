@@ -39,6 +39,9 @@ def _is_array_of_tables(value: Any) -> bool:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items())
+        return f"{{ {inner} }}" if inner else "{}"
     # JSON writes strings, numbers, booleans and arrays of them the way TOML does, but for one
     # control character.
     text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -11,11 +11,13 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import prepare, travel
-from flexaxis.estimators.sampling.sampled import planned
+from flexaxis.estimators.sampling.plan import law_plan
+from flexaxis.estimators.sampling.sampled import Terms, planned, terms
 
 Array = NDArray[np.float64]
 
 OFFSET = "torque_offset"
+COARSER = 4  # times as long may the steps of laws be in a search
 
 
 def with_offset(model: Model) -> Model:
@@ -79,26 +81,43 @@ class Course:
         """Number of unknowns."""
         return self.p + len(self.free) + 1
 
-    def along(self, z: Array) -> tuple[Array, Array]:
+    def fastest(self, theta: Array) -> float:
+        """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
+        A = self.model.blocks(theta)[0][:-1, :-1]
+        if not np.isfinite(A).all():
+            return np.inf
+        return float(np.max(abs(np.linalg.eigvals(A)))) * self.period
+
+    def along(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
         """
         Return the output ŷ (N,) and its derivatives (q, N) at z; those of the first sample are 0.
 
         Parameters
         ----------
         z : (q,) array
+        coarse : bool
+            Whether laws may be solved at less places of a sample, in a search that goes on.
         """
         p, theta = self.p, z[: self.p]
-        here = replace(self.model, theta=theta)
         samples = z[-1] / self.period
         torque = delayed(self.u, samples, smooth=self.smooth)
         slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
         further = len(self.free) + 1
-        ready = prepare(planned(here, theta, theta, self.period), theta, np.arange(p), further)
+        ready = prepare(self._planned(theta, coarse), theta, np.arange(p), further)
         X = np.zeros((1 + p + further, self.model.n + 1))
         X[0, list(self.free)] = z[p:-1]
         X[np.arange(1 + p, p + further), list(self.free)] = 1.0
         rows = _along(ready, X, torque, slope, self.free[-1])
         return rows[0], rows[1:]
+
+    def _planned(self, theta: Array, coarse: bool) -> Terms:
+        here = replace(self.model, theta=theta)
+        if not coarse or here.laws is None:
+            return planned(here, theta, theta, self.period)
+        steps, order, substeps = law_plan(here, theta, theta, self.period)
+        fewer = -(-steps // COARSER)
+        substeps *= -(-steps // fewer)
+        return terms(here, order, substeps, self.period / fewer, steps=fewer)
 
 
 def course(
