@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
+<<<<<<< HEAD
 from dataclasses import dataclass, field, replace
+=======
+from dataclasses import dataclass, replace
+from math import isfinite
+>>>>>>> engine17
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +23,7 @@ from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.record import Record
 from flexaxis.sim.toml_text import toml_text
 
@@ -124,12 +129,7 @@ def find_axis(text: str) -> Axis:
             f"unknown model {text!r}.{did_you_mean(text, MODELS)} Shipped are "
             f"{', '.join(MODELS)}; your own is a path to a .toml file"
         )
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    tables = read_toml(path, LogError)
     try:
         return _from_tables(tables)
     except EstimatorError as error:
@@ -141,6 +141,7 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         if key not in _KEYS:
             raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
     whitening = tables.get("whitening", [1.0])
+<<<<<<< HEAD
     deviation = tables.get("deviation", {})
     numbers = (*(tables[key] for key in _NUMBERS if key in tables), *whitening)
     if not all(isinstance(x, int | float) for x in (*numbers, *deviation.values())):
@@ -148,6 +149,13 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
     if tables.get("torque_is", "held") not in {"held", "smooth"}:
         raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
     noise, highpass = tables.get("noise"), tables.get("highpass")
+=======
+    numbers = [tables.get("delay", 0.0), tables.get("noise", 1.0)]
+    numbers += whitening if isinstance(whitening, list) else [None]
+    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
+        raise EstimatorError("delay and noise are numbers, whitening is an array of numbers")
+    noise = tables.get("noise")
+>>>>>>> engine17
     return Axis(
         model=model_from_tables(tables),
         tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
