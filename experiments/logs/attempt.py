@@ -12,6 +12,8 @@ from scipy.interpolate import CubicSpline
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted, Problem, fit
 from flexaxis.estimators.offline.trajectory import course
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -54,6 +56,21 @@ class Log:
         integral = CubicSpline(times[:-1], self.u).antiderivative()
         means = np.append(np.diff(integral(times[:-1])), self.u[-1])
         return replace(self, u=means, smooth=True)
+
+
+def log_of(record: Record, axis: Axis) -> Log:
+    """Return what of a record is read, with its torque as the axis knows it to be."""
+    output = output_of(record)
+    log = Log(
+        u=record.torque,
+        y=np.asarray(getattr(record, output)),
+        ok=usable(record),
+        period=record.period,
+        output=output,
+        smooth=is_smooth(record),
+        resting=record.burn_in == 0,
+    )
+    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-<<<<<<< HEAD
 from dataclasses import dataclass, field, replace
-=======
-from dataclasses import dataclass, replace
 from math import isfinite
->>>>>>> engine17
 from pathlib import Path
 from typing import Any
 
@@ -141,21 +137,18 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         if key not in _KEYS:
             raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
     whitening = tables.get("whitening", [1.0])
-<<<<<<< HEAD
     deviation = tables.get("deviation", {})
-    numbers = (*(tables[key] for key in _NUMBERS if key in tables), *whitening)
-    if not all(isinstance(x, int | float) for x in (*numbers, *deviation.values())):
-        raise EstimatorError("delay, offset, noise, highpass, whitening and deviation are numbers")
+    numbers = [tables[key] for key in _NUMBERS if key in tables]
+    numbers += whitening if isinstance(whitening, list) else [None]
+    numbers += deviation.values() if isinstance(deviation, Mapping) else [None]
+    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
+        raise EstimatorError(
+            f"{', '.join(_NUMBERS)} are numbers, whitening is an array and deviation a table of "
+            "them"
+        )
     if tables.get("torque_is", "held") not in {"held", "smooth"}:
         raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
     noise, highpass = tables.get("noise"), tables.get("highpass")
-=======
-    numbers = [tables.get("delay", 0.0), tables.get("noise", 1.0)]
-    numbers += whitening if isinstance(whitening, list) else [None]
-    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
-        raise EstimatorError("delay and noise are numbers, whitening is an array of numbers")
-    noise = tables.get("noise")
->>>>>>> engine17
     return Axis(
         model=model_from_tables(tables),
         tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},

@@ -196,3 +196,10 @@ def friction(u: Array, v: Array, direction: Array, level: float) -> Array:
 def names_of(model: Model) -> Sequence[str]:
     """Return the parameters of the laws of a model, in their order."""
     return tuple(dict.fromkeys(name for law in model.laws for name in law.names))
+
+
+def linear_part(model: Model) -> Model:
+    """Return a model without its laws, and without their parameters."""
+    linear = replace(model, laws=())
+    kept = {name: model.nominal[name] for name in linear.parameters}
+    return replace(linear, nominal=kept)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted, noise_model, settled
-from flexaxis.experiments.logs.attempt import Attempt, Log
-from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.attempt import Attempt, log_of
+from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import names_of
 from flexaxis.experiments.logs.laws import Tried, choose
@@ -169,21 +169,6 @@ def identify(
         response = starts.seen_by(attempt, fitted)
     check_rate(attempt.having(attempt.values(fitted)).model, log.period)
     return _found(axis, attempt, fitted, tried, word if attempt.model.laws else "none", response)
-
-
-def log_of(record: Record, axis: Axis) -> Log:
-    """Return what of a record is read, with its torque as the axis knows it to be."""
-    output = output_of(record)
-    log = Log(
-        u=record.torque,
-        y=np.asarray(getattr(record, output)),
-        ok=usable(record),
-        period=record.period,
-        output=output,
-        smooth=is_smooth(record),
-        resting=record.burn_in == 0,
-    )
-    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
 
 
 def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, best
 from flexaxis.experiments.logs.errors import LogError
@@ -137,10 +136,3 @@ def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
     tried = other.solve(fitted.z[:p], 0.0)
     gained = 0.5 * fitted.good.sum() * np.log(fitted.square / tried.square)
     return (other, tried) if gained > SMOOTHER else (attempt, fitted)
-
-
-def linear_part(model: Model) -> Model:
-    """Return a model without its laws, and without their parameters."""
-    linear = replace(model, laws=())
-    kept = {name: model.nominal[name] for name in linear.parameters}
-    return replace(linear, nominal=kept)

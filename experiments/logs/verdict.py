@@ -12,7 +12,7 @@ from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
-from flexaxis.experiments.logs.friction import names_of
+from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.spectrum import Response
 
 Array = NDArray[np.float64]
@@ -102,19 +102,13 @@ def _misfit(attempt: Attempt, fitted: Fitted, seen: Response | None) -> float:
     if seen is None:
         return 0.0
     model = attempt.having(attempt.values(fitted)).model
-    linear = _linear(model)
+    linear = linear_part(model)
     names = [name for name in attempt.names if name in linear.parameters]
     chosen = linear if attempt.log.output == "speed" else increment(linear, attempt.log.period)
     form = chosen.parametrize(names or linear.parameters)
     gain, _ = frequency_response(form, form.theta, seen.omega, period=attempt.log.period)
     ratio = gain / seen.gain * np.exp(-1j * seen.omega * fitted.z[-1])
     return float(np.median(abs(np.log(ratio))))
-
-
-def _linear(model):  # type: ignore[no-untyped-def]
-    from flexaxis.experiments.logs.starts import linear_part
-
-    return linear_part(model)
 
 
 def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
