@@ -17,7 +17,7 @@ from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-STIFF = 300.0  # of bristles that stand for none, in units of the law's size
+STIFF = 1e4  # of bristles that stand for none, in units of the law's size
 LEVELS = np.r_[0.0, np.geomspace(0.01, 1.2, 40)]  # of dry friction, times the rms torque
 MOVING = 0.01  # of the greatest power of the speed: where there is less, noise is too near
 STUCK = 0.03  # of the rms speed: slower, friction is what the torque is
