@@ -1,0 +1,155 @@
+"""A model along a record, with derivatives by parameters, initial state, offset and delay."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.sampled import planned
+
+Array = NDArray[np.float64]
+
+OFFSET = "torque_offset"
+
+
+def with_offset(model: Model) -> Model:
+    """
+    Return a model with a torque that never changes as one more state, beside the given torque.
+
+    Its value is then an initial state, and derivatives by it are those by that state.
+
+    Examples
+    --------
+    >>> from flexaxis.estimators.models.axes import one_mass
+    >>> with_offset(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01})).A
+    (('-f_m/J_m', 'k_T/J_m'), ('0', '0'))
+    """
+    return replace(
+        model,
+        states=(*model.states, OFFSET),
+        A=(
+            *((*row, b) for row, b in zip(model.A, model.B, strict=True)),
+            ("0",) * (len(model.states) + 1),
+        ),
+        B=(*model.B, "0"),
+        C=(*model.C, "0"),
+    )
+
+
+@dataclass(frozen=True)
+class Course:
+    """
+    What a model makes of a torque, as a function of everything that a record leaves open.
+
+    The unknowns are z = [θ, initial states, offset of the torque, delay of the torque].
+
+    Attributes
+    ----------
+    model : Parametrization
+        Of a model `with_offset`.
+    free : tuple of int
+        Which initial states are unknown; all others are zero. The offset is the last of them.
+    u : (N,) array
+        Torque as logged.
+    period : float
+        Sampling period [s].
+    smooth : bool
+        Whether the torque goes on changing between samples, see `delayed`.
+    """
+
+    model: Parametrization
+    free: tuple[int, ...]
+    u: Array
+    period: float
+    smooth: bool
+
+    @property
+    def p(self) -> int:
+        """Number of parameters θ."""
+        return len(self.model.names)
+
+    @property
+    def q(self) -> int:
+        """Number of unknowns."""
+        return self.p + len(self.free) + 1
+
+    def along(self, z: Array) -> tuple[Array, Array]:
+        """
+        Return the output ŷ (N,) and its derivatives (q, N) at z; those of the first sample are 0.
+
+        Parameters
+        ----------
+        z : (q,) array
+        """
+        p, theta = self.p, z[: self.p]
+        here = replace(self.model, theta=theta)
+        samples = z[-1] / self.period
+        torque = delayed(self.u, samples, smooth=self.smooth)
+        slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
+        further = len(self.free) + 1
+        ready = prepare(planned(here, theta, theta, self.period), theta, np.arange(p), further)
+        X = np.zeros((1 + p + further, self.model.n + 1))
+        X[0, list(self.free)] = z[p:-1]
+        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
+        rows = _along(ready, X, torque, slope, self.free[-1])
+        return rows[0], rows[1:]
+
+
+def course(
+    model: Model,
+    names: Sequence[str],
+    u: Array,
+    *,
+    period: float,
+    output: str = "speed",
+    smooth: bool = False,
+    resting: bool = True,
+) -> Course:
+    """
+    Return the course of a model along a torque.
+
+    Parameters
+    ----------
+    model : Model
+        With or without laws.
+    names : sequence of str
+        Parameters θ.
+    u : (N,) array
+        Torque.
+    period : float
+        Sampling period [s].
+    output : {"speed", "increment"}
+    smooth : bool
+        As for `delayed`.
+    resting : bool
+        Whether the axis is known to be at rest at the first sample.
+    """
+    grown = with_offset(model)
+    chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
+    moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
+    free = (*moving, len(model.states))
+    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth)
+
+
+def _own(model: Parametrization) -> list[int]:
+    """Return the places of the states that laws have of their own."""
+    return [] if model.laws is None else [int(i) for i in model.laws.memory if i >= 0]
+
+
+@compiled
+def _along(ready, X, u, slope, offset):
+    """Return output and derivatives (rows, N); the last row is by the delay; X is lost."""
+    moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
+    for k in range(len(u) - 1):
+        X[-1, offset] = slope[k]
+        travel(ready, X, moved, u[k])
+        X[:] = moved
+        for a in range(len(X)):
+            rows[a, k + 1] = X[a, -1]
+    return rows
