@@ -197,9 +197,7 @@ def _block_deviations(
     steps = np.empty((BLOCKS, len(z)))
     for i, block in enumerate(np.array_split(np.arange(samples), BLOCKS)):
         mine, its = scaled[block], e[block]
-        steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (
-            product - mine.T @ its
-        )
+        steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (product - mine.T @ its)
     spread = steps - steps.mean(axis=0)
     return np.sqrt((BLOCKS - 1) / BLOCKS * (spread**2).sum(axis=0)) / norm
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -101,7 +102,7 @@ def _over_time(
         ax.set_ylim(low, high + 0.22 * (high - low))
 
 
-def _times(days: Array, first: datetime | None) -> list[datetime] | list[float]:
+def _times(days: Array, first: datetime | None) -> Any:
     if first is None:
         return [float(day) for day in days]
     return [first + timedelta(days=float(day)) for day in days]

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle
 from flexaxis.experiments.logs.covariates import clock, covariates_of
@@ -37,7 +36,7 @@ def logs_of(folder, scenario, wear, seed):
             if day.number <= days.from_day and before.exists():
                 shutil.copy(before, path)
             else:
-                write_day(here, scenario, day, seed, "csv", STYLE)
+                write_day(here, scenario, day, seed=seed, suffix="csv", style=STYLE)
         paths.append(path)
     return paths
 
