@@ -12,7 +12,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -28,13 +27,14 @@ from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
+from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
+from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
@@ -100,6 +100,14 @@ def code_file(text: str) -> str:
     return file if file.endswith(".py") else ""
 
 
+def no_file(path: Path) -> EstimatorError:
+    """Return the error for a file of an estimator that is not there, with those that are."""
+    there = sorted(f.name for f in path.parent.glob("*.py")) if path.parent.is_dir() else []
+    return EstimatorError(
+        f"{path} cannot be imported: there is no such file.{did_you_mean(path.name, there)}"
+    )
+
+
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
@@ -122,6 +130,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         offered["noise"] = scenario.data_sheet["noise"]
     if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
+    from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque  # the engine
+
     nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
     stored = _has_stored_prior(nominal, offered["identify"], scenario)
@@ -231,12 +241,9 @@ def _has_stored_prior(
 def _options(rest: str, text: str) -> dict[str, Any]:
     if not rest:
         return {}
-    try:
-        return tomllib.loads("options = {" + rest.removesuffix("]") + "}")["options"]
-    except tomllib.TOMLDecodeError as error:
-        raise EstimatorError(
-            f"{text!r}: write options as in [forgetting=0.99, regularization=1e-6]: {error}"
-        ) from error
+    options = "options = {" + rest.removesuffix("]") + "}"
+    source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
+    return toml_tables(options, source=source, refuse=EstimatorError)["options"]
 
 
 def _keywords(make: Callable[..., Any]) -> set[str]:
@@ -247,6 +254,8 @@ def _keywords(make: Callable[..., Any]) -> set[str]:
 def _find(name: str) -> Callable[..., Estimator]:
     if name in REGISTRY:
         return REGISTRY[name].factory
+    if (held := given(name)) is not None:
+        return held
     module, colon, attribute = name.rpartition(":")
     if colon:
         found = getattr(_module(module), attribute, None)
@@ -264,6 +273,8 @@ def _find(name: str) -> Callable[..., Estimator]:
 
 def _module(name: str) -> Any:
     if name.endswith(".py"):
+        if not Path(name).is_file():
+            raise no_file(Path(name))
         return _imported(name, lambda: _file(Path(name).resolve()))
     return _imported(name, lambda: importlib.import_module(name))
 
@@ -280,8 +291,6 @@ def _imported(name: str, load: Callable[[], Any]) -> Any:
 
 @lru_cache
 def _file(path: Path) -> Any:
-    if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
     if str(path.parent) not in sys.path:  # so that it can import its neighbours
         sys.path.insert(0, str(path.parent))
     spec = spec_from_file_location(path.stem, path)

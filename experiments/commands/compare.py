@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

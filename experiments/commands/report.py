@@ -12,7 +12,7 @@ from pathlib import Path
 from flexaxis.experiments.commands import options
 
 HELP = "write report.html again from the results in a folder"
-GROUP = "benchmarks"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

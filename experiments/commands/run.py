@@ -21,7 +21,6 @@ example:
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from typing import Any
 from flexaxis.experiments.commands import options
 
 HELP = "run estimators on scenarios, score them, write a report"
-GROUP = "benchmarks"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.told import remark
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
@@ -77,15 +77,17 @@ def main(args: argparse.Namespace) -> int:
                 wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
-    print(f"{simulated} records simulated", file=sys.stderr)
+    remark(f"{simulated} records simulated")
     if found is None:
         return _share_told(args, folder, share)
     return _told(args, folder, found)
 
 
 def _say(wanted: Any, text: str) -> None:
+    from flexaxis.experiments.running.told import remark
+
     if wanted.cases > 2000:  # else it is a matter of a few seconds
-        print(text, file=sys.stderr)
+        remark(text)
 
 
 def _wanted(args: argparse.Namespace) -> Any:

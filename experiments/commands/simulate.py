@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from flexaxis.sim.record import Record
 
 HELP = "simulate a scenario and save the record (NetCDF-4), or a log of it"
-GROUP = "one run"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 from flexaxis.experiments.commands import options
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.errors import StudyError, no_study
 from flexaxis.experiments.running.files import make_folder, write_text
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
@@ -257,8 +257,5 @@ def read_study(folder: Path) -> dict[str, Any]:
         for entry in content["scenarios"]:
             entry["hash"], entry["definition"]["name"]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StudyError(
-            f"{folder} is not the folder of a run or a study ({STUDY} is missing or damaged). "
-            "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
-        ) from error
+        raise no_study(folder) from error
     return content
