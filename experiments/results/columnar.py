@@ -199,15 +199,14 @@ def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Ta
     for each in numbers.values():
         each[None] = -1
 
-    def stored(name: str, given: list[Any]) -> NDArray[Any]:
+    def taken(name: str, given: list[Any]) -> NDArray[Any]:
         try:
             return _stored(name, given, types[name], numbers.get(name))
         except (OverflowError, TypeError, ValueError) as error:
             raise _misshapen(journal, f"{name}: {error}") from error
 
     parts = (
-        {name: stored(name, given) for name, given in part.items()}
-        for part in _parts(journal, axes)
+        {name: taken(name, given) for name, given in part.items()} for part in _parts(journal, axes)
     )
     while some := list(islice(parts, PART // READ)):
         for name in types:
