@@ -43,6 +43,7 @@ exit status:
   0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash, 130 Ctrl-C
 """
 TRACEBACK = "--traceback"
+LONGEST = 1000  # characters of a line of error; what somebody gave may be longer
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
@@ -212,9 +213,14 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
 
 
 def say(text: str) -> None:
-    """Print on stderr, each line after our name."""
+    """Print on stderr, each line after our name; what nobody reads of a long one is left out."""
     for line in text.splitlines():
-        print(f"flexaxis: {line}", file=sys.stderr)
+        print(f"flexaxis: {_readable(line)}", file=sys.stderr)
+
+
+def _readable(line: str) -> str:
+    left_out, half = len(line) - LONGEST, LONGEST // 2
+    return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from flexaxis.estimators.offline.structure import (
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance, with_state
 from flexaxis.estimators.recursion.modal import Modes
+from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD, FIXABLE
 from flexaxis.estimators.recursion.tracker import Tracker
 from flexaxis.estimators.sampling.pattern import split
 
@@ -36,8 +37,6 @@ SUSPECTS = ("J_m", "k_g")  # of what is learnt once, what a fault or a payload m
 SUSPECTED = 0.1  # how often these jump, over how often what is tracked does
 ABSENT = (("kappa", "gap"), ("c_sin", "c_cos"), ("f_c", "f_s"), ("f_s",))
 """What of the laws is zero on many an axis, in the groups in which it is."""
-AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
-AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
 def imm_friction(
@@ -126,7 +125,7 @@ def imm_friction(
         scale=thought.scale,
     )
     stated = (*stated, *LEARNT)  # which every axis has
-    fixable = (*LEARNT, *ABSENT[0]) if learn == "auto" else ()
+    fixable = FIXABLE if learn == "auto" else ()
     if commissioning is None:
         commissioning = COMMISSIONING if deviations is None else 0.0
     at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")

@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.seen import FIXABLE, seen
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
 from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import Terms
@@ -27,7 +29,7 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
-EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
+LESS = 0.8  # of the noise reckoned with, that a fit leaves: then that was no noise
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
@@ -44,10 +46,11 @@ class Prior(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """θ (p,) that explains the data, and which of it they ask for; the rest is as it was told."""
+    """θ (p,) that explains the data, which of it they ask for, the rest as told; noise variance."""
 
     theta: Array
     active: NDArray[np.int64]
+    noise: float
 
 
 def output_gain(design: Design) -> float:
@@ -133,31 +136,73 @@ class Beginning:
         """Explain all data that are remembered, with no more parameters than they ask for."""
         names, every = self.design.model.names, np.arange(self.roles.known)
         few = np.array([i for i in every if i < self.roles.tracked or names[i] in LINEAR])
-        first = self._descend(memory, prior, few, (prior.theta, memory.state["theta"].copy()))
+        now = memory.state["theta"].copy()
+        first = self._descend(memory, prior, few, (prior.theta, now))
         whole = self._descend(memory, prior, every, (first.theta,))
-        samples = memory.count - memory.first
         if not np.isfinite(whole.square):
             return None
-        if whole.square > EXPLAINED * samples:
-            return Fitted(whole.theta, every)
-        less = self._reduced(memory, prior, whole)
-        return less or Fitted(whole.theta, every)
+        left = self._left(memory, whole)
+        if not self.design.noise and left.variance < LESS * prior.noise:
+            prior = prior._replace(noise=left.variance)
+            whole = self._descend(memory, prior, every, (whole.theta,))
+            left = self._left(memory, whole)
+        return self._reduced(memory, prior, (first, whole), left)
 
-    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated) -> Fitted | None:
-        """Return a fit with less parameters than the whole, None if it explains much less."""
+    def _left(self, memory: Memory, whole: Evaluated) -> Remainder:
+        """Return what a fit leaves of all data."""
+        u, y, present = memory.signals(memory.first)
+        x = memory.stretch(memory.first).x[0]
+        signals = u[:-1].copy(), y, present
+        return remainder(self.terms, whole.theta, x, signals, self.roles.known)
+
+    def _reduced(
+        self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
+    ) -> Fitted:
+        """Return a fit with less parameters than the whole, or that if less explain much less."""
+        first, whole = fits
         known, questions = self.roles.known, self._questions(prior)
-        posterior = Posterior(np.arange(known), whole.theta[:known], whole.H)
+        worth = max(left.variance * left.repeated / prior.noise, 1.0)
+        P0 = np.diag(prior.deviation**-2)
+        posterior = Posterior(np.arange(known), whole.theta[:known], (whole.H - P0) / worth + P0)
         mean, deviation = prior.theta[:known], prior.deviation
-        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation)
-        theta = prior.theta.copy()
+        unseen = self._unseen(posterior, questions, deviation)
+        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation, unseen=unseen)
+        theta, start = prior.theta.copy(), first.theta.copy()
         theta[active.active] = active.theta
         for places, told in fixed:
-            theta[places] = told
-        theta = np.clip(theta, *self.box)
-        found = self._descend(memory, prior, active.active, (theta,))
-        if found.square > whole.square + WORSE:
-            return None
-        return Fitted(found.theta, active.active)
+            theta[places] = start[places] = told
+        starts = np.clip(theta, *self.box), np.clip(start, *self.box)
+        found = self._descend(memory, prior, active.active, starts)
+        if found.square > whole.square + WORSE * worth:
+            return self._shown(memory, prior, fits, unseen)
+        return Fitted(found.theta, active.active, prior.noise)
+
+    def _shown(
+        self,
+        memory: Memory,
+        prior: Prior,
+        fits: tuple[Evaluated, Evaluated],
+        unseen: Sequence[Question],
+    ) -> Fitted:
+        """Return a fit with all but what the excitation does not show."""
+        gone = np.concatenate([np.zeros(0, np.int64), *(q.places for q in unseen)])
+        rest = np.setdiff1d(np.arange(self.roles.known), gone)
+        starts = [fit.theta.copy() for fit in fits]
+        for theta in starts:
+            theta[gone] = prior.theta[gone]
+        found = self._descend(memory, prior, rest, starts)
+        return Fitted(found.theta, rest, prior.noise)
+
+    def _unseen(
+        self, posterior: Posterior, questions: Sequence[Question], deviation: Array
+    ) -> list[Question]:
+        """Return the questions about what the excitation does not show."""
+        known = seen(np.diag(np.linalg.inv(posterior.H)), deviation**2)
+        names = self.design.model.names
+        hidden = [i for i, name in enumerate(names[: len(known)]) if name in FIXABLE]
+        return [
+            q for q in questions if np.isin(q.places, hidden).all() and not known[q.places].any()
+        ]
 
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""

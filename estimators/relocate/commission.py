@@ -42,6 +42,10 @@ class Commission:
             return []
         return self._fits if self._prior is not None else [count + 1]
 
+    def goes_on(self, count: int) -> bool:
+        """Return whether there are more fits to come."""
+        return self._beginning is not None and (self._prior is None or count < self._fits[-1])
+
     def recover(self, memory: Memory) -> bool:
         """
         Where the filter has diverged, begin anew with what was told; return whether it had.
@@ -72,6 +76,7 @@ class Commission:
             return False
         fitted = beginning.fit(memory, self._prior)
         if fitted is not None:
+            self._prior = self._prior._replace(noise=fitted.noise)
             self._rewind.to_fit(memory, self._prior, fitted)
         # what has been found to be absent walks no more
         memory.drift = beginning.drift(memory.state, self._prior, self._walk)

@@ -24,7 +24,7 @@ from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found
 from flexaxis.estimators.relocate.naming import named
-from flexaxis.estimators.relocate.opened import Opened, opened
+from flexaxis.estimators.relocate.opened import Opened, opened, reopened
 from flexaxis.estimators.relocate.parts import parts_of
 from flexaxis.estimators.relocate.policy import (
     TAKEN_BACK,
@@ -220,6 +220,8 @@ class Relocate(RecursiveEstimator):
         if lost or begun:
             self._case = None
             memory.arm()
+        if self._commission.goes_on(memory.count):  # what is new then is what is being learnt
+            memory.state["armed"] = 0
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -250,7 +252,7 @@ class Relocate(RecursiveEstimator):
         view = Case(age, len(past.u), odds, case.repeated, case.dubious, case.accepted)
         decision = self._policy.decide(ranking, view)
         self._case = case = self._apply(replace(case, ranking=ranking), past, decision)
-        if age == self._policy.ages[-1]:
+        if self._policy.ends(age, case.accepted):
             self._close(case)
 
     def _apply(self, case: Opened, past: Past, decision: Decision) -> Opened:
@@ -284,6 +286,10 @@ class Relocate(RecursiveEstimator):
         """End a case; where the residual stays large, say so and take it as the new noise."""
         white, _ = residual(self._memory, case.before.first, case.normal)
         if isinstance(self._policy.conclude(white, case.repeated), GiveUp):
+            if self._policy.adapting and case.accepted is None and not case.again:
+                self._case = reopened(case, self._memory)
+                self._look(self._case)
+                return
             self._memory.accept(self._policy.recent, noise=not self._design.noise)
             if case.accepted is None:
                 self._find(case.onset, UNEXPLAINED)

@@ -230,6 +230,9 @@ class Memory:
             self._ring[name][places] = getattr(replayed, name)[:-1]
         self._ring["X"][places, :, :lanes] = replayed.X[:-1].transpose(0, 2, 1)
         self._ring["psi"][places] = replayed.X[:-1, 1:, -1]
+        if state["guarded"]:  # what has diverged says nothing of how large y is
+            self._ring["expected"][places] = replayed.X[:-1, 0, -1]
+            self._ring["signal"][places] = state["signal"] = state["power"]
         before = np.array([row])
         relearn(self._tuning, self._ring, places, replayed.spread, before, self._states)
         # what the other filter left out is left out for good, but for the last sample, of which it

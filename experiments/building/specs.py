@@ -12,7 +12,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -35,6 +34,7 @@ from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
+from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
@@ -241,12 +241,9 @@ def _has_stored_prior(
 def _options(rest: str, text: str) -> dict[str, Any]:
     if not rest:
         return {}
-    try:
-        return tomllib.loads("options = {" + rest.removesuffix("]") + "}")["options"]
-    except tomllib.TOMLDecodeError as error:
-        raise EstimatorError(
-            f"{text!r}: write options as in [forgetting=0.99, regularization=1e-6]: {error}"
-        ) from error
+    options = "options = {" + rest.removesuffix("]") + "}"
+    source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
+    return toml_tables(options, source=source, refuse=EstimatorError)["options"]
 
 
 def _keywords(make: Callable[..., Any]) -> set[str]:

@@ -12,6 +12,7 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -36,9 +37,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.importing import expected_deviations, import_log
+    from flexaxis.experiments.logs.importing import import_log
     from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
     from flexaxis.experiments.logs.log_page import LogPage, write_page
+    from flexaxis.experiments.logs.visibility import expected_deviations
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
@@ -54,7 +56,7 @@ def main(args: argparse.Namespace) -> int:
         (c.name, "" if c.value is None else f"{c.value:.4g} {c.unit}", c.verdict, c.text)
         for c in found.checks
     ]
-    figures = [("The log", log_figure(found.record, found.checks), "")]
+    figures = [("The log", log_figure(found.record), "")]
     if seen:
         figures.append(
             (
@@ -72,7 +74,7 @@ def main(args: argparse.Namespace) -> int:
     )
     write_page(page, report)
     if args.json:
-        checks = [vars(check) for check in found.checks]
+        checks = [check.told() for check in found.checks]
         print(dumps({"record": str(path), "checks": checks, "seen": seen, "report": str(report)}))
         return 0
     _print(rows, seen)
@@ -89,7 +91,7 @@ def _beside(log: Path) -> Path:
     return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path
 
 
-def _print(rows: list[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
+def _print(rows: Sequence[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
     from rich.console import Console
     from rich.table import Table
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.record import Record
 from flexaxis.sim.toml_text import toml_text
 
@@ -91,12 +92,7 @@ def find_axis(text: str) -> Axis:
             f"unknown model {text!r}.{did_you_mean(text, MODELS)} Shipped are "
             f"{', '.join(MODELS)}; your own is a path to a .toml file"
         )
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    tables = read_toml(path, LogError)
     try:
         return _from_tables(tables)
     except EstimatorError as error:
@@ -108,9 +104,10 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         if key not in _KEYS:
             raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
     whitening = tables.get("whitening", [1.0])
-    numbers = (tables.get("delay", 0.0), tables.get("noise", 1.0), *whitening)
-    if not all(isinstance(x, int | float) for x in numbers):
-        raise EstimatorError("delay, noise and whitening are numbers")
+    numbers = [tables.get("delay", 0.0), tables.get("noise", 1.0)]
+    numbers += whitening if isinstance(whitening, list) else [None]
+    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
+        raise EstimatorError("delay and noise are numbers, whitening is an array of numbers")
     noise = tables.get("noise")
     return Axis(
         model=model_from_tables(tables),

@@ -13,7 +13,6 @@ from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.plausibility import Check
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.figures import colour
 from flexaxis.sim.record import Record
@@ -22,7 +21,7 @@ Array = NDArray[np.float64]
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
 
 
-def log_figure(record: Record, checks: list[Check]) -> Figure:
+def log_figure(record: Record) -> Figure:
     """Draw torque and motion over time, and the spectrum of the torque."""
     fig = Figure(figsize=(8.0, 6.0), layout="constrained")
     torque, motion, spectrum = fig.subplots(3, 1)

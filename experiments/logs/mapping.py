@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.readers import Columns
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 
 Array = NDArray[np.float64]
 
@@ -65,16 +66,16 @@ class LogMap:
         Factor on a signal, after its unit; −1 turns a sign.
     unit : dict of str to str
         Unit of a signal, where the file does not say it or is wrong.
-    smooth : bool
+    smooth : bool or None
         Whether the torque is a measured, smooth signal such as a current, rather than a command
-        that is held until the next sample.
+        that is held until the next sample; None where nobody said.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None
     scale: Mapping[str, float] = field(default_factory=dict)
     unit: Mapping[str, str] = field(default_factory=dict)
-    smooth: bool = False
+    smooth: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -134,20 +135,13 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
         rate=tables.get("rate"),
         scale=dict(tables.get("scale", {})),
         unit=dict(tables.get("unit", {})),
-        smooth=tables.get("torque_is") == "smooth",
+        smooth=tables["torque_is"] == "smooth" if "torque_is" in tables else None,
     )
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
     """Return the tables of a mapping file."""
-    import tomllib
-
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    return read_toml(path, LogError)
 
 
 def pick(columns: Columns, mapping: LogMap) -> Raw:
