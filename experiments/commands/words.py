@@ -180,7 +180,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
         names = [*(_scenarios() if "SCENARIO" in kinds else ())]
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
         if kinds == {"GROUP"}:
-            action.completer = ChoicesCompleter(_groups())  # type: ignore[attr-defined]
+            action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
         if names:
             # "path/file.py:Class" and "mine.toml" begin with a file
             action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
