@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import Fitted, noise_model, settled
+from flexaxis.estimators.offline.prediction_error import (
+    HIGHEST_ORDER,
+    Fitted,
+    noise_model,
+    settled,
+)
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
@@ -21,7 +26,7 @@ from flexaxis.experiments.logs.starts import Starts, linear_fit
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
-__all__ = ["Identification", "identify", "noise_model", "settled"]
+__all__ = ["HIGHEST_ORDER", "Identification", "identify", "noise_model", "settled"]
 
 Array = NDArray[np.float64]
 
