@@ -18,6 +18,8 @@ LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+MOST = 20_000  # samples that laws are compared on
+OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
 ORDER = ("coulomb", "lugre", "static")
 
 
@@ -59,15 +61,23 @@ def choose(
     free, fix : sequence of str
         As for `flexaxis.experiments.logs.identify.identify`.
     """
-    if wanted == "none" or linear.model.laws or "speed_motor" not in linear.model.states:
+    if linear.model.laws:
         return linear, fitted, (), "as told"
-    if "J_m" not in linear.model.parameters and wanted == "auto":
+    able = "speed_motor" in linear.model.states and "J_m" in linear.model.parameters
+    if wanted in OPEN and not (able and starts.whole):
         return linear, fitted, (), "none"
-    bench = _Bench(starts, linear, fitted, tuple(free), tuple(fix), starts.level())
-    if wanted != "auto":
-        begun = bench.started(wanted, None)
-        return begun.attempt, begun.finished(), (), wanted
-    return bench.compared()
+    short = replace(linear, log=linear.log.part(MOST))
+    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), starts.level())
+    begun, tried = bench.compared(wanted) if wanted in OPEN else (bench.started(wanted, None), ())
+    if begun is None or wanted == "none":
+        return linear, fitted, tried, "none"
+    begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
+    return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+
+def tried_word(tried: Sequence[Tried]) -> str:
+    """Return the word of the last law that was taken."""
+    return next((t.name for t in reversed(tried) if t.taken), "")
 
 
 @dataclass(frozen=True)
@@ -111,13 +121,13 @@ class _Bench:
     def _lag(self) -> float:
         return float(self.fitted.z[-1])
 
-    def compared(self) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
-        """Return the simplest law that predicts best what is held out."""
+    def compared(self, wanted: str) -> tuple[Begun | None, tuple[Tried, ...]]:
+        """Return the simplest law that predicts best what is held out, None for no law at all."""
         ok = self.linear.log.ok
         without, word = held_out(ok), "none"
         begun, part = None, Begun(self.linear, self.fitted).fitted_without(without)
         tried: list[Tried] = []
-        for kind in ORDER:
+        for kind in ORDER if wanted == "auto" else ORDER[:1]:
             other = self.started(kind, begun)
             other_part = other.fitted_without(without)
             comparison = compare(part, other_part, without, ok)
@@ -126,9 +136,7 @@ class _Bench:
                 word, begun, part = kind, Begun(other.attempt, other_part), other_part
             elif kind == "coulomb":
                 break
-        if begun is None:
-            return self.linear, self.fitted, tuple(tried), word
-        return begun.attempt, begun.finished(), tuple(tried), word
+        return begun, tuple(tried)
 
 
 @dataclass(frozen=True)
