@@ -176,7 +176,7 @@ def identify(
         return _found(axis, record, attempt, fitted, word="as told" if own else "none")
     starts = Starts(attempt, known=axis.known, whole=whole)
     attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
-    attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free, fix)
+    attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free=free, fix=fix)
     found = _found(
         axis, record, attempt, fitted, tried=tried, word=word, seen=starts.seen_by(attempt, fitted)
     )
@@ -254,5 +254,13 @@ def _found(
         output=log.output,
         friction=word,
         tried=tried,
-        verdict=judge(attempt, fitted, honest, seen, tried, word, smooth=is_smooth(record)),
+        verdict=judge(
+            attempt,
+            fitted,
+            honest,
+            seen=seen,
+            tried=tried,
+            word=word,
+            smooth=is_smooth(record),
+        ),
     )

@@ -46,8 +46,9 @@ def choose(
     linear: Attempt,
     fitted: Fitted,
     wanted: str,
-    free: Sequence[str],
-    fix: Sequence[str],
+    *,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
 ) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
     """Return the attempt with the law that is wanted, or with the one that the log asks for.
 

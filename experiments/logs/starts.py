@@ -1,4 +1,4 @@
-"""Where to start a fit: the frequency response of a log, several times, judged by the fit itself."""
+"""Where to start a fit: frequency responses of a log, several, judged by the fit itself."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Starts:
             )
         first = best(tries)
         p = len(attempt.names)
-        return attempt, attempt.solve(first.z[:p], float(first.z[-1]), rounds=rounds)
+        return attempt, attempt.solve(first.z[:p], float(first.z[-1]))
 
     def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
         """Return parameters and delays [s] to start from."""

@@ -57,10 +57,10 @@ def judge(
     attempt: Attempt,
     fitted: Fitted,
     deviations: Array,
-    response: Response | None,
+    *,
+    seen: Response | None,
     tried: Sequence[Tried],
     word: str,
-    *,
     smooth: bool = False,
 ) -> Verdict:
     """Return the verdict on a fit.
@@ -70,17 +70,17 @@ def judge(
     attempt, fitted
     deviations : ndarray (q,)
         Of the unknowns.
-    response : Response or None
+    seen : Response or None
     tried : sequence of Tried
     word : str
         Of the law that was taken.
     smooth : bool
         Whether the record has its torque as a smooth one.
     """
-    correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, response)
+    correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
     warnings = [
-        *_blind(attempt, fitted, deviations, response),
+        *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
         *_late(attempt, fitted, deviations),
         *_coloured(correlation, fitted),
