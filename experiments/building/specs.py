@@ -41,6 +41,10 @@ ENTRY_POINTS = "flexaxis.estimators"
 PIPE = "pipe:"
 
 
+class Misfit(EstimatorError):
+    """An estimator and a scenario that do not go together, though each is right."""
+
+
 @dataclass(frozen=True)
 class Spec:
     """An estimator to be built: the text that names it, what makes it, and its options."""
@@ -142,7 +146,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
     if estimator.output != scenario.output:
-        raise EstimatorError(
+        raise Misfit(
             f"{spec.text} reads {estimator.output!r}, but {scenario.name} gives "
             f"{scenario.output!r}: set its `output` to that, or leave the scenario out"
         )
@@ -203,7 +207,7 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
         raise EstimatorError("\n".join(lines))
     if not known_names(scenario, names):
-        raise EstimatorError(
+        raise Misfit(
             f"{text} estimates {', '.join(names)}, but {scenario.name} has "
             f"{', '.join(scenario.parameter_names)}: nothing of it could be scored"
         )
@@ -215,7 +219,7 @@ def _asked(spec: Spec, scenario: Scenario) -> tuple[str, ...]:
         return scenario.identify
     linear = tuple(name for name in scenario.identify if name not in LAW_NAMES)
     if not linear:
-        raise EstimatorError(
+        raise Misfit(
             f"{spec.text} does not declare `laws`, and {scenario.name} asks for nothing but "
             f"{', '.join(scenario.identify)}: leave the scenario out"
         )

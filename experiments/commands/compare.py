@@ -109,7 +109,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
-    scenarios = select(names).scenarios
+    scenarios = options.leave_out(select(names).scenarios, [args.base, args.candidate])
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,

@@ -101,17 +101,21 @@ def _wanted(args: argparse.Namespace) -> Any:
     chosen = select(args.names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
     swept = list(dict.fromkeys([REFERENCE, *estimators]))
+    # Those of suites are all ours, and read whatever the suite has.
+    given = args.estimator or []
+    kept = options.leave_out(chosen.scenarios, given) if given else chosen.scenarios
+    names = {scenario.name for scenario in kept}
     title = " ".join(args.names)
     return Benchmark(
         study=Study(
             name=title,
-            scenarios=tuple(chosen.scenarios),
+            scenarios=tuple(kept),
             estimators=tuple(estimators),
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
         command=command_line(options.whole(args)),
-        swept_scenarios=chosen.swept_scenarios,
+        swept_scenarios=[s for s in chosen.swept_scenarios if s.name in names],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
 

@@ -24,7 +24,7 @@ GROUP = "judge"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("names", nargs="+", metavar="SCENARIO")
+    parser.add_argument("names", nargs="+", metavar="SUITE|SCENARIO")
     parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
     parser.add_argument("--seeds", default="16", metavar="N or A:B", help="default: 16")
     options.add_jobs(parser, what="the lags do")
