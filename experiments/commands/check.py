@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import argparse
 
+from flexaxis.experiments.commands import options
+
 HELP = "check that an estimator keeps the rules"
 GROUP = "judge"
 
@@ -22,6 +24,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
+    options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
@@ -33,23 +36,30 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
+    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps
 
-    found = check(parse(args.estimator), store=default_cache())
+    with limited(args.time_limit):
+        found = check(parse(args.estimator), store=default_cache())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         content = {"estimator": args.estimator, "status": status}
         print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
         return status
     table = Table("rule", "", "what was seen", box=None, pad_edge=False)
+    told: set[str] = set()
     words = {True: "holds", False: "[red]BROKEN[/]", None: "not applicable"}
     for finding in found:
-        table.add_row(finding.rule, words[finding.holds], escape(finding.seen))
+        seen = finding.seen
+        if finding.raised and seen in told:
+            seen = "the same"
+        told.add(finding.seen)
+        table.add_row(finding.rule, words[finding.holds], escape(seen))
     Console().print(table)
     for finding in found:
-        if finding.holds is False:
+        if finding.holds is False and not finding.raised:  # what was raised says itself what to do
             print(f"\n{finding.rule}: {finding.reason}\n  hint: {finding.hint}")
     return status

@@ -129,7 +129,7 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
     options.tell_failures(failures)
     told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
     print(dumps(told) if args.json else folder)
-    return options.failed(failures)
+    return options.failed(failures, args.remarks)
 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
@@ -146,4 +146,4 @@ def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     options.tell_failures(failures)
     if not args.json:
         print(folder / REPORT)
-    return options.failed(failures)
+    return options.failed(failures, args.remarks)

@@ -60,6 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where its runs are kept (default: results/tune/ESTIMATOR)",
     )  # fmt: skip
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 

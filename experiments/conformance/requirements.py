@@ -7,8 +7,10 @@ not (False) or does not apply (None), with what was seen.
 from __future__ import annotations
 
 import inspect
+import io
 import time
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -110,6 +112,14 @@ def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Arr
     return np.array(
         [np.array(estimator.step(float(a), b), float) for a, b in zip(u, values, strict=True)]
     )
+
+
+def _prints_nothing(subject: Subject) -> Seen:
+    text = io.StringIO()
+    with redirect_stdout(text):
+        subject.run()
+    lines = text.getvalue().splitlines()
+    return not lines, f"{len(lines)} lines in {len(subject.u)} samples" if lines else "nothing"
 
 
 def _shapes(subject: Subject) -> Seen:
@@ -298,6 +308,12 @@ RULES: Sequence[Rule] = (
         "one wrong sample must not end a run",
         "bound the estimates, or clip the residual",
         _spike,
+    ),
+    Rule(
+        "prints nothing",
+        "what is printed at every sample hides results, and takes longer than the estimates",
+        "print nothing in step and run; keep what you want to see in attributes",
+        _prints_nothing,
     ),
     Rule(
         "cost",

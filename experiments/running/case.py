@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.crashes import crash
+from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
@@ -148,7 +148,8 @@ def followed(
         if part.start < samples:
             gaps = None if valid is None else valid[part]
             u = record.torque[part]
-            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where))
+            at: dict[str, Any] = {"first": part.start, "period": scenario.period}
+            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where, **at))
             innovations.append(_innovations(text, estimator, len(u), where=where))
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
@@ -180,16 +181,25 @@ def _innovations(
 
 
 def _estimates(
-    text: str, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
+    text: str,
+    estimator: Any,
+    u: Any,
+    y: Any,
+    valid: Any,
+    *,
+    where: str,
+    first: int = 0,
+    period: float | None = None,
 ) -> NDArray[np.float64]:
-    """Run an estimator; what a user's code raises is said with its name and the record's."""
-    try:
+    """Run an estimator; what a user's code raises is said with its name and the sample."""
+    with hosted(text, f"on {where}", first=first, period=period):
         theta = run_estimator(estimator, u, y, valid)
-    except Exception as error:
-        raise crash(text, f"on {where}", error) from error
     if theta.shape != (len(u), len(estimator.names)):
         raise EstimatorError(
             f"{text} returned estimates of the shape {theta.shape} on {where}; "
             f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
         )
+    if is_guest(text) and not np.isfinite(theta).all():
+        k = first + int(np.argmin(np.isfinite(theta).all(axis=1)))
+        note(text, NOT_FINITE, 1, f"on {where}, sample {k}")
     return theta
