@@ -49,7 +49,8 @@ def main(args: argparse.Namespace) -> int:
         content = {"estimator": args.estimator, "status": status}
         print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
         return status
-    table = Table("rule", "", "what was seen", box=None, pad_edge=False)
+    table = Table("rule", "", box=None, pad_edge=False)
+    table.add_column("what was seen", overflow="fold")  # a path is of no use without its end
     told: set[str] = set()
     words = {True: "holds", False: "[red]BROKEN[/]", None: "not applicable"}
     for finding in found:

