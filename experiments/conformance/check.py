@@ -9,7 +9,8 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.conformance.requirements import RULES, Rule, Subject
+from flexaxis.experiments.conformance.requirements import RULES, Rule
+from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
 
 DURATION = 12.0  # s, 2400 samples; the fault is at 10 s

@@ -19,7 +19,7 @@ from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.guest import Remark, limited, noted
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.case import case_id, has_batch, run_batch, run_case, warm
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
@@ -165,18 +165,22 @@ def _cases(
     variant: Variant, scenario: Scenario, entry: Entry, found: Sequence[Record]
 ) -> Iterator[tuple[list[Row], Case | None]]:
     """Yield the rows of each record, and what was scored; None for what could not be run."""
-    spec, problem = None, None
+    spec, problem, batch = None, None, None
     try:
         spec = specs.parse(entry.text)
-        warm(spec, scenario)
+        if has_batch(spec) and found and all(record.valid is None for record in found):
+            batch = run_batch(scenario, found, spec)
+        else:
+            warm(spec, scenario)
     except EstimatorError as error:
         problem = error
     columns = _columns(variant, entry)
-    for record in found:
+    for place, record in enumerate(found):
+        own = None if batch is None else (batch[0][place], batch[1])
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec, whole=True)
+                case = run_case(scenario, record, spec, whole=True, batch=own)
             except EstimatorError as error:
                 failure = error
         if case is None:

@@ -127,7 +127,7 @@ def test_what_is_not_finite_is_told_and_a_finding(capsys):
 def test_check_tells_each_failure_once(capsys):
     assert main(["check", "guests.py:Raises"]) == FINDING
     out = "".join(capsys.readouterr().out.split())  # a narrow table breaks words
-    assert out.count("sample1500") == 1 and "thesame" in out and "guests.py:20" in out
+    assert out.count("sample1500") == 1 and "thesame" in out and "guests.py:20)" in out
     assert "hint:boundtheestimates" not in out
 
 
@@ -171,3 +171,102 @@ def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
         "short", "all"}  # fmt: skip
     words = ["run", "encoder.toml", "--estimator", "guests.py:Base", "--seeds", "1"]
     assert main(words) == 2 and "leave the scenario out" in capsys.readouterr().err
+
+
+BATCH = """\
+import numpy as np
+from guests import Base
+
+
+class Gain(Base):
+    calls = []
+    knob = "gain"
+
+    def __init__(self, nominal, period, *, gain=0.01):
+        super().__init__(nominal, period)
+        self.gain = gain
+
+    def step(self, u, y):
+        self.theta += 1e-3 * self.gain * ((0.0 if y is None else y) * 0.05 - self.theta)
+        return [self.theta]
+
+    def run_batch(self, u, y):
+        Gain.calls.append(u.shape)
+        theta, found = np.full(len(u), self.theta), np.empty((*u.shape, 1))
+        for k in range(u.shape[1]):
+            theta = theta + 1e-3 * self.gain * (y[:, k] * 0.05 - theta)
+            found[:, k, 0] = theta
+        return found
+
+
+class Alone(Gain):
+    run_batch = property()
+
+
+class Wrong(Gain):
+    def run_batch(self, u, y):
+        return super().run_batch(u, y)[:, 1:]
+
+
+class Drifts(Gain):
+    def run_batch(self, u, y):
+        return super().run_batch(u, y) * 1.01
+"""
+
+
+def test_a_batch_is_asked_for_once_a_task_and_scored_as_runs_are(capsys, tmp_path, short):
+    from flexaxis.experiments.running.study import Study
+    from flexaxis.experiments.running.work import run_unit
+
+    (tmp_path / "batch.py").write_text(BATCH)
+    made = parse("batch.py:Gain").make
+    rows = {}
+    for name in ("Gain", "Alone", "Wrong"):
+        study = Study("s", (short,), (f"batch.py:{name}",), (0, 1, 2))
+        lines = run_unit(_whole(study)).lines.splitlines()
+        rows[name] = [json.loads(line) for line in lines]
+    assert made.calls == [(3, short.samples)] * 2  # of Gain, and of Wrong
+    for one, other in zip(rows["Gain"], rows["Alone"], strict=True):
+        assert one["lag"] == pytest.approx(other["lag"], rel=1e-12) and one["error"] is None
+    assert all("run_batch returned the shape" in row["error"] for row in rows["Wrong"])
+
+
+def _whole(study):
+    """One task with all seeds, whatever the number of processes would be."""
+    from dataclasses import replace
+
+    from flexaxis.experiments.running.plan import make_plan
+
+    first, *_ = make_plan(study, run_code=True).units()
+    return replace(first, seeds=study.seeds)
+
+
+@pytest.mark.parametrize(("name", "holds"), [("Gain", True), ("Alone", None), ("Drifts", False)])
+def test_check_compares_a_batch_with_runs(capsys, tmp_path, name, holds):
+    (tmp_path / "batch.py").write_text(BATCH)
+    main(["check", f"batch.py:{name}", "--json"])
+    rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
+    assert rules["run_batch equals run"]["holds"] is holds
+
+
+def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
+    """The template, to the noise of the reference in the parameter that it estimates."""
+    main(["new", "mine.py"])
+    words = ["tune", "mine.py:Mine", "--match", "f_m", "--seeds", "0:2", "--jobs", "1", "--json"]
+    capsys.readouterr()
+    assert main(words) == 0
+    (found,) = [json.loads(capsys.readouterr().out)]
+    assert found["knob"] == "forgetting" and found["ratio"] == pytest.approx(1.0, abs=0.01)
+    assert (tmp_path / "results" / "tune" / "mine.py-Mine").is_dir()
+    assert main([*words, "--save"]) == 2 and "give a file" in capsys.readouterr().err
+    assert main(["tune", "guests.py:Base"]) == 2
+    assert "no knob to turn" in capsys.readouterr().err
+
+
+def test_who_is_in_no_row_at_equal_noise_is_named():
+    from flexaxis.experiments.reporting.run_page import _not_compared
+
+    swept = {"matched": [{"estimator": "ekf"}], "left_out": ["mine.py:Breaks"]}
+    told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
+    assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
+    assert not any("ekf" in text or "frozen" in text for text in told)
