@@ -14,6 +14,7 @@ example:
 from __future__ import annotations
 
 import argparse
+import time
 
 from flexaxis.experiments.commands import options
 
@@ -26,6 +27,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
     options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+class _Slow:
+    """Says which rule is looked at, once it takes long: code may take minutes for a run."""
+
+    PATIENCE = 2.0  # s
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+
+    def __call__(self, rule: str) -> None:
+        from flexaxis.experiments.running.told import remark
+
+        seconds = time.monotonic() - self._start
+        if seconds > self.PATIENCE:
+            remark(f"checking: {rule} … ({seconds:.0f} s so far)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -43,7 +60,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.files import dumps
 
     with limited(args.time_limit):
-        found = check(parse(args.estimator), store=default_cache())
+        found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         content = {"estimator": args.estimator, "status": status}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
@@ -28,8 +29,13 @@ class RuleResult:
     raised: bool = False
 
 
-def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
-    """Return what every rule finds about an estimator.
+def check(
+    spec: Spec,
+    *,
+    store: RecordCache | None = None,
+    begun: Callable[[str], object] = lambda rule: None,
+) -> list[RuleResult]:
+    """Return what every rule finds about an estimator; `begun` is told each rule before it.
 
     Raises
     ------
@@ -37,7 +43,11 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
         If it cannot be built at all.
     """
     subject = _subject(spec, store)
-    return [_result(rule, subject) for rule in RULES]
+    found = []
+    for rule in RULES:
+        begun(rule.name)
+        found.append(_result(rule, subject))
+    return found
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
