@@ -18,6 +18,7 @@ from flexaxis.estimators.offline.structure import (
     Prior,
     prior,
     structure_names,
+    told_of,
     with_laws,
 )
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
@@ -97,7 +98,7 @@ def imm_friction(
     """
     _check(period=period, walk=walk, jump=jump, rate=rate, hold=hold, spread=spread)
     model = with_laws(nominal, torque=torque, period=period)
-    told = () if isinstance(nominal, Model) else tuple(nominal)
+    told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
     may = (
@@ -108,8 +109,7 @@ def imm_friction(
     tracked = (*identify, *(name for name in track if _is_left(model, name, identify)))
     learnt = _learnt(model, tracked, learn)
     names = (*tracked, *learnt)
-    stated = model.parameters if isinstance(nominal, Model) else told
-    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *stated)])
+    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
     _no_zero(thought)
     thought = thought if deviations is None else _known_better(thought, deviations)
@@ -124,7 +124,7 @@ def imm_friction(
         noise=noise,
         scale=thought.scale,
     )
-    stated = (*stated, *LEARNT)  # which every axis has
+    stated = (*told, *LEARNT)  # which every axis has
     fixable = FIXABLE if learn == "auto" else ()
     if commissioning is None:
         commissioning = COMMISSIONING if deviations is None else 0.0

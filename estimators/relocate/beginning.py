@@ -6,19 +6,29 @@ where it forgets nothing. So the first seconds are fitted anew from what was kno
 until they say more than that.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import motion
+from flexaxis.estimators.offline.structure import LEARNT as SHEET
+from flexaxis.estimators.offline.structure import TRACKED, guessed
+from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.seen import FIXABLE, seen
+from flexaxis.estimators.recursion.seen import (
+    AS_ABSENT,
+    AS_TOLD,
+    FIXABLE,
+    NOT_ASKED_FOR,
+    NOT_THERE,
+    seen,
+)
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
@@ -34,6 +44,15 @@ WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
+WALKS = {"f_m": 3.0, "f_c": 1.5}
+"""How much faster than inertias these walk with temperature, for what they are expected to be."""
+ABSENT = (
+    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+    (("kappa",), ()),
+    (("gap",), ()),
+    (("c_sin", "c_cos"), ()),
+)
+"""What an axis may not have at all, and what means nothing then."""
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -46,11 +65,24 @@ class Prior(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """θ (p,) that explains the data, which of it they ask for, the rest as told; noise variance."""
+    """
+    Parameters that explain the data.
+
+    Attributes
+    ----------
+    theta : (p,) array
+    active : (q,) int array
+        Those that are learnt; the others are as they were told.
+    noise : float
+        Its variance.
+    because : dict of str to str
+        Why the others are not learnt.
+    """
 
     theta: Array
     active: NDArray[np.int64]
     noise: float
+    because: dict[str, str]
 
 
 def output_gain(design: Design) -> float:
@@ -74,16 +106,17 @@ class Beginning:
     design : Design
         That of the filter.
     roles : Roles
-    guesses : tuple of Guess
-        Of what has a prior of its own.
-    nominal : mapping
+    model : Model
+        As it was told.
+    told : tuple of str
+        Parameters whose values were given.
     """
 
     terms: Terms
     design: Design
     roles: Roles
-    guesses: tuple[Guess, ...]
-    nominal: Mapping[str, float]
+    model: Model
+    told: tuple[str, ...]
 
     def prior(self, memory: Memory) -> Prior | None:
         """Return what was known before, in sizes of what has moved since; None while that rests."""
@@ -93,18 +126,23 @@ class Beginning:
             return None
         u, y, _ = memory.signals(memory.first)
         speed = y / output_gain(self.design)
-        sizes = measured_sizes(u[:-1, 0], speed, self.design.period, self.nominal)
-        mine = self.roles.prior
-        scale, names = self.design.scale[mine], self.design.model.names
-        guesses = [
-            guess.at(self.nominal[names[i]], sizes)
-            for i, guess in zip(mine, self.guesses, strict=True)
-        ]
-        start, deviation = np.array(guesses).reshape(-1, 2).T / scale
-        theta = self.design.theta0.copy()
-        theta[mine] = start
-        own = np.full(self.roles.given, SPREAD)
-        return Prior(np.clip(theta, *self.box), np.r_[own, np.abs(deviation)], noise)
+        period, known = self.design.period, self.roles.known
+        moves = motion(u[:-1, 0], speed, period)
+        of = thought(
+            guessed(self.model, self.told, period=period, motion=moves),
+            self.design.model.names[:known],
+            period=period,
+            told=self.told,
+            motion=moves,
+        )
+        theta, scale = self.design.theta0.copy(), self.design.scale[:known]
+        theta[:known] = of.start / scale
+        return Prior(np.clip(theta, *self.box), np.abs(of.deviation / scale), noise)
+
+    @property
+    def fitted(self) -> tuple[float, ...]:
+        """Seconds of motion of which all is fitted: the first where somebody told of all laws."""
+        return FITTED[:1] if set(self.model.law_parameters) <= set(self.told) else FITTED
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -128,7 +166,7 @@ class Beginning:
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
             a, b = (in_use * theta)[turning] * design.scale[turning]
-            along = self.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
+            along = self.model.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
             drift[np.ix_(turning, turning)] += np.outer(along, along)
         return drift
 
@@ -175,7 +213,8 @@ class Beginning:
         found = self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
             return self._shown(memory, prior, fits, unseen)
-        return Fitted(found.theta, active.active, prior.noise)
+        because = self._because(active.active, unseen)
+        return Fitted(found.theta, active.active, prior.noise, because)
 
     def _shown(
         self,
@@ -191,7 +230,18 @@ class Beginning:
         for theta in starts:
             theta[gone] = prior.theta[gone]
         found = self._descend(memory, prior, rest, starts)
-        return Fitted(found.theta, rest, prior.noise)
+        return Fitted(found.theta, rest, prior.noise, self._because(rest, unseen))
+
+    def _because(self, active: NDArray[np.int64], unseen: Sequence[Question]) -> dict[str, str]:
+        """Return why each of the others is not learnt."""
+        hidden = {int(i) for question in unseen for i in question.places}
+        found = {}
+        for i in np.setdiff1d(np.arange(self.roles.known), active):
+            name = self.design.model.names[i]
+            stated = name in self.told or name in SHEET
+            words = (AS_TOLD, AS_ABSENT) if int(i) in hidden else (NOT_ASKED_FOR, NOT_THERE)
+            found[name] = words[not stated]
+        return found
 
     def _unseen(
         self, posterior: Posterior, questions: Sequence[Question], deviation: Array
@@ -207,17 +257,19 @@ class Beginning:
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""
         names = self.design.model.names[: self.roles.known]
-        lower = self.design.lower
+        theta = np.where(np.isin(names, self.told), prior.theta[: len(names)], 0.0)
+        lower = np.maximum(self.design.lower[: len(names)], 0.0)
+        theta = np.where(theta != 0, theta, lower)  # kappa may be told to be below zero
 
         def places(of: Sequence[str]) -> NDArray[np.int64]:
             return np.array([names.index(name) for name in of if name in names], np.int64)
 
         absent = [
-            Question(places(of), np.maximum(lower[places(of)], 0.0), places(with_them))
+            Question(places(of), theta[places(of)], places(with_them))
             for of, with_them in ABSENT
-            if set(of) <= set(names)
+            if set(of) <= set(names) and not set(of) & set(self.told) & set(TRACKED)
         ]
-        sheet = [places([name]) for name in TOLD if name in names]
+        sheet = [places([name]) for name in SHEET if name in names]
         return absent + [Question(i, prior.theta[i], places([])) for i in sheet]
 
     def _descend(

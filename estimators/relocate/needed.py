@@ -78,7 +78,8 @@ def needed(
     unseen : sequence of Question
         Those of what the data do not show, which are not asked: these are as told.
     """
-    left, fixed = list(questions), []
+    left: list[Question] = list(questions)
+    fixed: list[tuple[Places, Array]] = []
     for question in unseen:
         posterior = _fix(posterior, question, mean, fixed)
     left = [q for q in left if np.isin(q.places, posterior.active).all()]

@@ -1,12 +1,13 @@
 """The parts of a filter that rewinds, made for one design."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from flexaxis.estimators.methods.start import ROBUST
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.measurement import CEILING, measured
 from flexaxis.estimators.recursion.records import joined, on_lanes
@@ -14,7 +15,6 @@ from flexaxis.estimators.relocate.beginning import Beginning
 from flexaxis.estimators.relocate.commission import Commission
 from flexaxis.estimators.relocate.explain import Hypotheses
 from flexaxis.estimators.relocate.follow import measuring
-from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.policy import LATER, LOOKS, Policy
@@ -39,8 +39,8 @@ def parts_of(
     design: Design,
     roles: Roles,
     *,
-    guesses: tuple[Guess, ...],
-    nominal: Mapping[str, float],
+    model: Model,
+    told: Sequence[str],
     walk: float,
     alarm: float,
     gain: float,
@@ -53,10 +53,9 @@ def parts_of(
     design : Design
         With all parameters.
     roles : Roles
-    guesses : tuple of Guess
-        Of what has a prior of its own.
-    nominal : mapping of str to float
-        Of the model.
+    model : Model
+    told : sequence of str
+        Parameters of its laws that are known already.
     walk : float
         Standard deviation of what is tracked after a second, relative to θ(0).
     alarm, gain : float
@@ -66,7 +65,8 @@ def parts_of(
     fading = roles.fading(design.forgetting, len(design.theta0))
     pattern, _ = split(design.model)
     # a prior is a ceiling of its own; θ(0), a law's, says not how uncertain it may be
-    ceiling = np.inf if guesses else CEILING
+    own = roles.known > roles.given
+    ceiling = np.inf if own else CEILING
     parts = measured(design, clip=ROBUST, correct=True, ceiling=ceiling)
     records = on_lanes(design, pattern), parts
     tuning, state = (joined(*pair) for pair in zip(*records, strict=True))
@@ -74,7 +74,7 @@ def parts_of(
     angle = measuring(design.model, increments=design.output == "increment", period=period)
     terms = planned(design.model, *box, period)
     rewind = Rewind(terms, box, roles, fading)
-    beginning = Beginning(terms, design, roles, guesses, nominal) if guesses else None
+    beginning = Beginning(terms, design, roles, model, tuple(told)) if own else None
     if beginning is not None:  # until the noise is known a prior has no size in units of it
         state["P"] = state["claim"] = 0.0
     policy = Policy(period, gain=gain)

@@ -20,7 +20,7 @@ from flexaxis.experiments.logs.dates import date_of
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
-from flexaxis.experiments.logs.readers import read_columns
+from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.experiments.logs.refit import refit, seen
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.files import dumps, make_folder
@@ -227,7 +227,7 @@ def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
 def _means(path: Path) -> dict[str, float]:
     """Return the mean of each column of a log, any of which may explain the estimates."""
     found = {}
-    for name, values in read_columns(path).values.items():
+    for name, values in open_log(path).numbers().items():
         there = values[np.isfinite(values)]
         if len(there):
             found[name] = float(there.mean())

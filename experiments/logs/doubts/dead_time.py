@@ -1,13 +1,18 @@
-"""Dead time from torque to motion, its drift, and opposite signs."""
+"""Dead time from torque to motion, and opposite signs."""
 
-from typing import NamedTuple
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import SEGMENT, Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -64,20 +69,40 @@ def _look(e: Evidence) -> Doubt:
     if found is None:
         return Doubt(NAME, None, "samples", "note", "not visible in this excitation")
     lag = found.samples
+
+    def draw(axes: Axes) -> None:
+        _draw(axes, e)
+
     if found.opposite:
         text = "torque and motion have opposite signs: turn one of them"
         remedy = "--scale torque=-1"
-        return Doubt(NAME, lag, "samples", "problem", text, remedy)
+        return Doubt(NAME, lag, "samples", "problem", text, remedy, draw=draw)
     if lag < -SMALL and found.turn < FAST:
         return Doubt(NAME, None, "samples", "ok", "not seen: the excitation is too slow for it")
     if abs(lag) > SHIFTED:
         early = "the motor moves before its torque; " if lag < 0 else ""
         text = f"{early}a shift of one sample ruins the estimates: let identify find the delay"
-        return Doubt(NAME, lag, "samples", "problem", text, "flexaxis identify, without --delay")
+        return Doubt(
+            NAME, lag, "samples", "problem", text, "flexaxis identify, without --delay", draw=draw
+        )
     text = (
         "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
     )
     return Doubt(NAME, lag, "samples", "ok", text)
+
+
+def _draw(axes: Axes, e: Evidence) -> None:
+    """Draw the phase from torque to acceleration, and that of one sample."""
+    s, (low, high) = e.spectra, e.band
+    band = (s.frequency >= low) & (s.frequency <= high)
+    f = s.frequency[band]
+    turn = np.pi * f * e.period
+    late = turn if e.incremental else np.zeros_like(f)
+    phase = np.angle(s.cross[band] * 1j * np.exp(1j * (turn + late)))
+    axes.plot(f, np.degrees(phase), ".", color=BLUE, ms=2)
+    axes.plot(f, -np.degrees(2 * turn), color=ORANGE, lw=1, label="one sample late")
+    axes.set(xlabel="frequency [Hz]", ylabel="torque to acceleration [°]", ylim=(-190, 190))
+    axes.legend(frameon=False)
 
 
 LOOK = Look(11, _look)
