@@ -240,7 +240,9 @@ class _Noise:
         r = solve_triangular(root, x, lower=True, check_finite=False)
         Q, R = np.linalg.qr(Z)
         r = r - Q @ (Q.T @ r)
-        determinants = np.log(np.diag(root)).sum() + np.log(np.maximum(abs(np.diag(R)), 1e-12)).sum()
+        determinants = (
+            np.log(np.diag(root)).sum() + np.log(np.maximum(abs(np.diag(R)), 1e-12)).sum()
+        )
         return float(-determinants - r @ r / 2)
 
 
@@ -289,7 +291,9 @@ def _best(
     shape, place, _ = candidates[top]
     # 2 log of the likelihood ratio, as the noise is known now
     near = [
-        k for (s, k, _), g in zip(candidates, gain, strict=True) if s == shape and g > gain[top] - 3.84
+        k
+        for (s, k, _), g in zip(candidates, gain, strict=True)
+        if s == shape and g > gain[top] - 3.84
     ]
     if shape == "outlier":
         near = [place]

@@ -157,9 +157,7 @@ def _whitened(problem: _Problem, error: Array, psi: Array, whitening: Array) -> 
     return lfilter(whitening, 1.0, error)[ok], lfilter(whitening, 1.0, psi, axis=0)[ok]
 
 
-def _solved(
-    problem: _Problem, error: Array, psi: Array, whitening: Array
-) -> tuple[Array, Array]:
+def _solved(problem: _Problem, error: Array, psi: Array, whitening: Array) -> tuple[Array, Array]:
     """Return the Gauss-Newton step of all, and its covariance."""
     e, gradient = _whitened(problem, error, psi, whitening)
     norm = np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
@@ -169,9 +167,7 @@ def _solved(
     return step, variance * inverse @ inverse.T / np.outer(norm, norm)
 
 
-def _block_deviations(
-    problem: _Problem, error: Array, psi: Array, whitening: Array
-) -> Array:
+def _block_deviations(problem: _Problem, error: Array, psi: Array, whitening: Array) -> Array:
     """Return the standard deviations by leaving out a tenth of the log at a time: the jackknife."""
     e, gradient = _whitened(problem, error, psi, whitening)
     norm = np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)

@@ -75,7 +75,9 @@ def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
         if abs(slope) < 2 * sd:
             lines.append(f"{name} has no effect that can be seen")
         else:
-            lines.append(f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it")
+            lines.append(
+                f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it"
+            )
     return lines
 
 
@@ -103,8 +105,7 @@ def remarks(
     memory = [
         v.name
         for v in found
-        if v.found.correlation >= COLOURED
-        and v.found.scatter > 0.5 * np.median(v.series.deviation)
+        if v.found.correlation >= COLOURED and v.found.scatter > 0.5 * np.median(v.series.deviation)
     ]
     if memory:
         lines.append(
@@ -131,9 +132,7 @@ def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str
             "shape": change.shape,
             "since": clock.labels[at],
             "time": float(clock.time[at]),
-            "between": [
-                float(clock.time[found.logs[k]]) for k in (change.earliest, change.latest)
-            ],
+            "between": [float(clock.time[found.logs[k]]) for k in (change.earliest, change.latest)],
             "size": float(found.percent(change.size)) / 100,
             "sd": float(found.percent_deviation(change)) / 100,
             "chance": change.chance,

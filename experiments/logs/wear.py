@@ -140,5 +140,7 @@ def verdicts(
     for name in names:
         each = [row["estimates"][name] for row in rows]
         value, sd = (np.array([entry[key] for entry in each]) for key in ("value", "sd"))
-        found.append(verdict(name, time, value, sd, columns, false_alarms=false_alarms / len(names)))
+        found.append(
+            verdict(name, time, value, sd, columns, false_alarms=false_alarms / len(names))
+        )
     return found
