@@ -77,6 +77,7 @@ def test_a_motor_reverses_as_a_textbook_loop_does():
     along = course(model, ("f_c",), u, period=PERIOD)
     fine, _ = along.along(np.array([f_c, 0.0, 0.0]))
     coarse, _ = along.along(np.array([f_c, 0.0, 0.0]), coarse=True)
-    # what friction makes of a step where it reverses: 2 f_c/J · T/64 = 6e-3 rad/s
-    assert np.abs(fine - exact).max() < 0.01
-    assert np.abs(coarse - exact).max() < 0.1
+    # what friction makes of a step where it reverses, 2 f_c/J · T/64 = 6e-3 rad/s and T/8 = .05,
+    # and a sample in which it begins to slide
+    assert np.abs(fine - exact).max() < 0.02
+    assert np.abs(coarse - exact).max() < 0.15
