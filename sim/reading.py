@@ -60,7 +60,9 @@ def read_text(path: Path, refuse: Refusal) -> str:
             text = file.read(LARGEST + 1)
     except OSError as error:
         raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error
-    except ValueError as error:  # not UTF-8, or a name with a null
+    except UnicodeDecodeError as error:
+        raise refuse(f"{path}: not UTF-8 text, from byte {error.start} on") from error
+    except ValueError as error:  # a name with a null
         raise refuse(f"{path}: cannot be read: {error}") from error
     return text
 

@@ -61,6 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
@@ -109,7 +110,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
-    scenarios = select(names).scenarios
+    scenarios = options.leave_out(select(names).scenarios, [args.base, args.candidate])
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,

@@ -22,7 +22,7 @@ Line = dict[str, str]
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("kind", nargs="?", choices=KINDS, help="list only these")
-    parser.add_argument("--group", metavar="G", help="only scenarios of a group, such as steps")
+    parser.add_argument("--group", metavar="GROUP", help="only scenarios of a group, such as steps")
     parser.add_argument("--find", metavar="TEXT", default="", help="only what has this text")
     parser.add_argument("--json", action="store_true", help="print JSON")
 

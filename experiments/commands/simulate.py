@@ -47,7 +47,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.simulate import simulate
 
-    scenario, style = find_scenario(args.scenario), style_of(args)
+    scenario = find_scenario(args.scenario)
     suffix = args.as_log or "nc"
     path = args.output or Path(f"{scenario.name}-{args.seed}.{suffix}")
     if args.as_log and path.suffix != f".{suffix}":

@@ -24,11 +24,12 @@ GROUP = "judge"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("names", nargs="+", metavar="SCENARIO")
+    parser.add_argument("names", nargs="+", metavar="SUITE|SCENARIO")
     parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
     parser.add_argument("--seeds", default="16", metavar="N or A:B", help="default: 16")
     options.add_jobs(parser, what="the lags do")
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

@@ -84,21 +84,26 @@ def _looked_up(
             yield check, str(word)
 
 
-def _scenario(text: str) -> None:
+def _scenario(text: str, *, suites: bool = False) -> None:
     from flexaxis.experiments.catalogue import names
 
     if text.endswith(".toml"):
         from flexaxis.experiments.catalogue.find import find_scenario
 
         find_scenario(text)
-    known = {*names.scenario_names(), *names.suite_names()}
+    known = {*names.scenario_names(), *(names.suite_names() if suites else ())}
     if not (text in known or text.endswith((".nc", ".toml")) or Path(text).exists()):
         raise names.unknown_scenario(text)
 
 
+def _of_suites(text: str) -> None:
+    _scenario(text, suites=True)
+
+
 def _estimator(text: str) -> None:
     from flexaxis.experiments.building.consent import names_code
-    from flexaxis.experiments.building.specs import code_file, no_file, parse
+    from flexaxis.experiments.building.imports import no_file
+    from flexaxis.experiments.building.specs import code_file, parse
 
     path = Path(code_file(text))
     if not names_code(text):
@@ -135,7 +140,7 @@ def _anything(text: str) -> None:
     from flexaxis.sim.errors import ScenarioError
 
     try:
-        _scenario(text)
+        _of_suites(text)
     except ScenarioError:
         if text not in _estimators():
             raise
@@ -151,9 +156,9 @@ CHECKS: Mapping[str, Callable[[str], object]] = {
     "E": _estimator,
     "ESTIMATOR": _estimator,
     "SCENARIO": _scenario,
-    "SUITE|SCENARIO": _scenario,
+    "SUITE|SCENARIO": _of_suites,
     "SCENARIO|SUITE|ESTIMATOR": _anything,
-    "SUITE|SCENARIO|RUN": _scenario,
+    "SUITE|SCENARIO|RUN": _of_suites,
     "SCENARIO|RECORD.nc": _record,
     "RECORD.nc": _file,
     "LOG": _file,
@@ -169,12 +174,14 @@ CHECKS: Mapping[str, Callable[[str], object]] = {
 def complete(parser: argparse.ArgumentParser) -> None:
     """Answer the shell that asks how a word may go on, and end; else do nothing."""
     import argcomplete
-    from argcomplete.completers import FilesCompleter
+    from argcomplete.completers import ChoicesCompleter, FilesCompleter
 
     for action in _all_actions(parser):
         kinds = set(str(action.metavar).split("|"))
         names = [*(_scenarios() if "SCENARIO" in kinds else ())]
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
+        if kinds == {"GROUP"}:
+            action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
         if names:
             # "path/file.py:Class" and "mine.toml" begin with a file
             action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
@@ -204,6 +211,12 @@ def _scenarios() -> list[str]:
     from flexaxis.experiments.catalogue.names import scenario_names, suite_names
 
     return [*suite_names(), *scenario_names()]
+
+
+def _groups() -> list[str]:
+    from flexaxis.experiments.catalogue.card import GROUPS
+
+    return list(GROUPS)
 
 
 def _estimators() -> list[str]:

@@ -34,7 +34,7 @@ def found_in(text: str) -> datetime | None:
     for match in _DATE.finditer(text):
         year, month, day, *clock = (int(part or 0) for part in match.groups())
         try:
-            return datetime(year, month, day, *clock)
+            return datetime(year, month, day, clock[0], clock[1], clock[2])
         except ValueError:  # such as the 31st of February
             continue
     return None

@@ -149,7 +149,7 @@ def calendar(scenario: Scenario, days: Days, seed: int) -> list[Day]:
 
 def without_faults(scenario: Scenario, duration: float) -> Scenario:
     """Return what is driven every day: a scenario in which nothing changes while it runs."""
-    changes = {"fault": [], "nuisance": None, "duration": duration, "burn_in": 0.0}
+    changes: dict[str, Any] = {"fault": [], "nuisance": None, "duration": duration, "burn_in": 0.0}
     return scenario.override(changes | {"name": f"{scenario.name}, daily"[:60].replace(", ", "-")})
 
 
@@ -164,7 +164,7 @@ def record_of(scenario: Scenario, day: Day, seed: int) -> Record:
 
 
 def write_day(
-    folder: Path, scenario: Scenario, day: Day, seed: int, suffix: str, style: LogStyle
+    folder: Path, scenario: Scenario, day: Day, *, seed: int, suffix: str, style: LogStyle
 ) -> Path:
     """Simulate a day and write its log, with a column `temp` [°C]; return its path."""
     record = record_of(scenario, day, seed)
@@ -201,7 +201,7 @@ def write_days(
     truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
     write_text(folder / "truth.json", json.dumps(truth, indent=1) + "\n")
     for day in plan:
-        yield write_day(folder, scenario, day, seed, suffix, style)
+        yield write_day(folder, scenario, day, seed=seed, suffix=suffix, style=style)
 
 
 def known_axis(scenario: Scenario) -> Axis:

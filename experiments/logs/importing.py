@@ -15,11 +15,16 @@ from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import examine
 from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
-from flexaxis.experiments.logs.doubts.torque_kind import GIVEN, torque_kind
+from flexaxis.experiments.logs.doubts.torque_kind import (
+    AGAINST,
+    GIVEN,
+    kind_seen,
+    torque_kind,
+)
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
 from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
-from flexaxis.experiments.logs.readers import read_columns
+from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -64,45 +69,56 @@ def import_log(
         If the log cannot be used; the message begins with its name.
     """
     chosen = mapping_from(tables, source=str(path))
-    raw = pick(read_columns(path), chosen)
+    raw = pick(open_log(path), chosen)
     try:
         check_time(raw.time)
         refuse_nonsense(raw)
         smooth, because = _kind(raw, chosen)
         found = prepare(raw, smooth=smooth, resample=resample, highpass=highpass)
+        record = _record(found, burn_in, _told(path, smooth, because, highpass))
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
+    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+
+
+def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dict[str, str]:
+    """Return what a record keeps of its import."""
     told = {
         "flexaxis": version("flexaxis"),
         "log": path.name,
         "torque": "smooth" if smooth else "held",
         "torque_because": because,
     }
-    if highpass is not None:
-        told["highpass"] = f"{highpass:g}"
-    record = _record(found, burn_in, told)
-    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+    return told if highpass is None else told | {"highpass": f"{highpass:g}"}
 
 
 def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
     """Return whether the torque is smooth, and why."""
-    if chosen.smooth is not None:
-        return chosen.smooth, GIVEN
-    there = np.isfinite(raw.torque)
-    motion = raw.speed
-    if raw.angle is not None:
-        there &= np.isfinite(raw.angle)
-        motion = np.full(len(raw.time), np.nan)
-        angle = unwrapped(raw.angle[there])[0]
-        motion[there] = np.diff(angle, prepend=angle[0])
-    assert motion is not None  # a mapping has one of the two
-    there &= np.isfinite(motion)
+    stated = chosen.smooth
+    speed, there = _motion(raw)
     if there.sum() < FEWEST:
-        return False, "too few samples to tell; taken for a command"
-    name = chosen.columns.get("torque", "torque")
-    period = float(np.median(np.diff(raw.time)))
-    kind, because = torque_kind(raw.torque[there], period, speed=motion[there], name=name)
-    return kind == "smooth", because
+        return bool(stated), "too few samples to tell" if stated is None else GIVEN
+    signals = raw.torque[there], float(np.median(np.diff(raw.time)))
+    if stated is None:
+        name = chosen.columns.get("torque", "torque")
+        kind, because = torque_kind(*signals, speed=speed[there], name=name)
+        return kind == "smooth", because
+    seen = kind_seen(*signals, speed=speed[there])
+    against = seen is not None and (seen[0] == "smooth") != stated
+    return stated, f"{AGAINST} {seen[1]}" if against and seen else GIVEN
+
+
+def _motion(raw: Raw) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the speed at the samples of a log, but for a factor, and where all is there."""
+    there = np.isfinite(raw.torque)
+    if raw.angle is None:
+        assert raw.speed is not None  # a mapping has one of the two
+        return raw.speed, there & np.isfinite(raw.speed)
+    there &= np.isfinite(raw.angle)
+    speed = np.zeros(len(raw.time))
+    angle = unwrapped(raw.angle[there])[0] if there.any() else np.zeros(0)
+    speed[there] = np.diff(angle, prepend=angle[:1])
+    return speed, there
 
 
 def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
@@ -114,6 +130,11 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
         burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)
+    if not 0 <= burn_in < 0.9 * len(moving) * found.period:
+        raise LogError(
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{len(moving) * found.period:.4g} s"
+        )
     return Record(
         time=found.time,
         torque=signals["torque"],

@@ -18,6 +18,7 @@ Flags = NDArray[np.bool_]
 FEWEST = 200  # samples
 ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
+MOST_RATE = 10  # times that of the log, to which it may be resampled
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 
 
@@ -204,6 +205,11 @@ def interval_means(at: Array, values: Array, time: Array, period: float, *, smoo
 
 
 def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
+    if not 0 < rate <= MOST_RATE / old.period:
+        raise LogError(
+            f"--resample {rate:g} Hz: give a rate above 0, and not above {MOST_RATE} times that of "
+            f"the log, {1 / old.period:.6g} Hz"
+        )
     period = 1 / rate
     span = old.time[-1] - old.time[0]
     if not period < span / FEWEST:

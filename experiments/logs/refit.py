@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.offline.delay import delayed
-from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.sizes import state_sizes
+from flexaxis.estimators.offline.trajectory import Course, course
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import HIGHEST_ORDER, noise_model, settled
@@ -28,7 +26,7 @@ STEPS = 12
 FARTHEST = 0.3  # relative change of a parameter in one step
 RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
 BLOCKS = 10  # of a log, whose spread is an interval that assumes no model of the noise
-NUDGE = 1e-4  # of the rms torque, to take the effect of a constant torque by differences
+RESTING = 0.05  # of the rms speed, below which the axis rests at first
 SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
 
 
@@ -56,26 +54,29 @@ class Refit:
 
 @dataclass(frozen=True)
 class _Problem:
-    """A log and the model of its axis."""
+    """A log and the model of its axis; the unknowns are θ, where it begins, and a torque."""
 
-    model: Parametrization
-    u: Array
+    course: Course
+    start: Array
+    size: Array  # of each unknown beforehand; infinite for those that the log has to tell
     y: Array
     ok: NDArray[np.bool_]
-    period: float
+    delay: float
 
-    def simulated(self, theta: Array, offset: float) -> tuple[Array, Array]:
-        """Return ŷ (N,) and its derivatives (N, p+1) by θ relative to itself, and the offset."""
-        y, psi = predict(self.model, theta, self.u + offset, period=self.period)
-        nudge = NUDGE * float(np.sqrt(np.mean(self.u**2)))
-        other = predict(self.model, theta, self.u + offset + nudge, period=self.period)[0]
-        return y, np.column_stack([psi * theta, (other - y) / nudge])
+    def error(self, z: Array) -> tuple[Array, Array]:
+        """Return y − ŷ (N,), and the derivatives (N, q) of ŷ, by θ relative to itself."""
+        simulated, slopes = self.course.along(np.append(z, self.delay))
+        if not (np.isfinite(simulated).all() and np.isfinite(slopes).all()):
+            raise LogError("a simulation of this log runs away with the values of the axis")
+        psi = slopes[:-1].T.copy()
+        psi[:, : self.course.p] *= z[: self.course.p]
+        return self.y - simulated, psi
 
 
 def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
-    """Estimate parameters of a known axis, and a constant torque, from one log.
+    """Estimate parameters of a known axis from one log, with a constant torque and how it begins.
 
-    Output error from rest, the residual modelled as an autoregression and whitened by it, as
+    Output error, the residual modelled as an autoregression and whitened by it, as
     `flexaxis.experiments.logs.identify` does; the delay is that of the axis.
 
     Parameters
@@ -92,25 +93,25 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
         If the log does not fit the axis at all.
     """
     problem = _problem(record, axis, names)
-    theta, offset = problem.model.theta, 0.0
-    bounds = np.sort(np.outer(RANGE, theta), axis=0)
-    step = np.inf
+    p, z = problem.course.p, problem.start.copy()
+    bounds = np.sort(np.outer(RANGE, z[:p]), axis=0)
     for _ in range(STEPS):
-        error, psi = _error(problem, theta, offset)
+        error, psi = problem.error(z)
         whitening = _whitening(problem, error)
-        step, covariance = _solved(problem, error, psi, whitening)
-        theta = np.clip(theta * (1 + np.clip(step[:-1], -FARTHEST, FARTHEST)), *bounds)
-        offset += float(step[-1])
-        if np.all(abs(step) <= 0.1 * np.sqrt(np.diag(covariance))):
+        step, covariance = _solved(problem, z, error, psi, whitening)
+        z[:p] = np.clip(z[:p] * (1 + np.clip(step[:p], -FARTHEST, FARTHEST)), *bounds)
+        z[p:] += step[p:]
+        if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
             break
-    error, psi = _error(problem, theta, offset)
+    error, psi = problem.error(z)
     whitening = _whitening(problem, error)
-    covariance = _solved(problem, error, psi, whitening)[1]
-    claimed = np.sqrt(np.diag(covariance))[:-1]
-    deviations = np.maximum(claimed, _block_deviations(problem, error, psi, whitening)[:-1])
+    covariance = _solved(problem, z, error, psi, whitening)[1]
+    claimed = np.sqrt(np.diag(covariance))
+    deviations = np.maximum(claimed, _block_deviations(problem, z, error, psi, whitening))[:p]
     fit = 100 * float(1 - np.std(error[problem.ok]) / np.std(problem.y[problem.ok]))
-    _check(problem.model.names, theta, bounds, fit)
-    return Refit(problem.model.names, theta, deviations * abs(theta), offset, fit)
+    theta = z[:p]
+    _check(problem.course.model.names, theta, bounds, fit)
+    return Refit(problem.course.model.names, theta, deviations * abs(theta), float(z[-1]), fit)
 
 
 def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
@@ -121,9 +122,9 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     left = list(names)
     while left:
         problem = _problem(record, axis, left)
-        error, psi = _error(problem, problem.model.theta, 0.0)
-        covariance = _solved(problem, error, psi, _whitening(problem, error))[1]
-        deviations = np.sqrt(np.diag(covariance))[:-1]
+        error, psi = problem.error(problem.start)
+        covariance = _solved(problem, problem.start, error, psi, _whitening(problem, error))[1]
+        deviations = np.sqrt(np.diag(covariance))[: len(left)]
         worst = int(np.argmax(deviations))
         if deviations[worst] <= SEEN:
             return tuple(left)
@@ -132,56 +133,71 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
-    output, period = output_of(record), record.period
-    model = increment(axis.model, period) if output == "increment" else axis.model
-    u = delayed(record.torque, axis.delay / period, smooth=is_smooth(record))
+    output = output_of(record)
     y = np.asarray(getattr(record, output))
-    return _Problem(model.parametrize(names), u, y, usable(record), period)
-
-
-def _error(problem: _Problem, theta: Array, offset: float) -> tuple[Array, Array]:
-    simulated, psi = problem.simulated(theta, offset)
-    if not (np.isfinite(simulated).all() and np.isfinite(psi).all()):
-        raise LogError("the simulation of this log runs away with the values of the axis")
-    return problem.y - simulated, psi
+    along = course(
+        axis.model,
+        names,
+        record.torque,
+        period=record.period,
+        output=output,
+        smooth=is_smooth(record),
+        resting=bool(np.max(abs(y[:5])) < RESTING * np.std(y)),
+    )
+    start = np.concatenate([along.model.theta, np.zeros(len(along.free))])
+    size = np.full(len(start), np.inf)
+    moving = len(along.free) - 1
+    if moving:
+        # a state that is forgotten before the first sample that counts must not run away
+        states = state_sizes(axis.model, record.torque, record.period)
+        own = np.full(moving - len(states), np.sqrt(np.mean(record.torque**2)))
+        size[along.p : -1] = np.maximum([*states, *own], 1e-9 * max([*states, *own]))
+    return _Problem(along, start, size, y, usable(record), axis.delay)
 
 
 def _whitening(problem: _Problem, error: Array) -> Array:
     return noise_model(error[problem.ok], HIGHEST_ORDER)
 
 
-def _whitened(problem: _Problem, error: Array, psi: Array, whitening: Array) -> tuple[Array, Array]:
+def _system(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> tuple[Array, Array, float]:
+    """Return the whitened error and gradient, with a row for each size known beforehand, and σ."""
     ok = settled(problem.ok, len(whitening))
     if ok.sum() <= 10 * psi.shape[1]:
-        raise LogError(f"{ok.sum()} usable samples cannot tell {psi.shape[1]} parameters")
-    return lfilter(whitening, 1.0, error)[ok], lfilter(whitening, 1.0, psi, axis=0)[ok]
+        raise LogError(f"{ok.sum()} usable samples cannot tell {psi.shape[1]} unknowns")
+    e, gradient = lfilter(whitening, 1.0, error)[ok], lfilter(whitening, 1.0, psi, axis=0)[ok]
+    step = np.linalg.lstsq(gradient, e, rcond=1e-12)[0]
+    sigma = float(np.std(e - gradient @ step))
+    known = np.flatnonzero(np.isfinite(problem.size))
+    rows = np.zeros((len(known), len(z)))
+    rows[np.arange(len(known)), known] = sigma / problem.size[known]
+    return np.r_[e, -rows @ z], np.vstack([gradient, rows]), sigma
 
 
-def _solved(problem: _Problem, error: Array, psi: Array, whitening: Array) -> tuple[Array, Array]:
+def _solved(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> tuple[Array, Array]:
     """Return the Gauss-Newton step of all, and its covariance."""
-    e, gradient = _whitened(problem, error, psi, whitening)
-    norm = np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
+    e, gradient, sigma = _system(problem, z, error, psi, whitening)
+    norm = np.linalg.norm(gradient, axis=0)
     inverse = np.linalg.pinv(gradient / norm, rcond=1e-12)
-    step = inverse @ e / norm
-    variance = float(np.sum((e - gradient @ step) ** 2)) / (len(e) - len(norm))
-    return step, variance * inverse @ inverse.T / np.outer(norm, norm)
+    return inverse @ e / norm, sigma**2 * inverse @ inverse.T / np.outer(norm, norm)
 
 
-def _block_deviations(problem: _Problem, error: Array, psi: Array, whitening: Array) -> Array:
+def _block_deviations(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> Array:
     """Return the standard deviations by leaving out a tenth of the log at a time: the jackknife."""
-    e, gradient = _whitened(problem, error, psi, whitening)
-    norm = np.maximum(np.linalg.norm(gradient, axis=0), 1e-300)
-    blocks = np.array_split(np.arange(len(e)), BLOCKS)
-    scaled = gradient / norm
-    squares = [scaled[b].T @ scaled[b] for b in blocks]
-    products = [scaled[b].T @ e[b] for b in blocks]
-    square, product = sum(squares), sum(products)
-    steps = np.array(
-        [
-            np.linalg.pinv(square - mine, hermitian=True) @ (product - its)
-            for mine, its in zip(squares, products, strict=True)
-        ]
-    )
+    e, gradient, _ = _system(problem, z, error, psi, whitening)
+    norm = np.linalg.norm(gradient, axis=0)
+    known = int(np.isfinite(problem.size).sum())
+    scaled, samples = gradient / norm, len(e) - known
+    square, product = scaled.T @ scaled, scaled.T @ e
+    steps = np.empty((BLOCKS, len(z)))
+    for i, block in enumerate(np.array_split(np.arange(samples), BLOCKS)):
+        mine, its = scaled[block], e[block]
+        steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (product - mine.T @ its)
     spread = steps - steps.mean(axis=0)
     return np.sqrt((BLOCKS - 1) / BLOCKS * (spread**2).sum(axis=0)) / norm
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,15 +37,19 @@ def parameter_figure(
         Of the first log, where logs have dates.
     """
     beside = len(covariates)
-    fig = Figure(figsize=(8.0, 3.2 + 2.4 * bool(beside)), layout="constrained")
-    if beside:
-        grid = fig.add_gridspec(2, beside, height_ratios=(1.2, 1))
-        over_time = fig.add_subplot(grid[0, :])
-        for i, name in enumerate(covariates):
-            _over_covariate(fig.add_subplot(grid[1, i]), found, name, covariates[name])
-    else:
-        over_time = fig.subplots()
-    _over_time(over_time, found, clock, first, beside=bool(beside))
+    fig = Figure(figsize=(8.0, 7.5 if beside else 3.2), layout="constrained")
+    if not beside:
+        _over_time(fig.subplots(), found, clock, first)
+        return fig
+    grid = fig.add_gridspec(3, beside)
+    over_time = fig.add_subplot(grid[0, :])
+    _over_time(over_time, found, clock, first, raw=True)
+    over_time.set_title("as estimated", fontsize=9, loc="left")
+    left = fig.add_subplot(grid[1, :], sharex=over_time)
+    _over_time(left, found, clock, first)
+    left.set_title(f"less what {' and '.join(covariates)} explains", fontsize=9, loc="left")
+    for i, name in enumerate(covariates):
+        _over_covariate(fig.add_subplot(grid[2, i]), found, name, covariates[name])
     return fig
 
 
@@ -55,7 +60,7 @@ def overview_figure(found: Sequence[Verdict], clock: Clock, first: datetime | No
     fig = Figure(figsize=(8.0, 0.6 + 1.5 * lines), layout="constrained")
     axes = fig.subplots(lines, columns, squeeze=False, sharex=True).ravel()
     for ax, one in zip(axes, found, strict=False):
-        _over_time(ax, one, clock, first, beside=False, small=True)
+        _over_time(ax, one, clock, first, small=True)
     for ax in axes[len(found) :]:
         ax.set_axis_off()
     return fig
@@ -67,16 +72,18 @@ def _over_time(
     clock: Clock,
     first: datetime | None,
     *,
-    beside: bool,
+    raw: bool = False,
     small: bool = False,
 ) -> None:
+    """Draw a parameter over time, without what the covariates explain unless it is to be `raw`."""
     times = _times(clock.time[found.logs], first)
-    level = found.found.level
+    warm = found.found.of_covariates
+    level = found.found.level + (0.0 if raw or small else warm)
     percent = found.percent(found.series.value - level)
     _points(ax, times, percent, 200 * found.series.deviation, small=small)
-    if beside:
-        warm = found.percent(found.found.of_covariates)
-        ax.plot(times, warm, color=GREEN, lw=1.1, label="what the covariate explains")
+    if raw:
+        label = "what the covariate explains"
+        ax.plot(times, found.percent(warm), color=GREEN, lw=1.1, label=label)
     ax.plot(
         times, found.percent(found.found.fitted - level), color=ORANGE, lw=1.5,
         label="with the change found" if found.found.changes else "fitted",
@@ -101,7 +108,7 @@ def _over_time(
         ax.set_ylim(low, high + 0.22 * (high - low))
 
 
-def _times(days: Array, first: datetime | None) -> list[datetime] | list[float]:
+def _times(days: Array, first: datetime | None) -> Any:
     if first is None:
         return [float(day) for day in days]
     return [first + timedelta(days=float(day)) for day in days]

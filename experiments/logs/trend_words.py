@@ -11,6 +11,7 @@ from flexaxis.experiments.logs.change_points import Change
 from flexaxis.experiments.logs.covariates import Clock
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, SMALLEST, Verdict
 
+QUIET = "did not change"
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
 
@@ -25,8 +26,8 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
         largest = max(found.bare.changes, key=lambda c: abs(c.size))
         moved = float(found.percent(largest.size))
         lines = [
-            f"moved by {moved:+.2g} %, as {' and '.join(covariates)} did, and by nothing "
-            f"else: {', '.join(_slopes(found, covariates))}"
+            f"moved by {moved:+.2g} %, as {' and '.join(covariates)} did, and not besides: "
+            f"{', '.join(_slopes(found, covariates))}"
         ]
     elif found.kind == OPEN:
         assert found.change is not None
@@ -41,7 +42,7 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
         lines = [f"changed by {sizes} only, which is less than {100 * SMALLEST:g} %"]
     else:
         slopes = [text for text in _slopes(found, covariates) if "no effect" not in text]
-        lines = [", ".join(["did not change", *slopes])]
+        lines = [", ".join([QUIET, *slopes])]
     for outlier in found.found.outliers:
         size = float(found.percent(outlier.size))
         label = clock.labels[int(found.logs[outlier.place])]
@@ -92,11 +93,15 @@ def remarks(
     kinds = {CHANGED: "problem", OPEN: "problem", EXPLAINED: "note"}
     order = sorted(found, key=lambda v: (CHANGED, OPEN, EXPLAINED).index(v.kind)
                    if v.kind in kinds else len(kinds))  # fmt: skip
+    quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
     lines = [
         (kinds.get(v.kind, "ok") if i == 0 else "note", text)
         for v in order
+        if all(v is not other for other in quiet)
         for i, text in enumerate(sentences(v, clock, covariates))
     ]
+    if quiet:
+        lines.append(("ok", f"{', '.join(v.name for v in quiet)} {QUIET}"))
     if not covariates:
         lines.append(
             ("note", "without a covariate, warm and worn cannot be told apart: --covariate temp, "

@@ -1,4 +1,4 @@
-"""Wear told from warm: what changed in a parameter from log to log, and what a covariate explains."""
+"""Wear told from warm: what changed from log to log, and what of it a covariate explains."""
 
 from __future__ import annotations
 
@@ -9,8 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.change_points import FEWEST, Change, Explained, explain, size_of
-from flexaxis.experiments.logs.change_points import Sequence as Series
+from flexaxis.experiments.logs.change_points import (
+    FEWEST,
+    Change,
+    Explained,
+    Series,
+    explain,
+    size_of,
+)
 from flexaxis.experiments.logs.errors import LogError
 
 Array = NDArray[np.float64]
@@ -87,8 +93,12 @@ def verdict(
     x, s = value[logs], deviation[logs]
     proportional = bool((x > 0).all() and np.median(s / abs(x)) < PROPORTIONAL)
     middle = float(np.median(x if proportional else abs(x)))
-    shown = (np.log(x / middle), s / x) if proportional else (x / middle, s / middle)
-    series = Series(time[logs], *shown, covariates[logs])
+    series = Series(
+        time[logs],
+        np.log(x / middle) if proportional else x / middle,
+        s / (x if proportional else middle),
+        covariates[logs],
+    )
     bare = explain(replace(series, covariates=np.empty((len(logs), 0))), false_alarms=false_alarms)
     found = explain(series, false_alarms=false_alarms) if covariates.shape[1] else bare
     kind, change = STEADY, None

@@ -12,9 +12,10 @@ class StudyError(FlexaxisError):
     """A study is wrong, or cannot go on; the message has one line for each problem."""
 
 
-def no_study(folder: Path) -> StudyError:
+def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
     """Return the error for a folder that holds neither a run nor a study."""
+    why = f"{STUDY} is missing or damaged" + (f": {reason}" if reason else "")
     return StudyError(
-        f"{folder} is not the folder of a run or a study ({STUDY} is missing or damaged). "
+        f"{folder} is not the folder of a run or a study ({why}). "
         "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
     )

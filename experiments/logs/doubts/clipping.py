@@ -1,10 +1,18 @@
 """Clipping: a torque that stands at its extreme value."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 Flags = NDArray[np.bool_]
 
@@ -40,12 +48,12 @@ def at_limit(u: NDArray[np.float64]) -> Flags:
     return stuck
 
 
-def _draw(axes, u, stuck) -> None:  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, u: NDArray[np.float64], stuck: Flags) -> None:
     first = int(np.argmax(stuck))
     piece = slice(max(first - 100, 0), first + 300)
     k = np.arange(len(u))[piece]
-    axes.plot(k, u[piece], color="#0072B2", lw=0.8)
-    axes.plot(k[stuck[piece]], u[piece][stuck[piece]], ".", color="#D55E00", ms=4)
+    axes.plot(k, u[piece], color=BLUE, lw=0.8)
+    axes.plot(k[stuck[piece]], u[piece][stuck[piece]], ".", color=ORANGE, ms=4)
     axes.set(xlabel="sample", ylabel="torque")
 
 

@@ -1,11 +1,19 @@
 """Two clocks: a signal that is updated less often than the log has samples."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.resolution import step_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 Array = NDArray[np.float64]
 
@@ -40,6 +48,10 @@ def _look(e: Evidence) -> Doubt | None:
     every = {name: updates_every(v) for name, v in signals.items() if v is not None}
     name, motion = "clocks", {n: k for n, k in every.items() if n != "torque"}
     slowest = max(motion.values())
+    if e.raw.joined:
+        text = f"{e.raw.joined}: signals of two topics, of which the delay is not known"
+        command = "flexaxis identify, without --delay"
+        return Doubt(name, None, "samples", "note", text, command)
     if slowest == 1 and every["torque"] == 1:
         return Doubt(name, 1.0, "samples", "ok", "all signals are updated at each sample")
     text = ", ".join(f"{n} at every {'' if k == 1 else f'{k}. '}sample" for n, k in every.items())
@@ -61,12 +73,15 @@ def _look(e: Evidence) -> Doubt | None:
     )
 
 
-def _draw(axes, e) -> None:  # type: ignore[no-untyped-def]
-    values = e.raw.angle if e.raw.angle is not None else e.raw.speed
+def _draw(axes: Axes, e: Evidence) -> None:
+    assert e.raw is not None
+    values, label = e.raw.angle, "angle [rad]"
+    if values is None:
+        values, label = np.asarray(e.raw.speed), "speed [rad/s]"
     middle = len(values) // 2
     piece = values[middle : middle + 60]
-    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color="#0072B2", lw=0.9)
-    axes.set(xlabel="sample", ylabel="angle [rad]" if e.raw.angle is not None else "speed [rad/s]")
+    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color=BLUE, lw=0.9)
+    axes.set(xlabel="sample", ylabel=label)
 
 
 LOOK = Look(6, _look)

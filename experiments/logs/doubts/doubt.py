@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
     from flexaxis.experiments.logs.doubts.evidence import Evidence
 
+BLUE, ORANGE = "#0072B2", "#D55E00"  # what was measured, and what is remarkable in it
+
 Verdict = Literal["ok", "note", "problem"]
 
 
@@ -44,6 +46,11 @@ class Doubt:
     command: str = ""
     remedy: Mapping[str, Any] = field(default_factory=dict)
     draw: Callable[[Axes], None] | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def measured(self) -> str:
+        """What was measured, with its unit, in words."""
+        return "" if self.value is None else f"{self.value:.4g} {self.unit}".strip()
 
     def told(self) -> dict[str, Any]:
         """Return it as plain data, for JSON."""

@@ -1,9 +1,17 @@
 """Drift: slow motion below the excitation that the torque does not explain."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 SMALL = 5.0  # % of the rms of the speed
 UNEXPLAINED = 0.5  # coherence below which the torque does not explain the motion
@@ -29,7 +37,7 @@ def _look(e: Evidence) -> Doubt | None:
     return Doubt(name, share, unit, "note", text, command, remedy, draw=lambda axes: _draw(axes, e))
 
 
-def _draw(axes, e) -> None:  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, e: Evidence) -> None:
     """Draw the angle, and its slow part."""
     from scipy.signal import butter, sosfiltfilt
 
@@ -37,8 +45,8 @@ def _draw(axes, e) -> None:  # type: ignore[no-untyped-def]
     low = sosfiltfilt(butter(2, 2 * 0.7 * e.band[0] * e.period, output="sos"), angle)
     step = max(len(angle) // 4000, 1)
     time = e.time[::step] - e.time[0]
-    axes.plot(time, angle[::step], color="#0072B2", lw=0.5, label="angle")
-    axes.plot(time, low[::step], color="#D55E00", lw=1.2, label="below the excitation")
+    axes.plot(time, angle[::step], color=BLUE, lw=0.5, label="angle")
+    axes.plot(time, low[::step], color=ORANGE, lw=1.2, label="below the excitation")
     axes.set(xlabel="time [s]", ylabel="angle [rad]")
     axes.legend(frameon=False)
 

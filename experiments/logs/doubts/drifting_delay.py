@@ -1,10 +1,19 @@
 """A delay that drifts: torque and motion are stamped by two clocks."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.doubts.dead_time import lag_of
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 PIECES = 6  # of the log, over which the delay must stay
 LEAST = 1000  # samples in a piece
@@ -43,8 +52,8 @@ def _look(e: Evidence) -> Doubt | None:
     )
 
 
-def _draw(axes, time, length, lags) -> None:  # type: ignore[no-untyped-def]
-    axes.plot([time[k * length + length // 2] for k in range(PIECES)], lags, "o-", color="#0072B2")
+def _draw(axes: Axes, time: NDArray[np.float64], length: int, lags: list[float]) -> None:
+    axes.plot([time[k * length + length // 2] for k in range(PIECES)], lags, "o-", color=BLUE)
     axes.set(xlabel="time [s]", ylabel="dead time [samples]")
 
 

@@ -9,13 +9,18 @@ soon as there are reversals.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 Array = NDArray[np.float64]
 
@@ -25,7 +30,6 @@ LONGEST = 100_000  # samples that are looked at, in the middle of the log
 FEWEST = 200
 SOME, MUCH = 4.0, 10.0  # %; linear axes stay below 2, stiffening springs and cogging below 9
 UNSEEN = 1e-6  # of the torque: what is left where all is predicted but for rounding
-BLUE, ORANGE = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ def _look(e: Evidence) -> Doubt | None:
     )
 
 
-def _draw(axes, e, piece) -> None:  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, e: Evidence, piece: slice) -> None:
     """Draw torque less the part for acceleration against speed, with its mean at each speed."""
     u, v = e.torque[piece], e.step_speed[piece]
     a = np.gradient(v, e.period)

@@ -6,10 +6,18 @@ excitation. Where the motion is less than that, something holds the torque's mea
 model does not know, and a simulation from the torque runs away from the log.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 TELLS = 0.5  # coherence from which a gain is believed
 SMALL = 1.0  # % of the rms of the speed: what the mean of a torque may make unseen
@@ -62,14 +70,14 @@ def _against(e: Evidence) -> tuple[str, dict[str, object]]:
 _WORDS = ("small", "gravity, friction or a sensor; whether the motion shows it cannot be told")
 
 
-def _draw(axes, e, gain) -> None:  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, e: Evidence, gain: float) -> None:
     """Draw the angle, and where its mean torque would at least have taken it."""
     time = e.time - e.time[0]
     step = max(len(time) // 4000, 1)
     moved = np.cumsum(e.speed) * e.period
     due = gain * float(e.torque.mean()) * time
-    axes.plot(time[::step], moved[::step], color="#0072B2", lw=0.8, label="measured")
-    axes.plot(time[::step], due[::step], "--", color="#D55E00", label="from the mean torque")
+    axes.plot(time[::step], moved[::step], color=BLUE, lw=0.8, label="measured")
+    axes.plot(time[::step], due[::step], "--", color=ORANGE, label="from the mean torque")
     axes.set(xlabel="time [s]", ylabel="angle [rad]")
     axes.legend(frameon=False)
 

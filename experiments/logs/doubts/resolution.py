@@ -1,10 +1,18 @@
 """Resolution: steps of the encoder and of the current."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 
 Array = NDArray[np.float64]
 
@@ -47,10 +55,10 @@ def _look(e: Evidence) -> Doubt | None:
     return Doubt(name, step, "rad", "note", text, command, draw=lambda axes: _draw(axes, angle))
 
 
-def _draw(axes, angle) -> None:  # type: ignore[no-untyped-def]
+def _draw(axes: Axes, angle: Array) -> None:
     middle = len(angle) // 2
     piece = angle[middle : middle + 200]
-    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color="#0072B2", lw=0.9)
+    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color=BLUE, lw=0.9)
     axes.set(xlabel="sample", ylabel="angle [rad]")
 
 

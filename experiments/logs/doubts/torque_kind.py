@@ -8,14 +8,17 @@ which does not move the motor. To take one for the other is half a sample of del
 from __future__ import annotations
 
 import re
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import coherence, csd, welch
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Kind = Literal["held", "smooth"]
@@ -27,6 +30,13 @@ SHORT = 256  # samples in a piece, for the coherence
 MOVES, MOVES_NOT = 0.5, 0.3  # of the coherence that a torque which acts would have
 EXPECTED = 0.1  # coherence below which nothing can be told from its absence
 LONGEST = 500_000  # samples that are looked at
+
+GIVEN = "as stated"
+"""The reason of a kind that somebody stated."""
+AGAINST = f"{GIVEN}, but"
+"""How the reason begins where the signals speak against that."""
+UNSEEN = "its samples do not tell"
+_WORDS = {"held": "a command", "smooth": "a measured current"}
 
 _MEASURED = re.compile(r"meas|actual|\bact\b|_act|current|_ad|feedback|\bi_?q\b|effort", re.I)
 _COMMAND = re.compile(r"ref|cmd|command|set|desired|demand|target", re.I)
@@ -55,19 +65,27 @@ def torque_kind(
     >>> torque_kind(np.sign(np.random.default_rng(0).standard_normal(1000)), 0.001)[0]
     'held'
     """
+    seen = kind_seen(torque, period, speed=speed)
+    if seen:
+        return seen
+    if _COMMAND.search(name):
+        return "held", f"{UNSEEN}, but its column is called {name}"
+    if _MEASURED.search(name):
+        return "smooth", f"{UNSEEN}, but its column is called {name}"
+    return "held", f"{UNSEEN}; taken for a command"
+
+
+def kind_seen(
+    torque: ArrayLike, period: float, *, speed: ArrayLike | None = None
+) -> tuple[Kind, str] | None:
+    """Return what the signals alone tell of the kind of a torque; None where they do not."""
     u = np.asarray(torque, float)[:LONGEST]
     by_shape = _by_shape(u, period)
     if by_shape:
         return "held", by_shape
-    if speed is not None:
-        told = _by_motion(u, np.asarray(speed, float)[:LONGEST], period)
-        if told:
-            return told
-    if _COMMAND.search(name):
-        return "held", f"its column is called {name}; its samples do not tell"
-    if _MEASURED.search(name):
-        return "smooth", f"its column is called {name}; its samples do not tell"
-    return "held", "nothing tells whether it is a command or measured; taken for a command"
+    if speed is None:
+        return None
+    return _by_motion(u, np.asarray(speed, float)[:LONGEST], period)
 
 
 def _by_shape(u: Array, period: float) -> str:
@@ -114,18 +132,36 @@ def _by_motion(u: Array, speed: Array, period: float) -> tuple[Kind, str] | None
 
 
 def _look(e: Evidence) -> Doubt:
-    name = "torque between samples"
-    kind = "smooth" if e.smooth else "held"
-    text = f"{kind}: {e.kind_because}" if e.kind_because else kind
-    if e.kind_because.startswith(GIVEN) or e.raw is None:
-        return Doubt(name, None, "", "ok", text)
+    name, kind = "torque between samples", "smooth" if e.smooth else "held"
     other = "held" if e.smooth else "smooth"
+    command, remedy = f"--torque-is {other}", {"torque_is": other}
+    text = f"{kind}: {e.kind_because}" if e.kind_because else kind
+
+    def draw(axes: Axes) -> None:
+        _draw(axes, e)
+
+    if AGAINST in e.kind_because:
+        return Doubt(name, None, "", "problem", text, command, remedy, draw)
+    if UNSEEN not in e.kind_because:
+        return Doubt(name, None, "", "ok", text)
     text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
-    return Doubt(name, None, "", "note", text, f"--torque-is {other}", {"torque_is": other})
+    return Doubt(name, None, "", "note", text, command, draw=draw)
 
 
-GIVEN = "as stated"
-"""The reason of a kind that somebody stated."""
-_WORDS = {"held": "a command", "smooth": "a measured current"}
+def _draw(axes: Axes, e: Evidence) -> None:
+    """Draw the spectra of the torque, and of the acceleration as a torque on the inertia."""
+    s, rate = e.spectra, 1 / e.period
+    seen = s.frequency > 0
+    turn = 2 * np.sin(np.pi * s.frequency[seen] * e.period) * rate  # of a difference
+    shaken = s.speed[seen] * turn**2
+    band = s.torque[seen] > 0.01 * s.torque.max()
+    ratio = float(np.median(s.torque[seen][band] / shaken[band]))
+    label = "acceleration, as much within the band"
+    axes.loglog(s.frequency[seen], np.sqrt(s.torque[seen]), color=BLUE, lw=0.8, label="torque")
+    axes.loglog(s.frequency[seen], np.sqrt(ratio * shaken), color=ORANGE, lw=0.8, label=label)
+    axes.axvline(0.25 * rate, color="0.3", lw=0.6)
+    axes.set(xlabel="frequency [Hz]", ylabel="torque [per √Hz]")
+    axes.legend(frameon=False)
+
 
 LOOK = Look(10, _look)

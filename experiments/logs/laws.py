@@ -1,0 +1,178 @@
+"""Which law of friction a log asks for: the simplest that predicts what it was not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.offline.prediction_error import Fitted
+from flexaxis.experiments.logs.attempt import Attempt, Log, best
+from flexaxis.experiments.logs.friction import CHOICES, Sizes, rubbing
+from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
+from flexaxis.experiments.logs.starts import Starts
+
+LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MOST = 20_000  # samples that laws are compared on
+OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
+ORDER = ("coulomb", "lugre", "static")
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A law that was compared with a simpler one.
+
+    Attributes
+    ----------
+    name, against : str
+        Words of both.
+    comparison : Comparison
+    taken : bool
+    """
+
+    name: str
+    against: str
+    comparison: Comparison
+    taken: bool
+
+
+def choose(
+    starts: Starts,
+    linear: Attempt,
+    fitted: Fitted,
+    wanted: str,
+    *,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
+) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
+    """Return the attempt with the law that is wanted, or with the one that the log asks for.
+
+    Parameters
+    ----------
+    starts : Starts
+    linear, fitted
+        The attempt without a law, or with those of the axis, and its fit.
+    wanted : str
+        Word of the law, or ``"auto"``.
+    free, fix : sequence of str
+        As for `flexaxis.experiments.logs.identify.identify`.
+    """
+    if linear.model.laws:
+        return linear, fitted, (), "as told"
+    able = "speed_motor" in linear.model.states and "J_m" in linear.model.parameters
+    if wanted in OPEN and not (able and starts.whole):
+        return linear, fitted, (), "none"
+    short = replace(linear, log=linear.log.part(MOST))
+    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), starts.level())
+    begun, tried = bench.compared(wanted) if wanted in OPEN else (bench.started(wanted, None), ())
+    if begun is None or wanted == "none":
+        return linear, fitted, tried, "none"
+    begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
+    return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+
+def tried_word(tried: Sequence[Tried]) -> str:
+    """Return the word of the last law that was taken."""
+    return next((t.name for t in reversed(tried) if t.taken), "")
+
+
+@dataclass(frozen=True)
+class _Bench:
+    starts: Starts
+    linear: Attempt
+    fitted: Fitted
+    free: tuple[str, ...]
+    fix: tuple[str, ...]
+    level: float
+
+    def started(self, kind: str, simple: Begun | None) -> Begun:
+        """Return a law about where it fits: from the linear model's values, or a simpler law's."""
+        attempt = self.attempt(kind)
+        level = self.level or LEAST_LEVEL * float(np.std(self.linear.log.u))
+        if kind != "coulomb":
+            simple = simple or self.started("coulomb", None)
+            attempt = attempt.having(simple.attempt.values(simple.fitted))
+            places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
+        else:
+            places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
+        tries = [attempt.solve(*place, rounds=2, fine=False) for place in places]
+        return Begun(attempt, best(tries))
+
+    def attempt(self, kind: str) -> Attempt:
+        """Return the attempt with a law."""
+        linear = self.linear
+        k_T = linear.model.nominal.get("k_T", 1.0)
+        model, box = rubbing(
+            linear.having(linear.values(self.fitted)).model,
+            kind,
+            _sizes(linear.log, linear, self.fitted),
+            abs(self.level * k_T),
+        )
+        mine = [n for n in box.start if (not self.free or n in self.free) and n not in self.fix]
+        return replace(
+            linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
+        )
+
+    @property
+    def _lag(self) -> float:
+        return float(self.fitted.z[-1])
+
+    def compared(self, wanted: str) -> tuple[Begun | None, tuple[Tried, ...]]:
+        """Return the simplest law that predicts best what is held out, None for no law at all."""
+        ok = self.linear.log.ok
+        without, word = held_out(ok), "none"
+        begun, part = None, Begun(self.linear, self.fitted).fitted_without(without)
+        tried: list[Tried] = []
+        for kind in ORDER if wanted == "auto" else ORDER[:1]:
+            other = self.started(kind, begun)
+            other_part = other.fitted_without(without)
+            comparison = compare(part, other_part, without, ok)
+            tried.append(Tried(kind, word, comparison, comparison.better))
+            if comparison.better:
+                word, begun, part = kind, Begun(other.attempt, other_part), other_part
+            elif kind == "coulomb":
+                break
+        return begun, tuple(tried)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """An attempt, and about what comes of it."""
+
+    attempt: Attempt
+    fitted: Fitted
+
+    def fitted_without(self, without: Flags) -> Fitted:
+        """Return the fit to the rest of the log."""
+        z = self.fitted.z
+        theta = z[: len(self.attempt.names)]
+        return self.attempt.solve(theta, float(z[-1]), without=without, rounds=2, fine=False)
+
+    def finished(self) -> Fitted:
+        """Return the fit to all of the log."""
+        z = self.fitted.z
+        return self.attempt.solve(z[: len(self.attempt.names)], float(z[-1]), rounds=4)
+
+
+def theta_of(attempt: Attempt) -> Array:
+    """Return the nominal values of what is identified."""
+    return attempt.model.parametrize(attempt.names).theta
+
+
+def _sizes(log: Log, attempt: Attempt, fitted: Fitted) -> Sizes:
+    """Return how large what the axis does is, with the rate of its fastest mode."""
+    model = attempt.having(attempt.values(fitted)).model
+    every = model.parametrize(model.parameters)
+    poles = np.linalg.eigvals(every.matrices(every.theta)[0])
+    speed, torque = float(np.std(log.y[log.ok])), float(np.std(log.u[log.ok]))
+    change = float(np.std(np.diff(log.u[log.ok]))) / torque / log.period
+    rate = min(max(float(np.max(abs(poles))), change), 1 / log.period)
+    return Sizes(abs(model.nominal.get("k_T", 1.0)) * torque, speed, rate)
+
+
+assert set(ORDER) == set(CHOICES)
