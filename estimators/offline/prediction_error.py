@@ -199,9 +199,7 @@ class Problem:
         for _ in range(len(at.z)):
             step = np.zeros(len(at.z))
             step[free] = damped_step(at.H[np.ix_(free, free)], at.g[free], damping)
-            out = free & (
-                ((at.z <= self.lower) & (step < 0)) | ((at.z >= self.upper) & (step > 0))
-            )
+            out = free & (((at.z <= self.lower) & (step < 0)) | ((at.z >= self.upper) & (step > 0)))
             if not out.any():
                 break
             free &= ~out

@@ -67,7 +67,9 @@ class Starts:
         except LogError:
             return None
 
-    def search(self, attempt: Attempt, level: float = 0.0, rounds: int = 6) -> tuple[Attempt, Fitted]:
+    def search(
+        self, attempt: Attempt, level: float = 0.0, rounds: int = 6
+    ) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
         tries = [
             attempt.solve(theta, lag, rounds=2, fine=False)

@@ -132,9 +132,7 @@ def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
     )
 
 
-def _blind(
-    attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response | None
-) -> list[str]:
+def _blind(attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response | None) -> list[str]:
     band = ""
     if seen is not None:
         low, high = seen.omega[[0, -1]] / (2 * np.pi)
