@@ -290,3 +290,31 @@ def test_every_doubt_draws(clean, tmp_path):
     assert len(drawn) >= 4
     for check in drawn:
         assert isinstance(doubt_figure(check), Figure)
+
+
+def test_a_record_of_standstill_has_one_doubt():
+    from flexaxis.sim.record import Record
+
+    record = Record(
+        time=T * np.arange(500),
+        torque=np.zeros(500),
+        speed=np.random.default_rng(0).standard_normal(500),
+    )
+    (doubt,) = doubts_of(record)
+    assert doubt.name == "motion" and doubt.verdict == "problem"
+
+
+def test_pauses_are_not_taken_for_sticking(clean, tmp_path):
+    u = clean["torque"].copy()
+    u[6000:14000] = 0
+    angle = moved(u) + 1e-7 * np.random.default_rng(0).standard_normal(len(u))
+    assert seen(imported(tmp_path, log(u, angle)), "standing under torque").verdict == "ok"
+
+
+def test_slow_motion_ruled_by_friction_is_no_opposite_sign(tmp_path):
+    """About the corner f/J, .8 Hz, the acceleration leads by 20 to 70°."""
+    u = shaken(40.0, low=0.3, high=2.0)
+    doubt = seen(imported(tmp_path, log(u, moved(u))), "dead time from torque to angle")
+    assert doubt.verdict == "ok"
+    doubt = seen(imported(tmp_path, log(-u, moved(u))), "dead time from torque to angle")
+    assert doubt.verdict == "problem" and doubt.command == "--scale torque=-1"
