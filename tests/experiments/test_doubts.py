@@ -118,9 +118,9 @@ def test_a_flexible_axis_is_not_dry():
     """Two masses and a spring, lightly damped, through both of whose modes the torque goes."""
     k, d = 400.0, 0.02
     A = np.array([[0, 1, -1], [-k / J, -(d + F) / J, d / J], [k / J, d / J, -(d + F) / J]])
-    system = cont2discrete((A, [[0], [1 / J], [0]], [[0, 1, 0]], [[0]]), T)[:3]
+    B, C, D = np.array([[0], [1 / J], [0]]), np.array([[0, 1, 0]]), np.zeros((1, 1))
     u = shaken(10.0)
-    _, speed, _ = dlsim((*system, [[0]], T), u)
+    _, speed, _ = dlsim(cont2discrete((A, B, C, D), T), u)
     noise = 1e-2 * np.random.default_rng(0).standard_normal(len(u))
     record = Record(time=T * np.arange(len(u)), torque=u, speed=speed[:, 0] + noise)
     told = {doubt.name: doubt for doubt in doubts_of(record)}
