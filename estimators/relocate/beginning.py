@@ -180,6 +180,8 @@ class Beginning:
         if not np.isfinite(whole.square):
             return None
         left = self._left(memory, whole)
+        if not left.explained:  # something is far from what was told, and all may be that
+            return Fitted(whole.theta, every, prior.noise, {})
         noise = max(left.variance * left.repeated, self.design.noise**2)
         if abs(np.log(noise / prior.noise)) > OTHER:  # what a white residual of it would tell
             prior = prior._replace(noise=noise)
