@@ -96,7 +96,7 @@ class Rewind:
         P[mine, mine] = SPREAD**2 / noise
         row = memory.beginning(first + 1)
         self._run(memory, row, theta, (X, P, P), memory.signals(first)[1:])
-        memory.state["signal"], memory.state["force"] = memory.state["power"], 0.0
+        memory.state["signal"] = memory.state["power"]
 
     def _run(
         self,
