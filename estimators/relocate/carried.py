@@ -36,6 +36,8 @@ OF_SAMPLE = (
     "white", "correlation", "power", "count", "y", "valid", "u", "turned",
 )  # fmt: skip
 """… and of a sample."""
+COMMON = ("bristle", "sinusoid")
+"""Laws of which an axis may well have one and no other: dry friction, cogging."""
 AXES: Mapping[str, int] = {
     "inflation": 2, "drift": 2, "regularization": 1, "lower": 1, "upper": 1, "floor": 1, "early": 1,
     "theta": 1, "P": 2, "claim": 2, "granted": 1, "psi": 1, "gain": 1, "moved": 1, "spread": 1,
@@ -54,8 +56,8 @@ def choices(design: Design, roles: Roles) -> list[Choice]:
     """
     Return what a filter may carry, the narrowest first and everything last.
 
-    That is what is tracked; with laws, what is tracked of a linear axis, and of one with the first
-    of the laws that may be absent, which is dry friction.
+    That is what is tracked; with laws, what is tracked of a linear axis, and of one with dry
+    friction or cogging alone.
     """
     everything = np.arange(len(design.theta0))
     laws = design.model.laws
@@ -65,7 +67,8 @@ def choices(design: Design, roles: Roles) -> list[Choice]:
     every = tuple(range(len(laws.kind)))
     maybe = [i for i in every if _inert(design, i) is not None]
     found = []
-    for absent in (maybe, maybe[1:]):
+    common = [i for i in maybe if KINDS[laws.kind[i]] in COMMON]
+    for absent in (maybe, *([j for j in maybe if j != i] for i in common)):
         kept = tuple(i for i in every if i not in absent)
         gone = {int(j) for i in absent for j in laws.parameter[i]}
         mine = {int(j) for i in kept for j in laws.parameter[i] if j >= 0}
