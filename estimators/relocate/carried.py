@@ -10,7 +10,7 @@ needs no past: what has just changed had no influence before.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +87,14 @@ def _inert(design: Design, law: int) -> Places | None:
     return places if roles and named else None
 
 
+class Column(NamedTuple):
+    """Which numbers of eight bytes in a row a field is, their kind, and the shape of the field."""
+
+    words: slice
+    kind: np.dtype
+    shape: tuple[int, ...]
+
+
 class Carried:
     """
     One choice, with the records of its filter.
@@ -104,8 +112,10 @@ class Carried:
     ----------
     places : (q,) int array
         Of the parameters that are carried.
-    remembered : dtype
-        Of what the ring keeps of a sample.
+    columns : mapping of str to Column
+        Where in a row of the ring each field stands.
+    parameters, size : int
+        Numbers of eight bytes in a row, those of the parameters and all.
     """
 
     def __init__(self, choice: Choice, design: Design, tuning: Record, state: Record) -> None:
@@ -124,9 +134,22 @@ class Carried:
         _, begun = self.records(design.theta0)
         kinds = begun.dtype.fields
         assert kinds is not None  # it is a record
-        names = OF_ALL + OF_SAMPLE
-        self.remembered = np.dtype([(name, kinds[name][0]) for name in names], align=True)
-        self.size = self.remembered.itemsize // 8
+        self.columns = {
+            name: Column(
+                slice(kinds[name][1] // 8, (kinds[name][1] + kinds[name][0].itemsize) // 8),
+                kinds[name][0].base,
+                kinds[name][0].shape,
+            )
+            for name in OF_ALL + OF_SAMPLE
+        }
+        self.size = self.columns[OF_SAMPLE[-1]].words.stop
+        self.parameters = self.columns[OF_SAMPLE[0]].words.start
+        mine, every = self.places, slice(None)
+        self._where = {name: (every, mine) for name in ("theta", "psi")} | {
+            "P": (every, mine[:, None], mine),
+            "claim": (every, mine[:, None], mine),
+            "X": (every, self._rows[:, None], np.r_[0, 1 + mine]),
+        }
         self.loop = remembering_loop(split(self._held(design.theta0).model)[0], self.size)
 
     def has(self, theta: Array, in_use: NDArray[np.bool_]) -> bool:
@@ -156,22 +179,44 @@ class Carried:
             lower=design.lower[mine], upper=design.upper[mine], x0=design.x0[self._rows[:-1]],
         )  # fmt: skip
 
+    def field(self, name: str, words: Array, places: Places) -> NDArray[Any]:
+        """Return one field (N, …) of some rows of the ring (length, K)."""
+        column = self.columns[name]
+        if not column.shape:
+            return words[places, column.words.start].view(column.kind)
+        return words[places, column.words].view(column.kind).reshape(-1, *column.shape)
+
+    def unpack(self, words: Array, places: Places, theta: Array, rows: Record) -> None:
+        """Write some rows of the ring to rows (N,) of all parameters, the others of which are θ."""
+        samples_of(rows)[:] = words[places, self.parameters : self.size]
+        rows["theta"] = theta
+        for name in OF_ALL:
+            self.spread(name, self.field(name, words, places), rows[name])
+
+    def packed(self, values: Mapping[str, Array]) -> Array:
+        """Return what is remembered of all parameters, (N, …), as rows of the ring begin."""
+        mine, N = self.places, len(values["theta"])
+        words = np.zeros((N, self.parameters))
+        for name in OF_ALL:
+            column = self.columns[name]
+            part = values[name][self._where[name]]
+            if name == "X":
+                lanes = words[:, column.words].reshape(N, *column.shape)
+                lanes[:, :, : 1 + len(mine)] = part
+                part = lanes
+            words[:, column.words] = part.reshape(N, -1)
+        return words
+
     def spread(self, name: str, own: Array, values: Array) -> None:
         """Write a field (N, …) of its own records to one of all parameters, where it carries it."""
-        values[self._where(name)] = own[..., : 1 + len(self.places)] if name == "X" else own
+        values[self._where[name]] = own[..., : 1 + len(self.places)] if name == "X" else own
 
-    def gather(self, name: str, values: Array, own: Array) -> None:
-        """Write a field (N, …) of all parameters to one of its own records."""
-        if name == "X":
-            own[..., 1 + len(self.places) :] = 0.0
-            own = own[..., : 1 + len(self.places)]
-        own[:] = values[self._where(name)]
 
-    def _where(self, name: str) -> tuple[slice | Places, ...]:
-        mine = self.places
-        if name == "X":
-            return slice(None), self._rows[:, None], np.r_[0, 1 + mine]
-        return (slice(None), mine[:, None], mine) if AXES[name] == 2 else (slice(None), mine)
+def samples_of(rows: Record) -> Array:
+    """Return what is remembered of samples, as in rows of the ring; to read, or to write."""
+    words = rows.view(float).reshape(len(rows), -1)
+    assert rows.dtype.fields is not None  # they are records
+    return words[:, : rows.dtype.fields[OF_SAMPLE[-1]][1] // 8 + 1]
 
 
 def row_of(design: Design, state: Record) -> Record:

@@ -5,7 +5,7 @@ Samples are counted from the first that the filter ever took. What is known of a
 all parameters, whatever the filter carried at the time.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.records import Record
-from flexaxis.estimators.relocate.carried import AXES, OF_ALL, OF_SAMPLE, Carried, narrowest
+from flexaxis.estimators.relocate.carried import (
+    AXES,
+    OF_ALL,
+    OF_SAMPLE,
+    Carried,
+    narrowest,
+    samples_of,
+)
 from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
@@ -25,7 +32,6 @@ Places = NDArray[np.int64]
 MEMORY = 5.12  # s
 SEARCHED = 4.0  # s of the past, that a search looks at …
 EVALUATIONS = 200  # … for so many samples at most, one evaluation in each
-REPLAYED = ("theta", "P", "claim", "epsilon", "scale")  # fields of a row that a replay gives
 
 
 @dataclass(frozen=True)
@@ -85,12 +91,14 @@ class Memory:
         period: float,
     ) -> None:
         self._choices, self._row, self._set, self._begin = carried, row, tuning, state
+        psi = row.dtype["psi"]
+        self._heard = np.dtype([*((name, row.dtype[name]) for name in OF_SAMPLE), ("psi", psi)])
         self._kept = [name for name in state.dtype.names or () if name not in AXES]
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
         self.reset()
         for one in carried:  # what has to be compiled is compiled now, and not at the first alarm
-            self._go_on(one, row[0], 0)
+            self._go_on(one, {name: row[name] for name in OF_ALL}, 0)
             self.run(np.empty(0), np.empty(0), np.empty(0, bool), *np.empty((2, 0, 3)))
         self.reset()
 
@@ -98,23 +106,27 @@ class Memory:
         """Return to the start."""
         self._drift = self._set["drift"][0].copy()
         self._states, self._ring = self._begin, Ring(self._length)
-        self._carry(self._row[0], 0)
+        self._carry({name: self._row[name] for name in OF_ALL}, 0)
 
-    def _carry(self, row: np.void, first: int) -> None:
-        """Go on from what is remembered of a sample, and remember so from a first sample on."""
-        theta = row["theta"].copy()
-        carried = narrowest(self._choices, theta, np.diag(row["P"]) != 0)
-        self._go_on(carried, row, first)
+    def _carry(self, values: Mapping[str, Array], first: int) -> None:
+        """
+        Go on from what is known of all parameters, (N, …), the last of which is the present.
 
-    def _go_on(self, carried: Carried, row: np.void, first: int) -> None:
-        self._carried, self._theta = carried, row["theta"].copy()
+        What comes before is what is remembered, from some first sample on.
+        """
+        carried = narrowest(self._choices, values["theta"][-1], np.diag(values["P"][-1]) != 0)
+        self._go_on(carried, values, first)
+
+    def _go_on(self, carried: Carried, values: Mapping[str, Array], first: int) -> None:
+        self._carried, self._theta = carried, values["theta"][-1].copy()
         tuning, state = carried.records(self._theta)
         for name in self._kept:
             state[name] = self._states[name]
-        for name in OF_ALL:
-            carried.gather(name, row[name][None], state[name])
+        packed = carried.packed(values)
+        state.view(float)[: carried.parameters] = packed[-1]
         self._tuning, self._states = tuning, state
         self._ring.begin(first, carried, self._theta)
+        self._ring.words[self._places(first)[: len(packed) - 1], : carried.parameters] = packed[:-1]
         self.drift = self._drift
 
     @property
@@ -175,9 +187,10 @@ class Memory:
             state[name] = row[name]
         state["armed"] = state["learning"] = state["turning"] = 0
         for era, _, places in self._ring.parts(int(row["count"]), self.count):
-            rows = self._ring.rows(era.carried)
-            rows["u"][places, 1] -= rows["turned"][places] - row["turned"]
-            rows["turned"][places] = row["turned"]
+            angle = era.carried.columns["u"].words.start + 1
+            turned = era.carried.columns["turned"].words.start
+            self._ring.words[places, angle] -= self._ring.words[places, turned] - row["turned"]
+            self._ring.words[places, turned] = row["turned"]
         state["angle"] -= state["turned"] - row["turned"]
         state["turned"] = row["turned"]
 
@@ -200,10 +213,10 @@ class Memory:
 
     def freeze(self, parameter: int) -> None:
         """Take a parameter as known from now on."""
-        row = self._present()
-        for M in (row["P"], row["claim"]):
+        values = {name: self._now(name)[None] for name in OF_ALL}
+        for M in (values["P"], values["claim"]):
             M[0, parameter, :] = M[0, :, parameter] = 0.0
-        self._carry(row[0], self.count)
+        self._carry(values, self.count)
 
     def run(
         self, u: Array, y: Array, present: NDArray[np.bool_], estimates: Array, trace: Array
@@ -235,21 +248,16 @@ class Memory:
         rows = np.zeros(self.count - first, self._row.dtype)
         for era, start, places in self._ring.parts(first, self.count):
             part = rows[start - first :][: len(places)]
-            own = self._ring.rows(era.carried)[places]
-            part["theta"] = era.theta
-            for name in OF_SAMPLE:
-                part[name] = own[name]
-            for name in OF_ALL:
-                era.carried.spread(name, own[name], part[name])
+            era.carried.unpack(self._ring.words, places, era.theta, part)
         rows.flags.writeable = False
         return Stretch(first, rows)
 
     def read(self, name: str, first: int) -> Array:
         """Return one field of samples from one on; zero where nothing is remembered."""
-        kind = self._row.dtype[name]
-        values = np.zeros((self.count - first, *kind.shape), kind.base)
+        column = self._carried.columns[name]
+        values = np.zeros((self.count - first, *column.shape), column.kind)
         for era, start, places in self._ring.parts(max(first, self.first), self.count):
-            own = self._ring.rows(era.carried)[name][places]
+            own = era.carried.field(name, self._ring.words, places)
             values[start - first :][: len(places)] = own
         return values
 
@@ -274,33 +282,26 @@ class Memory:
             The other filter at each later sample, and one sample ahead.
         """
         first = int(row["count"])
-        rows = self.stretch(first).rows.copy()
-        last = rows["epsilon"][-1]
-        for name in REPLAYED:
-            rows[name] = getattr(replayed, name)[:-1]
-        rows["X"] = replayed.X[:-1].transpose(0, 2, 1)
+        rows, before = np.zeros(self.count - first, self._heard), np.zeros(1, self._heard)
+        samples, last = samples_of(rows), self.read("epsilon", self.count - 1)[0]
+        for era, start, places in self._ring.parts(first, self.count):
+            own = self._ring.words[places, era.carried.parameters : era.carried.size]
+            samples[start - first :][: len(places)] = own
+        samples_of(before)[:] = samples_of(np.array([row]))
+        rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
         rows["psi"] = replayed.X[:-1, 1:, -1]
-        relearn(self._set, rows, replayed.spread, np.array([row]))
+        relearn(self._set, rows, replayed.spread, before)
         # what the other filter left out is left out for good, but for the last sample, of which it
         # is not known yet whether it is an outlier
         rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])
         if np.isnan(replayed.epsilon[-2]):
             rows["epsilon"][-1] = last
-        now = self._present()
-        now["theta"], now["P"], now["claim"] = (
-            getattr(replayed, name)[-1] for name in ("theta", "P", "claim")
-        )
-        now["X"] = replayed.X[-1].T
         for name in HANDED_ON:
             self._states[name] = rows[name][-1]
         self._states["turning"] = 1
-        self._carry(now[0], first)
-        own = np.zeros(len(rows), self._carried.remembered)
-        for name in OF_SAMPLE:
-            own[name] = rows[name]
-        for name in OF_ALL:
-            self._carried.gather(name, rows[name], own[name])
-        self._ring.rows(self._carried)[np.arange(first, self.count) % self._length] = own
+        self._carry(replayed.of_all(), first)
+        mine = slice(self._carried.parameters, self._carried.size)
+        self._ring.words[self._places(first), mine] = samples
 
     def _now(self, name: str) -> Array:
         """Return what there is of every parameter, of all of them."""
@@ -308,12 +309,8 @@ class Memory:
         self._carried.spread(name, self._states[name], values[None])
         return values
 
-    def _present(self) -> Record:
-        """Return the present as a row (1,)."""
-        row = self._row.copy()
-        for name in OF_ALL:
-            row[name] = self._now(name)
-        return row
+    def _places(self, first: int) -> Places:
+        return np.arange(first, self.count) % self._length
 
 
 class Present:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.recursion.records import Record
 from flexaxis.estimators.relocate.carried import Carried
 
 Array = NDArray[np.float64]
@@ -63,7 +62,3 @@ class Ring:
             start, stop = max(first, era.first), min(end, later.first if later else end)
             if start < stop:
                 yield era, start, np.arange(start, stop) % self.length
-
-    def rows(self, carried: Carried) -> Record:
-        """Return all rows (length,) as records of one choice, to read or write those of its own."""
-        return self.words[:, : carried.size].view(carried.remembered)[:, 0]
