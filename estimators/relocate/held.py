@@ -67,10 +67,13 @@ def _acting(
     """Return the laws that remain, with states where ``place`` says."""
     if model.laws is None or not len(laws):
         return None
-    kind, memory, drive, value, parameter = (part[list(laws)] for part in model.laws)
+    all_of, kept = model.laws, list(laws)
+    memory, value, parameter = all_of.memory[kept], all_of.value[kept], all_of.parameter[kept]
     where = np.full(len(theta) + 1, -1)  # the last for what is no parameter
     where[places] = np.arange(len(places))
     held_at = np.where((parameter >= 0) & (where[parameter] < 0), np.r_[theta, 1.0][parameter], 1.0)
     inputs = np.r_[place[: model.states] >= 0, True]
     own = np.where(memory >= 0, place[memory], -1)
-    return Acting(kind, own, drive[:, inputs], value * held_at, where[parameter])
+    return Acting(
+        all_of.kind[kept], own, all_of.drive[kept][:, inputs], value * held_at, where[parameter]
+    )

@@ -13,17 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.records import Record
-from flexaxis.estimators.relocate.carried import (
-    AXES,
-    OF_ALL,
-    OF_SAMPLE,
-    Carried,
-    narrowest,
-    samples_of,
-)
+from flexaxis.estimators.relocate.carried import AXES, Carried, narrowest
 from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
+from flexaxis.estimators.relocate.rows import OF_ALL, heard, words_of
 from flexaxis.estimators.relocate.taking import HANDED_ON, relearn
 
 Array = NDArray[np.float64]
@@ -91,8 +85,7 @@ class Memory:
         period: float,
     ) -> None:
         self._choices, self._row, self._set, self._begin = carried, row, tuning, state
-        psi = row.dtype["psi"]
-        self._heard = np.dtype([*((name, row.dtype[name]) for name in OF_SAMPLE), ("psi", psi)])
+        self._heard, self._carried, self._theta = heard(row), carried[-1], row["theta"][0]
         self._kept = [name for name in state.dtype.names or () if name not in AXES]
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
@@ -118,16 +111,18 @@ class Memory:
         self._go_on(carried, values, first)
 
     def _go_on(self, carried: Carried, values: Mapping[str, Array], first: int) -> None:
-        self._carried, self._theta = carried, values["theta"][-1].copy()
-        tuning, state = carried.records(self._theta)
-        for name in self._kept:
-            state[name] = self._states[name]
-        packed = carried.packed(values)
-        state.view(float)[: carried.parameters] = packed[-1]
-        self._tuning, self._states = tuning, state
-        self._ring.begin(first, carried, self._theta)
-        self._ring.words[self._places(first)[: len(packed) - 1], : carried.parameters] = packed[:-1]
-        self.drift = self._drift
+        packed, theta = carried.packed(values), values["theta"][-1].copy()
+        begun = self._states is not self._begin
+        if not (begun and carried is self._carried and carried.same(theta, self._theta)):
+            self._tuning, state = carried.records(theta)
+            for name in self._kept:
+                state[name] = self._states[name]
+            self._carried, self._states = carried, state
+            self.drift = self._drift
+        self._theta, rows = theta, slice(carried.samples, carried.size)
+        words_of(self._states)[0, rows] = packed[-1]
+        self._ring.begin(first, carried, theta)
+        self._ring.words[self._places(first)[: len(packed) - 1], rows] = packed[:-1]
 
     @property
     def state(self) -> "Present":
@@ -186,11 +181,11 @@ class Memory:
         for name in NORMAL:
             state[name] = row[name]
         state["armed"] = state["learning"] = state["turning"] = 0
-        for era, _, places in self._ring.parts(int(row["count"]), self.count):
-            angle = era.carried.columns["u"].words.start + 1
-            turned = era.carried.columns["turned"].words.start
-            self._ring.words[places, angle] -= self._ring.words[places, turned] - row["turned"]
-            self._ring.words[places, turned] = row["turned"]
+        places, words = self._places(int(row["count"])), self._ring.words
+        angle = self._carried.column("u").words.start + 1
+        turned = self._carried.column("turned").words.start
+        words[places, angle] -= words[places, turned] - row["turned"]
+        words[places, turned] = row["turned"]
         state["angle"] -= state["turned"] - row["turned"]
         state["turned"] = row["turned"]
 
@@ -228,7 +223,7 @@ class Memory:
         """
         mine = self._carried.places[self._carried.places < estimates.shape[1]]
         found = np.empty((len(u), len(mine)))
-        words = self._states.view(np.float64).reshape(1, -1)
+        words = words_of(self._states)
         taken = self._carried.loop(
             self._tuning, self._states, u, y, present, found, trace, words, self._ring.words
         )
@@ -248,17 +243,16 @@ class Memory:
         rows = np.zeros(self.count - first, self._row.dtype)
         for era, start, places in self._ring.parts(first, self.count):
             part = rows[start - first :][: len(places)]
-            era.carried.unpack(self._ring.words, places, era.theta, part)
+            era.carried.unpack(self._ring.words[places], era.theta, part)
         rows.flags.writeable = False
         return Stretch(first, rows)
 
     def read(self, name: str, first: int) -> Array:
         """Return one field of samples from one on; zero where nothing is remembered."""
-        column = self._carried.columns[name]
+        column, start = self._carried.column(name), max(self.first - first, 0)
         values = np.zeros((self.count - first, *column.shape), column.kind)
-        for era, start, places in self._ring.parts(max(first, self.first), self.count):
-            own = era.carried.field(name, self._ring.words, places)
-            values[start - first :][: len(places)] = own
+        words = self._ring.words[self._places(first + start), column.words]
+        values[start:] = words.view(column.kind).reshape(-1, *column.shape)
         return values
 
     def signals(self, first: int) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -282,12 +276,11 @@ class Memory:
             The other filter at each later sample, and one sample ahead.
         """
         first = int(row["count"])
-        rows, before = np.zeros(self.count - first, self._heard), np.zeros(1, self._heard)
-        samples, last = samples_of(rows), self.read("epsilon", self.count - 1)[0]
-        for era, start, places in self._ring.parts(first, self.count):
-            own = self._ring.words[places, era.carried.parameters : era.carried.size]
-            samples[start - first :][: len(places)] = own
-        samples_of(before)[:] = samples_of(np.array([row]))
+        places, samples = self._places(first), slice(0, self._carried.samples)
+        rows, before = np.zeros(len(places), self._heard), np.zeros(1, self._heard)
+        words_of(rows)[:, samples] = self._ring.words[places, samples]
+        words_of(before)[:, samples] = words_of(np.array([row]))[:, samples]
+        last = rows["epsilon"][-1]
         rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
         rows["psi"] = replayed.X[:-1, 1:, -1]
         relearn(self._set, rows, replayed.spread, before)
@@ -300,8 +293,7 @@ class Memory:
             self._states[name] = rows[name][-1]
         self._states["turning"] = 1
         self._carry(replayed.of_all(), first)
-        mine = slice(self._carried.parameters, self._carried.size)
-        self._ring.words[self._places(first), mine] = samples
+        self._ring.words[places, samples] = words_of(rows)[:, samples]
 
     def _now(self, name: str) -> Array:
         """Return what there is of every parameter, of all of them."""
@@ -310,7 +302,7 @@ class Memory:
         return values
 
     def _places(self, first: int) -> Places:
-        return np.arange(first, self.count) % self._length
+        return self._ring.places(first, self.count)
 
 
 class Present:

@@ -11,7 +11,8 @@ from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.measurement import CEILING, measured
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.relocate.beginning import Beginning
-from flexaxis.estimators.relocate.carried import Carried, choices, row_of
+from flexaxis.estimators.relocate.carried import Carried
+from flexaxis.estimators.relocate.choices import choices
 from flexaxis.estimators.relocate.colour import listening
 from flexaxis.estimators.relocate.commission import Commission
 from flexaxis.estimators.relocate.explain import Hypotheses
@@ -21,6 +22,7 @@ from flexaxis.estimators.relocate.lost import Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.policy import LATER, LOOKS, Policy
 from flexaxis.estimators.relocate.rewind import Rewind
+from flexaxis.estimators.relocate.rows import row_of
 from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import planned
 
@@ -106,4 +108,6 @@ def _records(design: Design, *, ceiling: float, alarm: float) -> tuple[Record, R
     place = record(count=0, stop=-1, guarded=0, y=0.0, valid=0)
     increments = design.output == "increment"
     angle = measuring(design.model, increments=increments, period=design.period)
-    return joined(measures[0], listens[0], angle[0]), joined(measures[1], listens[1], place, angle[1])
+    return joined(measures[0], listens[0], angle[0]), joined(
+        measures[1], listens[1], place, angle[1]
+    )

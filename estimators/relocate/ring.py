@@ -14,7 +14,7 @@ Places = NDArray[np.int64]
 
 
 class Era(NamedTuple):
-    """Samples from one on, in which the same was carried, and all parameters were θ (p,) else."""
+    """Samples from one on, in which the same was carried, and θ (p,) of all parameters else."""
 
     first: int
     carried: Carried
@@ -33,7 +33,7 @@ class Ring:
     Attributes
     ----------
     words : (length, K) array
-        The rows, as numbers of eight bytes each, which a compiled loop writes.
+        The rows, as numbers of eight bytes, which a compiled loop writes.
     """
 
     def __init__(self, length: int) -> None:
@@ -42,18 +42,20 @@ class Ring:
         self._eras: list[Era] = []
 
     def begin(self, first: int, carried: Carried, theta: Array) -> None:
-        """Forget all from a sample on, and begin there with another choice of what is carried."""
-        eras = [era for era in self._eras if era.first < first]
-        eras.append(Era(first, carried, theta.copy()))
-        ends = [era.first for era in eras[1:]] + [first + 1]
-        kept = zip(eras, ends, strict=True)
-        self._eras = [era for era, end in kept if end > first - self.length]
+        """Forget what was carried from a sample on, and carry something else."""
+        eras = [*(era for era in self._eras if era.first < first), Era(first, carried, theta)]
+        # with what has been forgotten goes the room that it took
+        last = [era for era, later in pairwise(eras) if later.first > first - self.length]
+        self._eras = [*last, eras[-1]]
         size = max(era.carried.size for era in self._eras)
         if size != self.words.shape[1]:
-            words = np.zeros((self.length, size))
-            common = min(size, self.words.shape[1])
+            words, common = np.zeros((self.length, size)), min(size, self.words.shape[1])
             words[:, :common] = self.words[:, :common]
             self.words = words
+
+    def places(self, first: int, end: int) -> Places:
+        """Return where the samples from first to end are."""
+        return np.arange(first, end) % self.length
 
     def parts(self, first: int, end: int) -> Iterator[tuple[Era, int, Places]]:
         """Yield era, first sample and places of each part of the samples from first to end."""
@@ -61,4 +63,4 @@ class Ring:
             assert era is not None  # only the last is
             start, stop = max(first, era.first), min(end, later.first if later else end)
             if start < stop:
-                yield era, start, np.arange(start, stop) % self.length
+                yield era, start, self.places(start, stop)
