@@ -17,13 +17,16 @@ export MKL_NUM_THREADS = 1
 # A process a core; the tests of one file stay in one process, for they share what is costly.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
 
-.PHONY: help bench test test-slow test-browser check format docs-tables clean
+.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
 	@echo "make test       the test suite (minutes);   make test-slow adds the long checks"
 	@echo "make test-browser  the demo in Chromium, where that is installed"
 	@echo "make check      ruff, formatting, type checker, architecture test"
+	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
+	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
+	@echo "make mutants    errors planted one at a time; each must be seen by a test (an hour)"
 	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
 	@echo "make clean      remove .venv, results and caches"
 
@@ -48,6 +51,16 @@ check: $(VENV)/.check
 format: $(VENV)/.check
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# For as long as one likes: make fuzz MINUTES=60
+fuzz: $(VENV)/.test
+	$(BIN)/python tests/fuzz/run.py --minutes $(or $(MINUTES),60)
+
+kill: $(VENV)/.test
+	$(BIN)/python tests/experiments/kills.py --kills $(or $(KILLS),100)
+
+mutants: $(VENV)/.test
+	$(BIN)/python tests/mutants/run.py
 
 docs-tables: $(VENV)/.core
 	$(BIN)/python docs/tables.py --fresh

@@ -19,26 +19,21 @@ from types import ModuleType
 from typing import Any
 
 from flexaxis.experiments import commands as home
+from flexaxis.experiments.commands.words import Parser, check_words, complete
+from flexaxis.experiments.running.told import told
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
 failed. Wrong use is bad input or options; undecided is for `compare` alone. A crash is code that
 raised what it should not, ours or the user's, or a worker process that died: none of the others."""
 
-GROUPS = (
-    "what there is",
-    "one run",
-    "benchmarks",
-    "studies",
-    "your own estimator",
-    "your own axis",
-)
+GROUPS = ("look", "run", "judge", "your own axis", "teach")
 """What commands are for, in the order of the help; the `GROUP` of each is one of them."""
 
 EPILOG = """\
 first steps:
-  flexaxis run smoke                       the three step faults, about a minute
-  flexaxis list                            scenarios, suites and estimators
+  flexaxis run smoke                       a first benchmark, with a report
+  flexaxis list --group steps              scenarios; or suites, or estimators
   flexaxis simulate fm_step-v1 -o rec.nc   ground truth of one run
   flexaxis estimate rec.nc --estimator rpem-forgetting -o est.nc
 
@@ -48,6 +43,8 @@ exit status:
   0 fine, 1 a finding, 2 wrong use or bad input, 3 undecided (compare), 70 a crash, 130 Ctrl-C
 """
 TRACEBACK = "--traceback"
+LONGEST = 1000  # characters of a line of error; what somebody gave may be longer
+QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
 def commands() -> dict[str, ModuleType]:
@@ -58,17 +55,17 @@ def commands() -> dict[str, ModuleType]:
     return {name.rstrip("_"): found for name, found in modules.items() if hasattr(found, "main")}
 
 
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """Return the parser of the command line, with all commands."""
     known = commands()
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="flexaxis",
         description=_overview(known),
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=f"flexaxis {version('flexaxis')}")
-    top.add_argument(TRACEBACK, action="store_true", help="where a crash came from, in full")
+    _add_common(top)
     subs = top.add_subparsers(
         dest="command", metavar="COMMAND", required=True, help="one of those above"
     )
@@ -79,11 +76,20 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.configure(sub)
-        sub.add_argument(
-            TRACEBACK, action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS
-        )
-        sub.set_defaults(main=module.main)
+        _add_common(sub, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        sub.set_defaults(main=module.main, parser=sub)
     return top
+
+
+def _add_common(parser: argparse.ArgumentParser, **hidden: Any) -> None:
+    """Declare what may stand before and behind the name of a command."""
+    words = {
+        (TRACEBACK,): "where a crash came from, in full",
+        QUIET: "no progress and no remarks, only results and errors",
+        VERBOSE: "also versions, folders, and how long it took",
+    }
+    for names, text in words.items():
+        parser.add_argument(*names, action="store_true", **({"help": text} | hidden))
 
 
 def _overview(known: Mapping[str, ModuleType]) -> str:
@@ -101,9 +107,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
-    args = parser().parse_args(words)
-    args.words = [word for word in words if word != TRACEBACK]  # no part of what is repeated
-    with _readers_may_go():
+    top = parser()
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
+        complete(top)
+    args = top.parse_args(words)
+    common = {TRACEBACK, *QUIET, *VERBOSE}
+    args.words = [word for word in words if word not in common]  # no part of what is repeated
+    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose):
         return _guarded(args)
 
 
@@ -157,6 +167,7 @@ def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.sim.errors import FlexaxisError
 
     try:
+        check_words(args.parser, args)
         return int(args.main(args) or FINE)
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash) or worker_died(error):
@@ -202,9 +213,14 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
 
 
 def say(text: str) -> None:
-    """Print on stderr, each line after our name."""
+    """Print on stderr, each line after our name; what nobody reads of a long one is left out."""
     for line in text.splitlines():
-        print(f"flexaxis: {line}", file=sys.stderr)
+        print(f"flexaxis: {_readable(line)}", file=sys.stderr)
+
+
+def _readable(line: str) -> str:
+    left_out, half = len(line) - LONGEST, LONGEST // 2
+    return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def closed_loop(
         If the engine warns or a state is not finite.
     """
     samples, runs = reference.shape
-    changes = _Changes(scenario)
+    changes = Changes(scenario)
     drive = _Drive(scenario, runs, threads)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
@@ -78,7 +78,7 @@ def closed_loop(
     return Truth(torque, speed, angles)
 
 
-class _Changes:
+class Changes:
     """What changes the plant in the course of a run."""
 
     def __init__(self, scenario: Scenario) -> None:
@@ -88,6 +88,7 @@ class _Changes:
         self._names, self._turns = scenario.parameter_names[linear:], _changing(self._laws)
 
     def make(self, plant: Plant, k: int) -> None:
+        """Give the plant the parameters that act from sample k on, where they are new."""
         if k in self._moves:
             plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
         if k in self._turns:

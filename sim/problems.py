@@ -36,6 +36,7 @@ from flexaxis.sim.rate_problems import (
     rate_problems,
     span_problems,
 )
+from flexaxis.sim.reading import shown
 from flexaxis.sim.timing import sample_index
 
 _KINDS = {"fault": kinds(Fault), "nuisance": kinds(Fault), "excitation": kinds(Excitation)}
@@ -140,7 +141,7 @@ def _text(item: Any, top: type[BaseModel]) -> str:
         case "value_error":
             return str(item["ctx"]["error"])
     message = _WORDS.get(item["type"], item["msg"].replace("Input should", "must"))
-    return f"{message}, not {item['input']!r}"
+    return f"{message}, not {shown(item['input'])}"
 
 
 def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:

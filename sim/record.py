@@ -24,7 +24,7 @@ OUTPUTS = ("speed", "increment", "angle")
 """The signals of which a record needs one."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Record:
     """One run, sampled at times t_k: torque in, motor angle out.
 
@@ -94,6 +94,11 @@ class Record:
         _check(self)
         if self.valid is not None:
             object.__setattr__(self, "valid", self.valid.astype(bool, copy=False))
+
+    def __repr__(self) -> str:
+        name = self.scenario.get("name", "of no scenario")
+        seed = "" if self.seed is None else f", seed {self.seed}"
+        return f"Record {name}{seed}: {len(self.time)} samples of {1000 * self.period:g} ms"
 
     @property
     def period(self) -> float:

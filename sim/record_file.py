@@ -16,6 +16,7 @@ from flexaxis.sim.errors import RecordError
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
+from flexaxis.sim.reading import json_value
 
 Array = NDArray[np.float64]
 
@@ -34,9 +35,17 @@ SIGNALS = {
 }
 """Unit and meaning of each signal (N,), by name."""
 
+
+def _table(text: Any) -> dict[str, Any]:
+    content = json_value(text, source="it", refuse=ValueError)
+    if not isinstance(content, dict):
+        raise ValueError("it is no table")
+    return content
+
+
 _ATTRIBUTES: dict[str, Callable[[Any], Any]] = {
-    "scenario": json.loads,
-    "versions": json.loads,
+    "scenario": _table,
+    "versions": _table,
     "hash": str,
     "seed": int,
     "burn_in": float,

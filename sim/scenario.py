@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -26,6 +25,7 @@ from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
+from flexaxis.sim.reading import read_text, toml_tables
 from flexaxis.sim.sensors import DelayConfig, EncoderConfig, FilterConfig, NoiseConfig, Sensor
 from flexaxis.sim.timing import PERIOD, Grid, sample_index
 from flexaxis.sim.toml_text import toml_text
@@ -308,19 +308,9 @@ def stored_scenario(content: Mapping[str, Any], *, source: str) -> Scenario:
 
 def parse_scenario(text: str, *, source: str = "scenario") -> Scenario:
     """Return a scenario from TOML text; errors as from `scenario_from`."""
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(f"{source}: not valid TOML: {error}.") from error
-    return scenario_from(content, source=source)
+    return scenario_from(toml_tables(text, source=source, refuse=ScenarioError), source=source)
 
 
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return a scenario from a TOML file; errors as from `scenario_from`."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: not valid TOML: not UTF-8 text.") from error
-    except OSError as error:
-        raise ScenarioError(f"{path}: cannot be read: {error.strerror}.") from error
-    return parse_scenario(text, source=str(path))
+    return parse_scenario(read_text(Path(path), ScenarioError), source=str(path))

@@ -18,6 +18,12 @@ def toml_text(content: Mapping[str, Any]) -> str:
     [noise]
     speed = 0.1
     <BLANKLINE>
+    >>> print(toml_text({"law": [{"kind": "static", "drive": {"speed_motor": 1.0}}]}))
+    <BLANKLINE>
+    [[law]]
+    kind = "static"
+    drive = { speed_motor = 1.0 }
+    <BLANKLINE>
     """
     return "\n".join([*_lines(content), ""])
 
@@ -39,6 +45,9 @@ def _is_array_of_tables(value: Any) -> bool:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        entries = ", ".join(f"{name} = {_value(entry)}" for name, entry in value.items())
+        return f"{{ {entries} }}"
     # JSON writes strings, numbers, booleans and arrays of them the way TOML does, but for one
     # control character.
     text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -22,6 +22,17 @@ sys.exit(status)
 """
 
 
+FRONT = """
+import sys
+sys.path[:0] = {paths!r}
+import flexaxis as fx
+assert fx.__file__.startswith({paths!r}[0]), fx.__file__
+record = fx.simulate("fm_step-v1", seed=0, duration=12.0)
+print(fx.score(fx.estimate(record, "rpem-forgetting")))
+print(*fx.estimators())
+"""
+
+
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     out = tmp_path_factory.mktemp("wheel")
@@ -71,6 +82,27 @@ def test_catalogue_is_in_the_wheel(wheel, tmp_path):
     shown = flexaxis(wheel, tmp_path, "list", "--json")
     assert shown.returncode == 0, shown.stderr
     assert "fm_step-v1" in shown.stdout and "smoke" in shown.stdout
+
+
+def front(paths, folder):
+    return subprocess.run(
+        [sys.executable, "-S", "-c", FRONT.format(paths=paths)],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": ""},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
+    assert (wheel / "flexaxis/py.typed").is_file()
+    path = next(wheel.parent.glob("*.whl")) if zipped else wheel  # a wheel is a zip archive
+    ran = front([str(path), str(Path(numpy.__file__).parents[1])], tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "rpem-forgetting" in ran.stdout and "f_m" in ran.stdout
 
 
 def test_runs_beside_a_users_own_experiments_folder(wheel, tmp_path):

@@ -19,7 +19,13 @@ from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.sizes import measured
-from flexaxis.estimators.offline.structure import Prior, prior, structure_names, with_laws
+from flexaxis.estimators.offline.structure import (
+    Prior,
+    prior,
+    structure_names,
+    told_of,
+    with_laws,
+)
 from flexaxis.estimators.recursion.design import above_zero, forgetting_factor
 
 FRICTION = ("bristle", "static")  # kinds of law that a speed drives
@@ -137,7 +143,8 @@ def _known(
     dry = [name for name in ("f_c",) if name in model.law_parameters and name not in identify]
     tracked = (*identify, *dry)
     learn = structure_names(model, tracked)
-    known = prior(model, (*tracked, *learn), torque=torque, period=period, spread=SPREAD)
+    told = told_of(nominal)
+    known = prior(model, (*tracked, *learn), torque=torque, period=period, told=told, spread=SPREAD)
     return model, tracked, learn, known
 
 

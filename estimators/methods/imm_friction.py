@@ -18,11 +18,13 @@ from flexaxis.estimators.offline.structure import (
     Prior,
     prior,
     structure_names,
+    told_of,
     with_laws,
 )
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance, with_state
 from flexaxis.estimators.recursion.modal import Modes
+from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD, FIXABLE
 from flexaxis.estimators.recursion.tracker import Tracker
 from flexaxis.estimators.sampling.pattern import split
 
@@ -36,8 +38,6 @@ SUSPECTS = ("J_m", "k_g")  # of what is learnt once, what a fault or a payload m
 SUSPECTED = 0.1  # how often these jump, over how often what is tracked does
 ABSENT = (("kappa", "gap"), ("c_sin", "c_cos"), ("f_c", "f_s"), ("f_s",))
 """What of the laws is zero on many an axis, in the groups in which it is."""
-AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
-AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
 
 
 def imm_friction(
@@ -98,7 +98,7 @@ def imm_friction(
     """
     _check(period=period, walk=walk, jump=jump, rate=rate, hold=hold, spread=spread)
     model = with_laws(nominal, torque=torque, period=period)
-    told = () if isinstance(nominal, Model) else tuple(nominal)
+    told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
     may = (
@@ -109,8 +109,7 @@ def imm_friction(
     tracked = (*identify, *(name for name in track if _is_left(model, name, identify)))
     learnt = _learnt(model, tracked, learn)
     names = (*tracked, *learnt)
-    stated = model.parameters if isinstance(nominal, Model) else told
-    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *stated)])
+    model = _without(model, [n for n in ("f_s", "gap") if n not in (*names, *told)])
     thought = prior(model, names, torque=torque, period=period, told=told, spread=spread)
     _no_zero(thought)
     thought = thought if deviations is None else _known_better(thought, deviations)
@@ -125,8 +124,8 @@ def imm_friction(
         noise=noise,
         scale=thought.scale,
     )
-    stated = (*stated, *LEARNT)  # which every axis has
-    fixable = (*LEARNT, *ABSENT[0]) if learn == "auto" else ()
+    stated = (*told, *LEARNT)  # which every axis has
+    fixable = FIXABLE if learn == "auto" else ()
     if commissioning is None:
         commissioning = COMMISSIONING if deviations is None else 0.0
     at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")

@@ -1,7 +1,8 @@
-"""How far what drives the laws of a model moves, from a torque and the linear model."""
+"""How far what drives the laws of a model moves: by a torque and the linear model, or measured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,10 +83,75 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
         raise EstimatorError(
             "torque must be that of a run in which the axis moves: (N,) finite values, not all 0"
         )
+    return [(law, _sizes(model, law, (*_linear(model), period), u)) for law in model.laws]
+
+
+def _linear(model: Model) -> tuple[Array, Array]:
+    """Return A (n, n) and B (n,) of a model without its laws."""
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
     A, B, _ = one.matrices(one.theta)
-    return [(law, _sizes(model, law, (A, B[:, 0], period), u)) for law in model.laws]
+    return A, B[:, 0]
+
+
+class Motion(NamedTuple):
+    """
+    How large a measured motion is.
+
+    Attributes
+    ----------
+    torque, speed : float
+        Root mean square of the torque [N m] and of the motor speed [rad/s].
+    angle : float
+        Standard deviation of the motor angle [rad].
+    """
+
+    torque: float
+    speed: float
+    angle: float
+
+
+def motion(u: Array, speed: Array, period: float) -> Motion:
+    """Return how large the motion of a stretch is, from torque and motor speed (N,)."""
+    angle = period * np.cumsum(speed)
+    torque, moves = (float(np.sqrt(np.mean(x**2))) for x in (u, speed))
+    return Motion(torque, moves, float(np.std(angle)))
+
+
+def natural_motion(model: Model) -> Motion:
+    """
+    Return a motion by a hundredth of a unit of angle at the pace of the axis.
+
+    A linear model does not say how large its motion is, so this depends on units. Parameters of
+    laws are divided by it, and nothing else: no law acts until a motion is measured.
+    """
+    A, B = _linear(model)
+    pace = float(max(abs(np.linalg.eigvals(A))))
+    return Motion(0.01 * pace**2 / float(max(abs(B))), 0.01 * pace, 0.01)
+
+
+def moved(model: Model, moves: Motion) -> list[tuple[Law, Sizes]]:
+    """
+    Return the laws of an axis with their sizes, from how it moves rather than how it would.
+
+    The gear twists as a torque at rest twists it; what else drives a law, or how fast contacts
+    are, the linear model says.
+    """
+    A, B = _linear(model)
+    fastest = float(max(abs(np.linalg.eigvals(A))))
+    stiffness = abs(model.nominal.get("r", 1.0)) * model.nominal.get("k_g", 1.0)
+    drives = {
+        "speed_motor": moves.speed,
+        "angle_motor": moves.angle,
+        "twist_gear": abs(model.nominal["k_T"]) * moves.torque / stiffness,
+        INPUT: moves.torque,
+    }
+    rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
+    found = []
+    for law in model.laws:
+        drive = next((drives[name] for name in law.drive if name in drives), moves.speed)
+        found.append((law, Sizes(drive, _force(model, law, B) * moves.torque, rate)))
+    return found
 
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
@@ -96,10 +162,8 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
     """
     if torque is None:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
-    linear = replace(model, laws=())
-    one = linear.parametrize(linear.parameters[:1])
-    A, B, _ = one.matrices(one.theta)
-    transition, gain = discretize(A, B, period)
+    A, B = _linear(model)
+    transition, gain = discretize(A, B[:, None], period)
     u = np.ascontiguousarray(torque, float)
     moved = np.std(respond(transition.copy(), gain[:, 0].copy(), np.eye(len(A)), u), axis=0)
     integrates = ~np.any(A, axis=0)  # on which nothing depends

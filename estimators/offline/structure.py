@@ -17,7 +17,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import PAPER, real_axis
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.sizes import Sizes, measured
+from flexaxis.estimators.offline.sizes import Motion, Sizes, measured, moved
 
 Array = NDArray[np.float64]
 
@@ -119,7 +119,11 @@ class Prior:
 
 
 def with_laws(
-    nominal: Mapping[str, float] | Model, *, torque: ArrayLike | None = None, period: float
+    nominal: Mapping[str, float] | Model,
+    *,
+    torque: ArrayLike | None = None,
+    period: float,
+    motion: Motion | None = None,
 ) -> Model:
     """
     Return the axis with all that a real one has, each parameter that is not told at its start.
@@ -133,11 +137,13 @@ def with_laws(
         Torque of a run [N m], for the sizes; without it those of the nominal axis.
     period : float
         Sampling period [s].
+    motion : Motion, optional
+        How the axis moves, where that was measured; it goes before ``torque``.
 
     Raises
     ------
     EstimatorError
-        If there is no torque, and the axis is not the nominal one of the benchmark.
+        If there is neither torque nor motion, and the axis is not the nominal one of the benchmark.
     """
     if isinstance(nominal, Model):
         return nominal
@@ -145,13 +151,39 @@ def with_laws(
     missing |= {"kappa": 0.0, "gap": 0.0}
     missing |= {"c_sin": 0.0, "c_cos": 0.0} if "poles" in nominal else {}
     empty = real_axis(missing | dict(nominal))
+    return guessed(empty, told_of(nominal), torque=torque, period=period, motion=motion)
+
+
+def told_of(nominal: Mapping[str, float] | Model) -> tuple[str, ...]:
+    """Return the parameters whose values somebody gave: a model of one's own has all of them."""
+    return nominal.parameters if isinstance(nominal, Model) else tuple(nominal)
+
+
+def guessed(
+    model: Model,
+    told: Sequence[str],
+    *,
+    torque: ArrayLike | None = None,
+    period: float,
+    motion: Motion | None = None,
+) -> Model:
+    """
+    Return a model with each parameter of its laws that is not told at its start.
+
+    Parameters
+    ----------
+    model : Model
+    told : sequence of str
+    torque, period, motion
+        As for `with_laws`.
+    """
     start = {
         name: _guess(role, law, sizes).start
-        for law, sizes in measured(empty, torque, period)
+        for law, sizes in _sized(model, torque, period, motion)
         for role, name in law.parameters.items()
-        if isinstance(name, str) and name not in nominal
+        if isinstance(name, str) and name not in told
     }
-    return replace(empty, nominal=dict(empty.nominal) | start)
+    return replace(model, nominal=dict(model.nominal) | start)
 
 
 def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str, ...]:
@@ -181,6 +213,7 @@ def prior(
     period: float,
     told: Sequence[str] = (),
     spread: float = TOLD,
+    motion: Motion | None = None,
 ) -> Prior:
     """
     Return what is thought of parameters before they are seen.
@@ -191,7 +224,7 @@ def prior(
         As from `with_laws`.
     names : sequence of str
         Parameters or their inverses; the paper's three have the deviation ``spread``.
-    torque, period
+    torque, period, motion
         As for `with_laws`.
     told : sequence of str
         Parameters of laws that are known; they have the deviation `TOLD` or that of their size,
@@ -201,7 +234,7 @@ def prior(
     """
     guesses: dict[str, Guess] = {}
     if any(name in model.law_parameters for name in names):
-        for law, sizes in measured(model, torque, period):
+        for law, sizes in _sized(model, torque, period, motion):
             for role, name in law.parameters.items():
                 if isinstance(name, str) and name in names:
                     guesses[name] = _guess(role, law, sizes)
@@ -214,6 +247,12 @@ def prior(
             box = sorted(factor * start for factor in BOX)
             rows.append((start, deviation, *box, start))
     return Prior(tuple(names), *np.array(rows, float).reshape(-1, 5).T)
+
+
+def _sized(
+    model: Model, torque: ArrayLike | None, period: float, motion: Motion | None
+) -> list[tuple[Law, Sizes]]:
+    return measured(model, torque, period) if motion is None else moved(model, motion)
 
 
 def _relative(model: Model, name: str, spread: float) -> float:

@@ -15,6 +15,7 @@ from flexaxis.estimators.recursion.level import judge, show
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.modal import NEVER, Modes, modal_records
 from flexaxis.estimators.recursion.records import Record, joined
+from flexaxis.estimators.recursion.seen import seen
 from flexaxis.estimators.recursion.shared import (
     foresee,
     learn_from,
@@ -29,8 +30,6 @@ from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
 
 Array = NDArray[np.float64]
-
-SEEN = 0.25  # standard deviation after commissioning over that before, below which it is learnt
 
 
 class Tracker(RecursiveEstimator):
@@ -238,9 +237,9 @@ class Tracker(RecursiveEstimator):
     def _unseen(self) -> list[int]:
         """Return what of the fixable is hardly known better than before."""
         names, p = self._design.model.names, len(self._design.scale)
-        known = np.sqrt(np.diag(self.state["P"][0, 0])[:p] / np.diag(self._design.P0))
+        known = seen(np.diag(self.state["P"][0, 0])[:p], np.diag(self._design.P0))
         fixable = [names.index(n) for n in self._fixable if n in names[len(self.names) :]]
-        return [i for i in fixable if not known[i] < SEEN]
+        return [i for i in fixable if not known[i]]
 
     def _fix(self, unseen: Sequence[int]) -> None:
         """Take parameters as they were told, for good."""

@@ -6,20 +6,32 @@ where it forgets nothing. So the first seconds are fitted anew from what was kno
 until they say more than that.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import motion
+from flexaxis.estimators.offline.structure import LEARNT as SHEET
+from flexaxis.estimators.offline.structure import TRACKED, guessed
+from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.seen import (
+    AS_ABSENT,
+    AS_TOLD,
+    FIXABLE,
+    NOT_ASKED_FOR,
+    NOT_THERE,
+    seen,
+)
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.guesses import ABSENT, TOLD, WALKS, Guess, measured_sizes
 from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
 from flexaxis.estimators.sampling.sampled import Terms
@@ -27,11 +39,20 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
-EXPLAINED = 2.0  # mean square of the residual over that of the noise, of a model that explains it
+LESS = 0.8  # of the noise reckoned with, that a fit leaves: then that was no noise
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
+WALKS = {"f_m": 3.0, "f_c": 1.5}
+"""How much faster than inertias these walk with temperature, for what they are expected to be."""
+ABSENT = (
+    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+    (("kappa",), ()),
+    (("gap",), ()),
+    (("c_sin", "c_cos"), ()),
+)
+"""What an axis may not have at all, and what means nothing then."""
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -44,10 +65,24 @@ class Prior(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """θ (p,) that explains the data, and which of it they ask for; the rest is as it was told."""
+    """
+    Parameters that explain the data.
+
+    Attributes
+    ----------
+    theta : (p,) array
+    active : (q,) int array
+        Those that are learnt; the others are as they were told.
+    noise : float
+        Its variance.
+    because : dict of str to str
+        Why the others are not learnt.
+    """
 
     theta: Array
     active: NDArray[np.int64]
+    noise: float
+    because: dict[str, str]
 
 
 def output_gain(design: Design) -> float:
@@ -71,16 +106,17 @@ class Beginning:
     design : Design
         That of the filter.
     roles : Roles
-    guesses : tuple of Guess
-        Of what has a prior of its own.
-    nominal : mapping
+    model : Model
+        As it was told.
+    told : tuple of str
+        Parameters whose values were given.
     """
 
     terms: Terms
     design: Design
     roles: Roles
-    guesses: tuple[Guess, ...]
-    nominal: Mapping[str, float]
+    model: Model
+    told: tuple[str, ...]
 
     def prior(self, memory: Memory) -> Prior | None:
         """Return what was known before, in sizes of what has moved since; None while that rests."""
@@ -90,18 +126,23 @@ class Beginning:
             return None
         u, y, _ = memory.signals(memory.first)
         speed = y / output_gain(self.design)
-        sizes = measured_sizes(u[:-1, 0], speed, self.design.period, self.nominal)
-        mine = self.roles.prior
-        scale, names = self.design.scale[mine], self.design.model.names
-        guesses = [
-            guess.at(self.nominal[names[i]], sizes)
-            for i, guess in zip(mine, self.guesses, strict=True)
-        ]
-        start, deviation = np.array(guesses).reshape(-1, 2).T / scale
-        theta = self.design.theta0.copy()
-        theta[mine] = start
-        own = np.full(self.roles.given, SPREAD)
-        return Prior(np.clip(theta, *self.box), np.r_[own, np.abs(deviation)], noise)
+        period, known = self.design.period, self.roles.known
+        moves = motion(u[:-1, 0], speed, period)
+        of = thought(
+            guessed(self.model, self.told, period=period, motion=moves),
+            self.design.model.names[:known],
+            period=period,
+            told=self.told,
+            motion=moves,
+        )
+        theta, scale = self.design.theta0.copy(), self.design.scale[:known]
+        theta[:known] = of.start / scale
+        return Prior(np.clip(theta, *self.box), np.abs(of.deviation / scale), noise)
+
+    @property
+    def fitted(self) -> tuple[float, ...]:
+        """Seconds of motion of which all is fitted: the first where somebody told of all laws."""
+        return FITTED[:1] if set(self.model.law_parameters) <= set(self.told) else FITTED
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -125,7 +166,7 @@ class Beginning:
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
             a, b = (in_use * theta)[turning] * design.scale[turning]
-            along = self.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
+            along = self.model.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
             drift[np.ix_(turning, turning)] += np.outer(along, along)
         return drift
 
@@ -133,46 +174,102 @@ class Beginning:
         """Explain all data that are remembered, with no more parameters than they ask for."""
         names, every = self.design.model.names, np.arange(self.roles.known)
         few = np.array([i for i in every if i < self.roles.tracked or names[i] in LINEAR])
-        first = self._descend(memory, prior, few, (prior.theta, memory.state["theta"].copy()))
+        now = memory.state["theta"].copy()
+        first = self._descend(memory, prior, few, (prior.theta, now))
         whole = self._descend(memory, prior, every, (first.theta,))
-        samples = memory.count - memory.first
         if not np.isfinite(whole.square):
             return None
-        if whole.square > EXPLAINED * samples:
-            return Fitted(whole.theta, every)
-        less = self._reduced(memory, prior, whole)
-        return less or Fitted(whole.theta, every)
+        left = self._left(memory, whole)
+        if not self.design.noise and left.variance < LESS * prior.noise:
+            prior = prior._replace(noise=left.variance)
+            whole = self._descend(memory, prior, every, (whole.theta,))
+            left = self._left(memory, whole)
+        return self._reduced(memory, prior, (first, whole), left)
 
-    def _reduced(self, memory: Memory, prior: Prior, whole: Evaluated) -> Fitted | None:
-        """Return a fit with less parameters than the whole, None if it explains much less."""
+    def _left(self, memory: Memory, whole: Evaluated) -> Remainder:
+        """Return what a fit leaves of all data."""
+        u, y, present = memory.signals(memory.first)
+        x = memory.stretch(memory.first).x[0]
+        signals = u[:-1].copy(), y, present
+        return remainder(self.terms, whole.theta, x, signals, self.roles.known)
+
+    def _reduced(
+        self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
+    ) -> Fitted:
+        """Return a fit with less parameters than the whole, or that if less explain much less."""
+        first, whole = fits
         known, questions = self.roles.known, self._questions(prior)
-        posterior = Posterior(np.arange(known), whole.theta[:known], whole.H)
+        worth = max(left.variance * left.repeated / prior.noise, 1.0)
+        P0 = np.diag(prior.deviation**-2)
+        posterior = Posterior(np.arange(known), whole.theta[:known], (whole.H - P0) / worth + P0)
         mean, deviation = prior.theta[:known], prior.deviation
-        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation)
-        theta = prior.theta.copy()
+        unseen = self._unseen(posterior, questions, deviation)
+        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation, unseen=unseen)
+        theta, start = prior.theta.copy(), first.theta.copy()
         theta[active.active] = active.theta
         for places, told in fixed:
-            theta[places] = told
-        theta = np.clip(theta, *self.box)
-        found = self._descend(memory, prior, active.active, (theta,))
-        if found.square > whole.square + WORSE:
-            return None
-        return Fitted(found.theta, active.active)
+            theta[places] = start[places] = told
+        starts = np.clip(theta, *self.box), np.clip(start, *self.box)
+        found = self._descend(memory, prior, active.active, starts)
+        if found.square > whole.square + WORSE * worth:
+            return self._shown(memory, prior, fits, unseen)
+        because = self._because(active.active, unseen)
+        return Fitted(found.theta, active.active, prior.noise, because)
+
+    def _shown(
+        self,
+        memory: Memory,
+        prior: Prior,
+        fits: tuple[Evaluated, Evaluated],
+        unseen: Sequence[Question],
+    ) -> Fitted:
+        """Return a fit with all but what the excitation does not show."""
+        gone = np.concatenate([np.zeros(0, np.int64), *(q.places for q in unseen)])
+        rest = np.setdiff1d(np.arange(self.roles.known), gone)
+        starts = [fit.theta.copy() for fit in fits]
+        for theta in starts:
+            theta[gone] = prior.theta[gone]
+        found = self._descend(memory, prior, rest, starts)
+        return Fitted(found.theta, rest, prior.noise, self._because(rest, unseen))
+
+    def _because(self, active: NDArray[np.int64], unseen: Sequence[Question]) -> dict[str, str]:
+        """Return why each of the others is not learnt."""
+        hidden = {int(i) for question in unseen for i in question.places}
+        found = {}
+        for i in np.setdiff1d(np.arange(self.roles.known), active):
+            name = self.design.model.names[i]
+            stated = name in self.told or name in SHEET
+            words = (AS_TOLD, AS_ABSENT) if int(i) in hidden else (NOT_ASKED_FOR, NOT_THERE)
+            found[name] = words[not stated]
+        return found
+
+    def _unseen(
+        self, posterior: Posterior, questions: Sequence[Question], deviation: Array
+    ) -> list[Question]:
+        """Return the questions about what the excitation does not show."""
+        known = seen(np.diag(np.linalg.inv(posterior.H)), deviation**2)
+        names = self.design.model.names
+        hidden = [i for i, name in enumerate(names[: len(known)]) if name in FIXABLE]
+        return [
+            q for q in questions if np.isin(q.places, hidden).all() and not known[q.places].any()
+        ]
 
     def _questions(self, prior: Prior) -> list[Question]:
         """Return what may be as it was told, for parameters that the model has."""
         names = self.design.model.names[: self.roles.known]
-        lower = self.design.lower
+        theta = np.where(np.isin(names, self.told), prior.theta[: len(names)], 0.0)
+        lower = np.maximum(self.design.lower[: len(names)], 0.0)
+        theta = np.where(theta != 0, theta, lower)  # kappa may be told to be below zero
 
         def places(of: Sequence[str]) -> NDArray[np.int64]:
             return np.array([names.index(name) for name in of if name in names], np.int64)
 
         absent = [
-            Question(places(of), np.maximum(lower[places(of)], 0.0), places(with_them))
+            Question(places(of), theta[places(of)], places(with_them))
             for of, with_them in ABSENT
-            if set(of) <= set(names)
+            if set(of) <= set(names) and not set(of) & set(self.told) & set(TRACKED)
         ]
-        sheet = [places([name]) for name in TOLD if name in names]
+        sheet = [places([name]) for name in SHEET if name in names]
         return absent + [Question(i, prior.theta[i], places([])) for i in sheet]
 
     def _descend(

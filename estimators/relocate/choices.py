@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.laws import KINDS
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.relocate.guesses import INERT
-from flexaxis.estimators.relocate.suspects import Roles
+from flexaxis.estimators.relocate.suspects import INERT, Roles
 
 Places = NDArray[np.int64]
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import FITTED, STARTED, Beginning, Prior
+from flexaxis.estimators.relocate.beginning import STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.rewind import Rewind
 
@@ -21,6 +21,11 @@ class Commission:
     rewind : Rewind
     walk : float
         Standard deviation of what is tracked after a second, relative to θ(0).
+
+    Attributes
+    ----------
+    fixed_because : dict of str to str
+        What is not learnt, and why.
     """
 
     def __init__(self, beginning: Beginning | None, rewind: Rewind, walk: float) -> None:
@@ -31,6 +36,7 @@ class Commission:
         """Return to the start."""
         self._prior: Prior | None = None  # what was known before, once it is known
         self._fits: list[int] = []
+        self.fixed_because: dict[str, str] = {}
 
     def expected(self, p: int) -> Array:
         """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""
@@ -41,6 +47,10 @@ class Commission:
         if self._beginning is None:
             return []
         return self._fits if self._prior is not None else [count + 1]
+
+    def goes_on(self, count: int) -> bool:
+        """Return whether there are more fits to come."""
+        return self._beginning is not None and (self._prior is None or count < self._fits[-1])
 
     def recover(self, memory: Memory) -> bool:
         """
@@ -67,11 +77,13 @@ class Commission:
                 return False
             self._prior, period = prior, beginning.design.period
             memory.state["guarded"] = 1
-            self._fits = [memory.count + round((t - STARTED) / period) for t in FITTED]
+            self._fits = [memory.count + round((t - STARTED) / period) for t in beginning.fitted]
         if memory.count not in self._fits:
             return False
         fitted = beginning.fit(memory, self._prior)
         if fitted is not None:
+            self._prior = self._prior._replace(noise=fitted.noise)
+            self.fixed_because = fitted.because
             self._rewind.to_fit(memory, self._prior, fitted)
         # what has been found to be absent walks no more
         memory.drift = beginning.drift(memory.state, self._prior, self._walk)

@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
-from flexaxis.estimators.models.axes import PAPER, real_axis
+from flexaxis.estimators.models.axes import PAPER, three_mass
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import natural_motion
+from flexaxis.estimators.offline.structure import DATA_SHEET, structure_names, told_of, with_laws
 from flexaxis.estimators.recursion.design import as_numbers
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.filter import Relocate
-from flexaxis.estimators.relocate.guesses import LEARNT, TRACKED, with_starts
 
 WALK = 1e-3  # 1/√s, of θ/θ(0)
 
@@ -87,21 +88,19 @@ def relocate_friction(
     alarm, gain, noise
         As for `relocate`.
     """
-    model = nominal if isinstance(nominal, Model) else real_axis(with_starts(nominal))
+    model = _with_laws(nominal, period)
     given = [name for name in identify if name not in model.law_parameters]
     theta = _start(model, given)
-    asked = {name: (TRACKED | LEARNT)[name] for name in _laws_of(identify, given)}
-    track = asked | {name: guess for name, guess in TRACKED.items() if name in model.parameters}
+    dry = [name for name in ("f_c",) if name in model.law_parameters]
+    track = tuple(dict.fromkeys([*_laws_of(model, identify, given), *dry]))
     known = {name.removeprefix("1/") for name in given} | set(model.fixed)
-    has = [name for name in model.parameters if name not in known]
-    # what is zero in the linear model is not there, and has no size of its own
-    there = [name for name in has if name in model.law_parameters or model.nominal[name]]
     return Relocate(
         model,
         identify=given,
-        suspects=[name for name in has if name not in model.law_parameters],
+        suspects=[n for n in model.parameters if n not in (*known, *model.law_parameters)],
         track=track,
-        learn={name: LEARNT[name] for name in LEARNT if name in there and name not in track},
+        learn=structure_names(model, (*given, *track)),
+        told=told_of(nominal),
         P0=(SPREAD * theta) ** 2 if P0 is None else _of(P0, identify, given),
         period=period,
         walk=walk,
@@ -110,6 +109,13 @@ def relocate_friction(
         output=output,
         noise=noise,
     )
+
+
+def _with_laws(nominal: Nominal, period: float) -> Model:
+    """Return the axis with its laws, in sizes that hold until a motion is measured."""
+    if isinstance(nominal, Model):
+        return nominal
+    return with_laws(nominal, period=period, motion=natural_motion(three_mass(nominal)))
 
 
 def _start(model: Model, identify: Sequence[str]) -> NDArray[np.float64]:
@@ -124,14 +130,16 @@ def _start(model: Model, identify: Sequence[str]) -> NDArray[np.float64]:
     return theta
 
 
-def _laws_of(identify: Sequence[str], given: Sequence[str]) -> list[str]:
+def _laws_of(model: Model, identify: Sequence[str], given: Sequence[str]) -> list[str]:
     """Return the parameters of laws that are identified."""
     asked = [name for name in identify if name not in given]
+    names = dict.fromkeys(name for law in model.laws for name in law.names)
+    allowed = [name for name in names if name not in DATA_SHEET]
     for name in asked:
-        if name not in TRACKED | LEARNT:
+        if name not in allowed:
             raise EstimatorError(
                 f"relocate-friction cannot track {name!r}; of laws it can track "
-                + ", ".join(TRACKED | LEARNT)
+                + ", ".join(allowed)
             )
     return asked
 

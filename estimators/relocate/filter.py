@@ -8,9 +8,8 @@ ones fitted to the data since. The one with the most evidence wins, if it explai
 clearly. The filter goes back to k₀, takes the fitted value, and runs through the data again.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,10 +20,9 @@ from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.relocate.explain import past_of, residual
 from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
-from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Found
 from flexaxis.estimators.relocate.naming import named
-from flexaxis.estimators.relocate.opened import Opened, opened
+from flexaxis.estimators.relocate.opened import Opened, opened, reopened
 from flexaxis.estimators.relocate.parts import parts_of
 from flexaxis.estimators.relocate.policy import (
     TAKEN_BACK,
@@ -38,7 +36,6 @@ from flexaxis.estimators.relocate.suspects import widened
 
 Array = NDArray[np.float64]
 
-NOTHING: Mapping[str, Guess] = MappingProxyType({})
 SETTLED = 2.0  # s after which a change of an unidentified parameter is taken as known
 
 
@@ -55,9 +52,12 @@ class Relocate(RecursiveEstimator):
     suspects : sequence of str
         Parameters that are not estimated but may change; a change of one is found, named and
         put into the model.
-    track, learn : mapping of str to Guess
-        Parameters that are tracked besides, and that are learnt once and never forgotten, with what
-        is known of them before.
+    track, learn : sequence of str
+        Parameters that are tracked besides, and that are learnt once and never forgotten, from a
+        prior of `flexaxis.estimators.offline.structure`.
+    told : sequence of str
+        Parameters whose values were given; those of laws that were not get theirs from how the
+        axis moves.
     theta0 : (p,) array_like, optional
         θ(0); the model's nominal values by default.
     P0 : (p,) or (p, p) array_like
@@ -94,6 +94,8 @@ class Relocate(RecursiveEstimator):
         Whether something was found in the last sample.
     findings : tuple of Finding
         All that was found, the latest with its present value.
+    fixed_because : dict of str to str
+        What is as it was told, or taken as absent, and why.
     prediction, innovation, innovation_variance, innovations
         As of every `flexaxis.estimators.recursion.filter.RecursiveEstimator`.
 
@@ -113,8 +115,9 @@ class Relocate(RecursiveEstimator):
         *,
         identify: Sequence[str] | None = None,
         suspects: Sequence[str] = (),
-        track: Mapping[str, Guess] = NOTHING,
-        learn: Mapping[str, Guess] = NOTHING,
+        track: Sequence[str] = (),
+        learn: Sequence[str] = (),
+        told: Sequence[str] = (),
         theta0: ArrayLike | None = None,
         P0: ArrayLike,
         period: float,
@@ -142,7 +145,7 @@ class Relocate(RecursiveEstimator):
         above_zero("alarm", alarm, "evidence in nats, such as 10")
         above_zero("gain", gain, "evidence in nats, such as 14")
         self._design, self._roles = widened(
-            narrow, model, track=track, learn=learn, suspects=suspects
+            narrow, model, track=track, learn=learn, told=told, suspects=suspects
         )
         self._p = p = self._roles.tracked
         lower, upper = self._design.bounds
@@ -157,8 +160,8 @@ class Relocate(RecursiveEstimator):
         ) = parts_of(
             self._design,
             self._roles,
-            guesses=(*track.values(), *learn.values()),
-            nominal=model.nominal,
+            model=model,
+            told=told,
             walk=0.0 if walk is None else above_zero("walk", walk, "a relative deviation in 1 s"),
             alarm=alarm,
             gain=gain,
@@ -198,6 +201,11 @@ class Relocate(RecursiveEstimator):
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
         return tuple(self._found)
 
+    @property
+    def fixed_because(self) -> dict[str, str]:
+        """What is not learnt once as it might be, and why."""
+        return dict(self._commission.fixed_because)
+
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
@@ -220,6 +228,8 @@ class Relocate(RecursiveEstimator):
         if lost or begun:
             self._case = None
             memory.arm()
+        if self._commission.goes_on(memory.count):  # what is new then is what is being learnt
+            memory.state["armed"] = 0
         if memory.state["armed"] and memory.ringing:
             self._case = opened(memory, self._design.period)
         if self._case is not None and memory.count - 1 - self._case.alarm in self._policy.ages:
@@ -250,7 +260,7 @@ class Relocate(RecursiveEstimator):
         view = Case(age, len(past.u), odds, case.repeated, case.dubious, case.accepted)
         decision = self._policy.decide(ranking, view)
         self._case = case = self._apply(replace(case, ranking=ranking), past, decision)
-        if age == self._policy.ages[-1]:
+        if self._policy.ends(age, case.accepted):
             self._close(case)
 
     def _apply(self, case: Opened, past: Past, decision: Decision) -> Opened:
@@ -284,6 +294,10 @@ class Relocate(RecursiveEstimator):
         """End a case; where the residual stays large, say so and take it as the new noise."""
         white, _ = residual(self._memory, case.before.first, case.normal)
         if isinstance(self._policy.conclude(white, case.repeated), GiveUp):
+            if self._policy.adapting and case.accepted is None and not case.again:
+                self._case = reopened(case, self._memory)
+                self._look(self._case)
+                return
             self._memory.accept(self._policy.recent, noise=not self._design.noise)
             if case.accepted is None:
                 self._find(case.onset, UNEXPLAINED)

@@ -119,19 +119,24 @@ def integrate(tuning, state, y, valid):
 
 @inlined
 def turn(tuning, state):
-    """Turn the angle as far as the last measurement turned a sin Nφ + b cos Nφ, and that back."""
+    """
+    Turn the angle as far as the last measurement turned a sin Nφ + b cos Nφ, and that back.
+
+    A step along the circle is taken as one on it: straight on, steps this way and that would each
+    take the amplitude up, by half their square.
+    """
     i, j = tuning["phase"][0], tuning["phase"][1]
     theta, moved, factors = state["theta"], state["moved"], tuning["factors"]
     a, b = factors[0] * theta[i], factors[1] * theta[j]
     earlier, late = a - factors[0] * moved[i], b - factors[1] * moved[j]
-    square = np.hypot(a, b) * np.hypot(earlier, late)
+    square = earlier**2 + late**2
     if not square > 0.0:
         return
     sine, cosine = (earlier * b - late * a) / square, (earlier * a + late * b) / square
-    if not cosine > 0.0:  # it grows from nothing
+    if not cosine > abs(sine):  # it grows from nothing
         return
-    angle = np.arctan2(sine, cosine) / tuning["poles"]
+    angle = sine / tuning["poles"]
     state["angle"] += angle
     state["turned"] += angle
-    theta[i] = (cosine * a + sine * b) / factors[0]
-    theta[j] = (cosine * b - sine * a) / factors[1]
+    theta[i] = cosine * earlier / factors[0]
+    theta[j] = cosine * late / factors[1]

@@ -121,6 +121,8 @@ class Memory:
             self.drift = self._drift
         self._theta, rows = theta, slice(carried.samples, carried.size)
         words_of(self._states)[0, rows] = packed[-1]
+        if "force" in (self._states.dtype.names or ()):
+            self._states["force"] = 0.0  # from where Newton's method starts
         self._ring.begin(first, carried, theta)
         self._ring.words[self._places(first)[: len(packed) - 1], rows] = packed[:-1]
 
@@ -283,6 +285,9 @@ class Memory:
         last = rows["epsilon"][-1]
         rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
         rows["psi"] = replayed.X[:-1, 1:, -1]
+        if self._states["guarded"][0]:  # what has diverged says nothing of how large y is
+            rows["expected"] = replayed.X[:-1, 0, -1]
+            rows["signal"] = self._states["signal"] = self._states["power"]
         relearn(self._set, rows, replayed.spread, before)
         # what the other filter left out is left out for good, but for the last sample, of which it
         # is not known yet whether it is an outlier

@@ -63,6 +63,7 @@ def needed(
     *,
     mean: Array,
     deviation: Array,
+    unseen: Sequence[Question] = (),
 ) -> tuple[Posterior, list[tuple[Places, Array]]]:
     """
     Fix all that the data do not ask for, the likeliest first; return what is left and what fixed.
@@ -74,8 +75,14 @@ def needed(
     questions : sequence of Question
     mean, deviation : (p,) arrays
         Of the prior of each parameter.
+    unseen : sequence of Question
+        Those of what the data do not show, which are not asked: these are as told.
     """
-    left, fixed = list(questions), []
+    left: list[Question] = list(questions)
+    fixed: list[tuple[Places, Array]] = []
+    for question in unseen:
+        posterior = _fix(posterior, question, mean, fixed)
+    left = [q for q in left if np.isin(q.places, posterior.active).all()]
     while left:
         weights: list[float] = [
             weight(posterior, q, mean[q.places], deviation[q.places]) for q in left
@@ -83,14 +90,20 @@ def needed(
         best = int(np.argmax(weights))
         if not weights[best] >= -TRUST:
             break
-        question = left.pop(best)
-        gone = np.r_[question.places, question.with_them]
-        values = np.r_[question.told, mean[question.with_them]]
-        there = np.isin(gone, posterior.active)
-        posterior = posterior.conditioned(gone[there], values[there])
-        fixed.append((gone[there], values[there]))
+        posterior = _fix(posterior, left.pop(best), mean, fixed)
         left = [q for q in left if np.isin(q.places, posterior.active).all()]
     return posterior, fixed
+
+
+def _fix(
+    posterior: Posterior, question: Question, mean: Array, fixed: list[tuple[Places, Array]]
+) -> Posterior:
+    """Return what is left where the answer is yes; note what is fixed."""
+    gone = np.r_[question.places, question.with_them]
+    values = np.r_[question.told, mean[question.with_them]]
+    there = np.isin(gone, posterior.active)
+    fixed.append((gone[there], values[there]))
+    return posterior.conditioned(gone[there], values[there])
 
 
 def weight(posterior: Posterior, question: Question, mean: Array, deviation: Array) -> float:

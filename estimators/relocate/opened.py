@@ -35,6 +35,8 @@ class Opened:
         Of the last look.
     accepted : int or None
         Hypothesis in use; `TAKEN_BACK` after one was.
+    again : bool
+        Whether the change is looked for after the alarm, as nothing before explains it.
     """
 
     alarm: int
@@ -45,6 +47,7 @@ class Opened:
     onset: int
     ranking: Ranking | None = None
     accepted: int | None = None
+    again: bool = False
 
     @property
     def active(self) -> NDArray[np.int64]:
@@ -69,4 +72,18 @@ def opened(memory: Memory, period: float) -> Opened:
         repetition.function(float(row["correlation"])),
         dubious(row["colour"], float(row["correlations"][1])),
         onset=sign,
+    )
+
+
+def reopened(case: Opened, memory: Memory) -> Opened:
+    """Return a case that nothing explained, with the change between its alarm and now."""
+    since = memory.stretch(case.alarm)
+    return Opened(
+        memory.count - 1,
+        Stretch(since.first, since.rows[:-1]),
+        case.normal,
+        case.repeated,
+        case.dubious,
+        onset=case.alarm,
+        again=True,
     )

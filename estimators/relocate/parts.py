@@ -1,12 +1,13 @@
 """The parts of a filter that rewinds, made for one design."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from flexaxis.estimators.methods.start import ROBUST
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.measurement import CEILING, measured
 from flexaxis.estimators.recursion.records import Record, joined, record
@@ -17,7 +18,6 @@ from flexaxis.estimators.relocate.colour import listening
 from flexaxis.estimators.relocate.commission import Commission
 from flexaxis.estimators.relocate.explain import Hypotheses
 from flexaxis.estimators.relocate.follow import measuring
-from flexaxis.estimators.relocate.guesses import Guess
 from flexaxis.estimators.relocate.lost import Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.policy import LATER, LOOKS, Policy
@@ -42,8 +42,8 @@ def parts_of(
     design: Design,
     roles: Roles,
     *,
-    guesses: tuple[Guess, ...],
-    nominal: Mapping[str, float],
+    model: Model,
+    told: Sequence[str],
     walk: float,
     alarm: float,
     gain: float,
@@ -56,10 +56,9 @@ def parts_of(
     design : Design
         With all parameters.
     roles : Roles
-    guesses : tuple of Guess
-        Of what has a prior of its own.
-    nominal : mapping of str to float
-        Of the model.
+    model : Model
+    told : sequence of str
+        Parameters of its laws that are known already.
     walk : float
         Standard deviation of what is tracked after a second, relative to θ(0).
     alarm, gain : float
@@ -68,12 +67,13 @@ def parts_of(
     period, box, learns = design.period, (design.lower, design.upper), roles.known > roles.tracked
     fading = roles.fading(design.forgetting, len(design.theta0))
     # a prior is a ceiling of its own; θ(0), a law's, says not how uncertain it may be
-    ceiling = np.inf if guesses else CEILING
+    own = roles.known > roles.given
+    ceiling = np.inf if own else CEILING
     tuning, state = _records(design, ceiling=ceiling, alarm=alarm)
     tuning["inflation"] = 1 / fading
     terms = planned(design.model, *box, period)
     rewind = Rewind(terms, box, roles, fading)
-    beginning = Beginning(terms, design, roles, guesses, nominal) if guesses else None
+    beginning = Beginning(terms, design, roles, model, tuple(told)) if own else None
     if beginning is not None:  # until the noise is known a prior has no size in units of it
         state["P"] = state["claim"] = 0.0
     policy = Policy(period, gain=gain)

@@ -116,6 +116,11 @@ class Policy:
         """Samples after an alarm at which it is looked into."""
         return sorted({round(after / self.period) for after in self.looks})
 
+    def ends(self, age: int, accepted: int | None) -> bool:
+        """Return whether this look is the last; later ones only tell apart what was accepted."""
+        late = self.adapting and age >= round(self.settled / self.period) and accepted is None
+        return late or age == self.ages[-1]
+
     def decide(self, ranking: Ranking, case: Case) -> Decision:
         """
         Decide what to make of the hypotheses.

@@ -81,7 +81,7 @@ class Rewind:
 
     def to_fit(self, memory: Memory, prior: Prior, fitted: Fitted) -> None:
         """Go back as far as is remembered, and begin anew near parameters that explain it all."""
-        (theta, active), first, n = fitted, memory.first, self.terms.n
+        (theta, active), first, n = fitted[:2], memory.first, self.terms.n
         X, P, before = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2), theta.copy()
         X[0, :n] = memory.stretch(first).x[0]
         P[active, active] = prior.deviation[active] ** 2 / prior.noise
@@ -96,7 +96,6 @@ class Rewind:
         P[mine, mine] = SPREAD**2 / noise
         row = memory.beginning(first + 1)
         self._run(memory, row, theta, (X, P, P), memory.signals(first)[1:])
-        memory.state["signal"] = memory.state["power"]
 
     def _run(
         self,

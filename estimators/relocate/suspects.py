@@ -6,19 +6,23 @@ forgotten: what is known of it only grows. A suspect stays as it is, its part of
 found to have changed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.offline.sizes import natural_motion
+from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.relocate.guesses import INERT, POSITIVE, Guess, natural_sizes
 
 Array = NDArray[np.float64]
 
 SUSPECT_BOX = (0.4, 2.5)  # times nominal
+INERT = ("f_c", "f_s", "kappa", "gap", "c_sin", "c_cos")
+"""Without these no law does anything, whatever its other parameters are."""
+POSITIVE = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "v_0", "gap")
 LAW_BOX = 1e-9, 1e6  # times a scale that depends on units: no more than a guard
 
 
@@ -59,8 +63,9 @@ def widened(
     narrow: Design,
     model: Model,
     *,
-    track: Mapping[str, Guess],
-    learn: Mapping[str, Guess],
+    track: Sequence[str],
+    learn: Sequence[str],
+    told: Sequence[str],
     suspects: Sequence[str],
 ) -> tuple[Design, Roles]:
     """
@@ -71,28 +76,31 @@ def widened(
     narrow : Design
         Of the identified parameters, which come first in the new one.
     model : Model
-    track, learn : mapping of str to Guess
-        Parameters that are tracked besides, and that are learnt once.
+    track, learn, told : sequence of str
+        Parameters that are tracked besides, that are learnt once, and those of laws that are known
+        already.
     suspects : sequence of str
         Further parameters. One that is in use already is left out, and so is one whose nominal
         value is zero: it has no relative change.
     """
     p, names = len(narrow.theta0), narrow.model.names
-    prior = dict(track) | dict(learn)
+    prior = (*track, *learn)
     used = {name.removeprefix("1/") for name in (*names, *prior)}
     others = [name for name in suspects if name not in used and model.nominal.get(name) != 0]
     chosen = increment(model, narrow.period) if narrow.output == "increment" else model
     wide = chosen.parametrize([*names, *prior, *others])
     theta, law = wide.theta[p:], np.array(wide.additive[p:], bool)
     own = theta.copy()
-    for i, (name, guess) in enumerate(prior.items()):
-        own[i] = theta[i] or guess.at(model.nominal[name], natural_sizes(model.nominal))[1]
+    if prior:  # a size that is not zero
+        sized = thought(model, prior, period=narrow.period, motion=natural_motion(model))
+        own[: len(prior)] = np.where(theta[: len(prior)] != 0, theta[: len(prior)], sized.scale)
     P = np.zeros((len(wide.theta),) * 2)
     P[:p, :p] = narrow.P0
     scale = np.r_[narrow.scale, own]
     positive = np.array([name in POSITIVE for name in wide.names[p:]], bool)
     least = np.where(law, np.where(positive, LAW_BOX[0], -LAW_BOX[1]), SUSPECT_BOX[0])
-    inert = np.array([name in INERT and name in prior for name in wide.names[p:]], bool)
+    waits = [name in INERT and name in prior and name not in told for name in wide.names[p:]]
+    inert = np.array(waits, bool)
     design = replace(
         narrow,
         model=wide.relative(scale),

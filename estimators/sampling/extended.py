@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import expm
 
 from flexaxis.estimators.models.parametrization import Parametrization
 
@@ -40,6 +39,8 @@ def extended_system(model: Parametrization, theta: Array) -> tuple[Array, Array,
 
 def discretize(F: Array, G: Array, period: float) -> tuple[Array, Array]:
     """Return Φ, Γ of X[k+1] = Φ X[k] + Γ u[k], the input held over the sample."""
+    from scipy.linalg import expm  # takes a tenth of a second to import
+
     N = len(F)
     held = np.zeros((N + 1, N + 1))  # the input is one more state, which does not change
     held[:N, :N], held[:N, N:] = F, G

@@ -11,6 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.given import is_given, written
 from flexaxis.experiments.building.specs import PIPE
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
@@ -27,6 +28,8 @@ def digest(estimator: str) -> str | None:
     estimator : str
         As for `--estimator`.
     """
+    if is_given(estimator):
+        return sha256(written(estimator.partition("[")[0].strip())).hexdigest()[:SHORT]
     if not names_code(estimator):
         return None
     content = b"".join(_content(path) for path in _named(estimator))

@@ -12,7 +12,6 @@ from __future__ import annotations
 import importlib
 import inspect
 import sys
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -28,17 +27,22 @@ from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import crash, user_code
+from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
+from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
 PIPE = "pipe:"
+
+
+class Misfit(EstimatorError):
+    """An estimator and a scenario that do not go together, though each is right."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,14 @@ def code_file(text: str) -> str:
     return file if file.endswith(".py") else ""
 
 
+def no_file(path: Path) -> EstimatorError:
+    """Return the error for a file of an estimator that is not there, with those that are."""
+    there = sorted(f.name for f in path.parent.glob("*.py")) if path.parent.is_dir() else []
+    return EstimatorError(
+        f"{path} cannot be imported: there is no such file.{did_you_mean(path.name, there)}"
+    )
+
+
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
@@ -122,6 +134,8 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
         offered["noise"] = scenario.data_sheet["noise"]
     if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
         offered["onsets"] = tuple(event.index for event in scenario.events())
+    from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque  # the engine
+
     nominal = started_nominal(scenario)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
     stored = _has_stored_prior(nominal, offered["identify"], scenario)
@@ -132,7 +146,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
     if estimator.output != scenario.output:
-        raise EstimatorError(
+        raise Misfit(
             f"{spec.text} reads {estimator.output!r}, but {scenario.name} gives "
             f"{scenario.output!r}: set its `output` to that, or leave the scenario out"
         )
@@ -193,7 +207,7 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
     if lines := [f"{text}: {key}: {problem}" for key, problem in problems]:
         raise EstimatorError("\n".join(lines))
     if not known_names(scenario, names):
-        raise EstimatorError(
+        raise Misfit(
             f"{text} estimates {', '.join(names)}, but {scenario.name} has "
             f"{', '.join(scenario.parameter_names)}: nothing of it could be scored"
         )
@@ -205,7 +219,7 @@ def _asked(spec: Spec, scenario: Scenario) -> tuple[str, ...]:
         return scenario.identify
     linear = tuple(name for name in scenario.identify if name not in LAW_NAMES)
     if not linear:
-        raise EstimatorError(
+        raise Misfit(
             f"{spec.text} does not declare `laws`, and {scenario.name} asks for nothing but "
             f"{', '.join(scenario.identify)}: leave the scenario out"
         )
@@ -231,12 +245,9 @@ def _has_stored_prior(
 def _options(rest: str, text: str) -> dict[str, Any]:
     if not rest:
         return {}
-    try:
-        return tomllib.loads("options = {" + rest.removesuffix("]") + "}")["options"]
-    except tomllib.TOMLDecodeError as error:
-        raise EstimatorError(
-            f"{text!r}: write options as in [forgetting=0.99, regularization=1e-6]: {error}"
-        ) from error
+    options = "options = {" + rest.removesuffix("]") + "}"
+    source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
+    return toml_tables(options, source=source, refuse=EstimatorError)["options"]
 
 
 def _keywords(make: Callable[..., Any]) -> set[str]:
@@ -247,6 +258,8 @@ def _keywords(make: Callable[..., Any]) -> set[str]:
 def _find(name: str) -> Callable[..., Estimator]:
     if name in REGISTRY:
         return REGISTRY[name].factory
+    if (held := given(name)) is not None:
+        return held
     module, colon, attribute = name.rpartition(":")
     if colon:
         found = getattr(_module(module), attribute, None)
@@ -264,6 +277,8 @@ def _find(name: str) -> Callable[..., Estimator]:
 
 def _module(name: str) -> Any:
     if name.endswith(".py"):
+        if not Path(name).is_file():
+            raise no_file(Path(name))
         return _imported(name, lambda: _file(Path(name).resolve()))
     return _imported(name, lambda: importlib.import_module(name))
 
@@ -280,8 +295,6 @@ def _imported(name: str, load: Callable[[], Any]) -> Any:
 
 @lru_cache
 def _file(path: Path) -> Any:
-    if not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
     if str(path.parent) not in sys.path:  # so that it can import its neighbours
         sys.path.insert(0, str(path.parent))
     spec = spec_from_file_location(path.stem, path)

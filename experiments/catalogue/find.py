@@ -6,16 +6,21 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.catalogue.names import (
+    HOME,
+    is_path,
+    scenario_names,
+    suite_names,
+    tomls,
+    unknown_scenario,
+)
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
 
-_HOME = files("flexaxis.experiments.catalogue")
 _HASHES = "hashes.toml"
 
 
@@ -59,21 +64,6 @@ class Selection(NamedTuple):
     swept_estimators: list[str]
 
 
-def _tomls(folder: str) -> dict[str, Traversable]:
-    found = (f for f in (_HOME / folder).iterdir() if f.name.endswith(".toml"))
-    return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
-
-
-def scenario_names() -> list[str]:
-    """Return the names of the catalogue's scenarios."""
-    return list(_tomls("scenarios"))
-
-
-def suite_names() -> list[str]:
-    """Return the names of the suites."""
-    return list(_tomls("suites"))
-
-
 def find_scenario(name: str) -> Scenario:
     """Return a scenario by its catalogue name or from a TOML file.
 
@@ -83,15 +73,12 @@ def find_scenario(name: str) -> Scenario:
         If there is neither such a name nor such a file, the file has errors, or a scenario of the
         catalogue is not what its name is frozen with.
     """
-    known = _tomls("scenarios")
+    known = tomls("scenarios")
     if name in known:
         return _frozen(parse_scenario(known[name].read_text(encoding="utf-8"), source=name), name)
-    if name.endswith(".toml") or Path(name).is_file():
+    if is_path(name):
         return load_scenario(Path(name))
-    raise ScenarioError(
-        f"unknown scenario {name!r}.{did_you_mean(name, [*known, *suite_names()])} "
-        "`flexaxis list` shows the catalogue; a path to a TOML file works too"
-    )
+    raise unknown_scenario(name)
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
@@ -103,7 +90,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {_HOME / _HASHES}; until then, run it from its path'
+            f'"{name}" = "{found}" to {HOME / _HASHES}; until then, run it from its path'
         )
     if wanted != found:
         raise ScenarioError(
@@ -116,7 +103,13 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
 
 @cache
 def _hashes() -> dict[str, str]:
-    return tomllib.loads((_HOME / _HASHES).read_text(encoding="utf-8"))
+    return tomllib.loads((HOME / _HASHES).read_text(encoding="utf-8"))
+
+
+def suite_card(name: str) -> str:
+    """Return what a suite is, in its own words."""
+    card: str = tomllib.loads(tomls("suites")[name].read_text(encoding="utf-8"))["card"]
+    return card
 
 
 def find_suite(name: str) -> Suite:
@@ -127,7 +120,7 @@ def find_suite(name: str) -> Suite:
     FlexaxisError
         If there is no such suite.
     """
-    known = _tomls("suites")
+    known = tomls("suites")
     if name not in known:
         raise FlexaxisError(f"unknown suite {name!r}.{did_you_mean(name, known)}")
     table = tomllib.loads(known[name].read_text(encoding="utf-8"))
@@ -152,9 +145,13 @@ def find_suite(name: str) -> Suite:
 def _members(table: dict[str, Any]) -> list[str]:
     """Return the scenarios of a suite: all, those of some groups, or those named."""
     if "groups" in table:
-        groups = {name: find_scenario(name).group for name in scenario_names()}
-        return [name for name, group in groups.items() if group in table["groups"]]
+        return [name for name, group in _groups().items() if group in table["groups"]]
     return scenario_names() if table["scenarios"] == "all" else table["scenarios"]
+
+
+@cache
+def _groups() -> dict[str, str | None]:
+    return {name: find_scenario(name).group for name in scenario_names()}
 
 
 def select(names: Sequence[str]) -> Selection:

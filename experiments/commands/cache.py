@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "show or empty the cache of simulated records"
-GROUP = "what there is"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "check that an estimator keeps the rules"
-GROUP = "your own estimator"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
 
 HELP = "say whether an estimator got better or worse, with an exit status"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -109,7 +109,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
-    scenarios = select(names).scenarios
+    scenarios = options.leave_out(select(names).scenarios, [args.base, args.candidate])
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,

@@ -21,7 +21,7 @@ from pathlib import Path
 from flexaxis.experiments.building.consent import add_run_code
 
 HELP = "a live axis in the browser, or a lesson as GIF or MP4"
-GROUP = "what there is"
+GROUP = "teach"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

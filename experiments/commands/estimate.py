@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
 
 HELP = "run an estimator on a record and save the estimates (NetCDF-4)"
-GROUP = "one run"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

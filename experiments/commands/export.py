@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write the rows of a run or a study as Parquet, CSV or NetCDF"
-GROUP = "studies"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

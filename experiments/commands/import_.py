@@ -12,9 +12,15 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.logs.doubts.doubt import Doubt
+    from flexaxis.experiments.logs.visibility import Seen
 
 HELP = "make a record of your own log, with a plausibility report"
 GROUP = "your own axis"
@@ -29,6 +35,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", metavar="MODEL", help="say which of its parameters the excitation can see"
     )
+    parser.add_argument(
+        "--strict", action="store_true", help="status 1 if something spoils the estimates (✗)"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
     add_log_options(parser)
 
@@ -36,69 +45,45 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.importing import expected_deviations, import_log
-    from flexaxis.experiments.logs.log_figures import log_figure, visibility_figure
-    from flexaxis.experiments.logs.log_page import LogPage, write_page
+    from flexaxis.experiments.logs.import_page import import_page
+    from flexaxis.experiments.logs.importing import import_log
+    from flexaxis.experiments.logs.log_page import write_page
+    from flexaxis.experiments.logs.own import record_beside, spare_foreign
+    from flexaxis.experiments.logs.visibility import visible
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
-    path = args.output or _beside(args.log)
+    path = args.output or record_beside(args.log)
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model), path, report)
+    spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
     found = import_log(args.log, tables_of(args), **treatment(args))
-    seen = expected_deviations(found.record, axis) if axis else {}
+    seen = visible(found.record, axis) if axis else {}
     found.record.save(path)
-    rows = [
-        (c.name, "" if c.value is None else f"{c.value:.4g} {c.unit}", c.verdict, c.text)
-        for c in found.checks
-    ]
-    figures = [("The log", log_figure(found.record, found.checks), "")]
-    if seen:
-        figures.append(
-            (
-                "What the excitation can see",
-                visibility_figure(seen),
-                "From the spectrum of the torque alone; orange is not seen.",
-            )
-        )
-    page = LogPage(
-        title=f"Import of {args.log.name}",
-        command=command_line(args.words),
-        remarks=[(c.verdict, f"{c.name}: {c.text}") for c in found.checks if c.verdict != "ok"],
-        tables=[("Plausibility", ("", "measured", "", ""), rows)],
-        figures=figures,
-    )
-    write_page(page, report)
+    write_page(import_page(found, seen, args.log, command_line(args.words)), report)
     if args.json:
-        checks = [vars(check) for check in found.checks]
-        print(dumps({"record": str(path), "checks": checks, "seen": seen, "report": str(report)}))
-        return 0
-    _print(rows, seen)
-    print(path)
-    print(report)
-    return 0
+        checks = [check.told() for check in found.checks]
+        told = {name: vars(one) for name, one in seen.items()}
+        print(dumps({"record": str(path), "checks": checks, "seen": told, "report": str(report)}))
+    else:
+        _print(found.checks, seen)
+        print(path)
+        print(report)
+    return int(args.strict and any(check.verdict == "problem" for check in found.checks))
 
 
-def _beside(log: Path) -> Path:
-    """Return where the record of a log goes by default: next to it, and never over it."""
-    from flexaxis.experiments.running.outputs import same
-
-    path = log.with_suffix(".nc")
-    return log.with_name(f"{log.stem}-imported.nc") if same(path, log) else path
-
-
-def _print(rows: list[tuple[str, str, str, str]], seen: dict[str, float]) -> None:
+def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, show_header=False)
-    for name, value, verdict, text in rows:
-        style = {"ok": None, "note": "yellow", "problem": "red"}[verdict]
-        mark = {"ok": "✓", "note": "!", "problem": "✗"}[verdict]
-        table.add_row(mark, name, value, text, style=style)
+    for check in checks:
+        style = {"ok": None, "note": "yellow", "problem": "red"}[check.verdict]
+        mark = {"ok": "✓", "note": "!", "problem": "✗"}[check.verdict]
+        text = f"{check.text}\n→ {check.command}" if check.command else check.text
+        table.add_row(mark, check.name, check.measured, text, style=style)
     Console().print(table)
-    for name, deviation in seen.items():
-        text = "seen" if deviation < 0.5 else "NOT seen by this excitation"
-        print(f"  {name}: ±{100 * deviation:.2g} % were all others known: {text}")
+    for name, one in seen.items():
+        print(f"  {name}: {one.words}")

@@ -2,103 +2,98 @@
 
 example:
   flexaxis list
-  flexaxis list scenarios --json
+  flexaxis list scenarios --group steps
+  flexaxis list --find friction --json
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 HELP = "list scenarios, suites and estimators"
-GROUP = "what there is"
+GROUP = "look"
 KINDS = ("scenarios", "suites", "estimators")
+
+Line = dict[str, str]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("kind", nargs="?", choices=KINDS, help="list only these")
+    parser.add_argument("--group", metavar="GROUP", help="only scenarios of a group, such as steps")
+    parser.add_argument("--find", metavar="TEXT", default="", help="only what has this text")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Print the catalogue."""
-    from rich.console import Console
-    from rich.table import Table
-
     from flexaxis.experiments.running.files import dumps
 
-    found = {kind: rows for kind, rows in _catalogue().items() if args.kind in (None, kind)}
+    found = {kind: lines() for kind, lines in _wanted(args).items()}
     if args.json:
         print(dumps(found))
         return 0
-    for kind, rows in found.items():
-        table = Table(title=kind, title_justify="left", box=None, pad_edge=False)
-        table.add_column("name", no_wrap=True)
-        if kind == "scenarios":
-            table.add_column("expected", no_wrap=True)
-        table.add_column("what it is")
-        for cells in _grouped(rows) if kind == "scenarios" else _plain(rows):
-            table.add_row(*cells)
-        Console().print(table, *_below(rows), "")
+    for kind, lines in found.items():
+        if lines:
+            _print(kind, lines)
+    if not any(found.values()):
+        print(f"nothing has {args.find!r} in its name or in what is said of it")
     return 0
 
 
-def _below(rows: list[dict[str, str]]) -> Iterator[str]:
+def _wanted(args: argparse.Namespace) -> dict[str, Callable[[], list[Line]]]:
+    """Return what makes the lines of each kind that is asked for."""
+    from flexaxis.experiments.catalogue import listing
+    from flexaxis.sim.errors import FlexaxisError
+
+    makers: dict[str, Callable[[], list[Line]]] = {
+        "scenarios": partial(listing.scenario_lines, group=args.group or "", find=args.find),
+        "suites": partial(listing.suite_lines, find=args.find),
+        "estimators": partial(listing.estimator_lines, find=args.find),
+    }
+    kind = "scenarios" if args.group else args.kind
+    if args.group and args.kind not in (None, "scenarios"):
+        raise FlexaxisError(f"--group is of scenarios, and {args.kind} have none: leave it out")
+    return {name: make for name, make in makers.items() if kind in (None, name)}
+
+
+def _print(kind: str, lines: list[Line]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=kind, title_justify="left", box=None, pad_edge=False)
+    table.add_column("name", no_wrap=True)
+    if kind == "scenarios":
+        table.add_column("expected", no_wrap=True)
+    table.add_column("what it is")
+    for cells in _grouped(lines) if kind == "scenarios" else _plain(lines):
+        table.add_row(*cells)
+    Console().print(table, *_below(lines), "")
+
+
+def _below(lines: list[Line]) -> Iterator[str]:
     """Yield what is to be said of estimators: where their knobs are tuned."""
-    for axis in sorted({row["tuned_for"] for row in rows if row.get("tuned_for")}):
-        count = sum(row.get("tuned_for") == axis for row in rows)
+    for axis in sorted({line["tuned_for"] for line in lines if line.get("tuned_for")}):
+        count = sum(line.get("tuned_for") == axis for line in lines)
         yield (
             f"The knobs of {count} of them are tuned for {axis}; on any other axis they have the "
             "defaults that `flexaxis show NAME` shows."
         )
 
 
-def _plain(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
-    return ((row["name"], row["summary"]) for row in rows)
+def _plain(lines: list[Line]) -> Iterator[tuple[str, ...]]:
+    return ((line["name"], line["summary"]) for line in lines)
 
 
-def _grouped(rows: list[dict[str, str]]) -> Iterator[tuple[str, ...]]:
-    """Yield the cells of the scenarios, each group under its heading."""
+def _grouped(lines: list[Line]) -> Iterator[tuple[str, ...]]:
+    """Yield the cells of the scenarios, each group that has some under its heading."""
     from flexaxis.experiments.catalogue.card import GROUPS
 
     for group, words in GROUPS.items():
-        yield f"[bold]{group}[/bold]", "", f"[bold]{words}[/bold]"
-        for row in rows:
-            if row["group"] == group:
-                yield f"  {row['name']}", row["difficulty"], row["content"]
-
-
-def _catalogue() -> dict[str, list[dict[str, str]]]:
-    from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments.catalogue import find as catalogue
-
-    return {
-        "scenarios": [_scenario(name) for name in catalogue.scenario_names()],
-        "suites": [
-            {"name": name, "summary": catalogue.find_suite(name).card}
-            for name in catalogue.suite_names()
-        ],
-        "estimators": [
-            {
-                "name": entry.name,
-                "summary": entry.summary,
-                "tuned_for": entry.tuning.axis if entry.tuning else "",
-            }
-            for entry in REGISTRY.values()
-        ],
-    }
-
-
-def _scenario(name: str) -> dict[str, str]:
-    from flexaxis.experiments.catalogue import card
-    from flexaxis.experiments.catalogue import find as catalogue
-
-    scenario = catalogue.find_scenario(name)
-    return {
-        "name": name,
-        "group": scenario.group or "",
-        "difficulty": scenario.difficulty or "",
-        "content": card.in_a_line(scenario),
-        "summary": scenario.card,
-    }
+        mine = [line for line in lines if line["group"] == group]
+        if mine:
+            yield f"[bold]{group}[/bold]", "", f"[bold]{words}[/bold]"
+        for line in mine:
+            yield f"  {line['name']}", line["difficulty"], line["content"]

@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "put the shares of a run or a study together"
-GROUP = "studies"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

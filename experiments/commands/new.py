@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 HELP = "write a working template of an own estimator"
-GROUP = "your own estimator"
+GROUP = "judge"
 CLASS = "Mine"
 
 

@@ -167,6 +167,17 @@ def go_on(args: argparse.Namespace, done: int) -> str:
     return f"{kept}; go on with: " + shlex.join(["flexaxis", *words, RESUME])
 
 
+def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
+    """Return the scenarios that all estimators can read; which are left out is said on stderr."""
+    from flexaxis.experiments.building.misfits import readable
+    from flexaxis.experiments.cli import say
+
+    kept, left = readable(scenarios, estimators)
+    for name, reason in left.items():
+        say(f"{name} is left out: {reason}")
+    return kept
+
+
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
     from flexaxis.experiments.cli import say

@@ -14,7 +14,7 @@ import os
 from pathlib import Path
 
 HELP = "reproduce the paper's figures and check its claims"
-GROUP = "benchmarks"
+GROUP = "teach"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

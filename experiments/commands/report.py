@@ -12,7 +12,7 @@ from pathlib import Path
 from flexaxis.experiments.commands import options
 
 HELP = "write report.html again from the results in a folder"
-GROUP = "benchmarks"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -27,12 +27,14 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.folder import read_study
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.sealed import as_written
     from flexaxis.experiments.studies.report import inputs
 
     path = args.output or args.folder / REPORT
     spare(inputs(args.folder), path)
     study = read_study(args.folder)
-    return (_of_study if study["axes"] else _of_run)(args, path)
+    with as_written(args.folder):
+        return (_of_study if study["axes"] else _of_run)(args, path)
 
 
 def _of_study(args: argparse.Namespace, path: Path) -> int:

@@ -21,7 +21,6 @@ example:
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from typing import Any
 from flexaxis.experiments.commands import options
 
 HELP = "run estimators on scenarios, score them, write a report"
-GROUP = "benchmarks"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -55,6 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.told import remark
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
@@ -77,15 +77,17 @@ def main(args: argparse.Namespace) -> int:
                 wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
-    print(f"{simulated} records simulated", file=sys.stderr)
+    remark(f"{simulated} records simulated")
     if found is None:
         return _share_told(args, folder, share)
     return _told(args, folder, found)
 
 
 def _say(wanted: Any, text: str) -> None:
+    from flexaxis.experiments.running.told import remark
+
     if wanted.cases > 2000:  # else it is a matter of a few seconds
-        print(text, file=sys.stderr)
+        remark(text)
 
 
 def _wanted(args: argparse.Namespace) -> Any:
@@ -99,17 +101,21 @@ def _wanted(args: argparse.Namespace) -> Any:
     chosen = select(args.names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
     swept = list(dict.fromkeys([REFERENCE, *estimators]))
+    # Those of suites are all ours, and read whatever the suite has.
+    given = args.estimator or []
+    kept = options.leave_out(chosen.scenarios, given) if given else chosen.scenarios
+    names = {scenario.name for scenario in kept}
     title = " ".join(args.names)
     return Benchmark(
         study=Study(
             name=title,
-            scenarios=tuple(chosen.scenarios),
+            scenarios=tuple(kept),
             estimators=tuple(estimators),
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
         command=command_line(options.whole(args)),
-        swept_scenarios=chosen.swept_scenarios,
+        swept_scenarios=[s for s in chosen.swept_scenarios if s.name in names],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
 

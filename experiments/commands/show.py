@@ -13,12 +13,12 @@ from __future__ import annotations
 import argparse
 
 HELP = "show a scenario, suite or estimator with all its values"
-GROUP = "what there is"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("name", metavar="NAME", help="name of the catalogue, or a TOML path")
+    parser.add_argument("name", metavar="SCENARIO|SUITE|ESTIMATOR", help="its name, or a TOML path")
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 

@@ -1,16 +1,27 @@
 """Simulate one run of a scenario and save the record: what was measured, and the truth.
 
+With --as-log, what a robot would have logged of it instead: no truth, its own units and clock, as
+coarse and as full of gaps as you like; a log to practise `import` and `identify` on.
+
 example:
   flexaxis simulate fm_step-v1 --seed 0 -o rec.nc
+  flexaxis simulate coulomb_fm_step-v1 --as-log csv --units deg,A,ms --counts 65536 -o log.csv
+  flexaxis simulate moves_fm_step-v1 --as-log mat --no-header --jitter 2e-4 --gaps 3 -o log.mat
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-HELP = "simulate a scenario and save the record (NetCDF-4)"
-GROUP = "one run"
+from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
+
+if TYPE_CHECKING:
+    from flexaxis.sim.record import Record
+
+HELP = "simulate a scenario and save the record (NetCDF-4), or a log of it"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -20,19 +31,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="default: SCENARIO-SEED.nc"
     )
+    parser.add_argument(
+        "--as-log", choices=("csv", "mat", "h5"), help="write what a robot would log, as this"
+    )
     parser.add_argument("--json", action="store_true", help="print JSON")
+    add_style_options(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
     from flexaxis.experiments.catalogue.find import find_scenario
+    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.simulate import simulate
 
     scenario = find_scenario(args.scenario)
-    path = args.output or Path(f"{scenario.name}-{args.seed}.nc")
+    suffix = args.as_log or "nc"
+    path = args.output or Path(f"{scenario.name}-{args.seed}.{suffix}")
+    if args.as_log and path.suffix != f".{suffix}":
+        raise LogError(f"-o {path}: a log as {suffix} ends in .{suffix}")
+    if style_given := [w for w in args.words if w.partition("=")[0] in _STYLE and not args.as_log]:
+        raise LogError(f"{style_given[0]} is for a log: add --as-log csv, mat or h5")
     spare([args.scenario], path)
     with progress(f"simulating {scenario.name}", 1.0) as advance:
         done = 0.0
@@ -43,10 +64,35 @@ def main(args: argparse.Namespace) -> int:
             done = fraction
 
         record = simulate(scenario, [args.seed], progress=report)[0]
-    record.save(path)
-    if args.json:
-        content = {"record": str(path), "scenario": scenario.name, "hash": record.hash}
-        print(dumps(content | {"seed": args.seed, "samples": len(record.time)}))
+    content: dict[str, object] = {"record": str(path)}
+    if args.as_log:
+        content = {"log": str(path), "import": _write_log(record, path, args)}
     else:
-        print(path)
+        record.save(path)
+    content |= {"scenario": scenario.name, "hash": record.hash, "seed": args.seed}
+    if args.json:
+        print(dumps(content | {"samples": len(record.time)}))
+        return 0
+    if args.as_log:
+        print(f"import it by: {content['import']}")
+    print(path)
     return 0
+
+
+_STYLE = (
+    "--units", "--scale", "--no-header", "--decimal-comma", "--jitter", "--gaps", "--counts",
+    "--torque-step", "--offset",
+)  # fmt: skip
+
+
+def _write_log(record: Record, path: Path, args: argparse.Namespace) -> str:
+    """Write a record as a log, and return the line that imports it."""
+    import shlex
+
+    from flexaxis.experiments.logs.as_log import import_words, logged, write_log
+    from flexaxis.sim.streams import stream
+
+    style = style_of(args)
+    columns = logged(record, style, stream(record.hash, args.seed, "log"))
+    write_log(path, columns, style)
+    return shlex.join(import_words(path, list(columns), style))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 
 HELP = "measure time per sample against rivals, as ratios"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

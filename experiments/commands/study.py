@@ -27,7 +27,6 @@ example:
 from __future__ import annotations
 
 import argparse
-import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,7 +38,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
 
 HELP = "sweep scenarios, faults and estimators over many seeds, resumable"
-GROUP = "studies"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +70,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.names import REPORT, STUDY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
+    from flexaxis.experiments.running.told import remark
     from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.experiments.studies.definition import load_study
 
@@ -89,7 +89,7 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         told = _announced(plan, done, place[1], dry=args.dry_run)
-        print(told, file=sys.stdout if args.dry_run else sys.stderr)
+        (print if args.dry_run else remark)(told)
         if not args.dry_run:
             return _run(args, plan, folder, place)
     require(args.run_code, study.estimators, **consent)

@@ -19,12 +19,12 @@ from pathlib import Path
 from flexaxis.experiments.commands import options
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("names", nargs="+", metavar="SCENARIO")
+    parser.add_argument("names", nargs="+", metavar="SUITE|SCENARIO")
     parser.add_argument("--estimator", action="append", metavar="E", help="repeat for several")
     parser.add_argument("--seeds", default="16", metavar="N or A:B", help="default: 16")
     options.add_jobs(parser, what="the lags do")

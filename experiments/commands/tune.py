@@ -25,7 +25,7 @@ from typing import Any
 from flexaxis.experiments.commands import options
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
-GROUP = "benchmarks"
+GROUP = "judge"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

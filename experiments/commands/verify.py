@@ -16,7 +16,7 @@ from pathlib import Path
 from flexaxis.experiments.building.consent import add_run_code
 
 HELP = "run random cases of a run or a study again and compare"
-GROUP = "studies"
+GROUP = "run"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 
 HELP = "look at a run in 3-D, in a window or as a picture"
-GROUP = "what there is"
+GROUP = "look"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
@@ -16,6 +15,7 @@ from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
 from flexaxis.sim.config import Config, NotNegative
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.problems import explain
+from flexaxis.sim.reading import read_text, toml_tables
 
 
 class LessonError(FlexaxisError):
@@ -135,19 +135,13 @@ def load_lesson(path: Path | None) -> Lesson:
     LessonError
         With a line for each problem.
     """
-    try:
-        text = default_lesson() if path is None else path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LessonError(f"{path}: cannot be read: {error}") from error
+    text = default_lesson() if path is None else read_text(path, LessonError)
     return parse_lesson(text, source=str(path or "default lesson"))
 
 
 def parse_lesson(text: str, *, source: str) -> Lesson:
     """Return a lesson from TOML text; errors as from `load_lesson`."""
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise LessonError(f"{source}: not valid TOML: {error}") from error
+    content = toml_tables(text, source=source, refuse=LessonError)
     given = content.pop("act", [])
     acts = given if isinstance(given, list) else [given]
     problems = [f"{key}: {text}" for key, text in _problems(content, Lesson)]
@@ -164,6 +158,6 @@ def _problems(content: Mapping[str, Any], table: type[Config]) -> list[tuple[str
     try:
         table.model_validate(content)
     except ValidationError as error:
-        whole = [str(e["ctx"]["error"]) for e in error.errors() if not e["loc"] and "ctx" in e]
+        whole = [e["msg"].removeprefix("Value error, ") for e in error.errors() if not e["loc"]]
         return [*explain(error, table), *(("", text) for text in whole)]
     return []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.names import SCORES, SUMMARY
+from flexaxis.experiments.running.sealed import read_sealed
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 KEYS = ("scenario", "hash", "seed", "parameter", "changed")
@@ -82,7 +82,7 @@ def compare_runs(
 def _load(folder: Path) -> tuple[dict[str, Any], Results]:
     results = Results(folder, {"axes": ()})
     try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        summary = read_sealed(folder / SUMMARY, OutputError)
         summary["versions"].items()
         results.table.texts("estimator")  # damaged rows are found here
         return summary, results

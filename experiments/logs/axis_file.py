@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.record import Record
 from flexaxis.sim.toml_text import toml_text
 
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-_KEYS = (*_MODEL, "nominal", "law", "delay", "whitening", "noise")
+_NUMBERS = ("delay", "offset", "noise", "highpass")
+_KEYS = (*_MODEL, "nominal", "deviation", "law", "whitening", "torque_is", *_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,14 @@ class Axis:
         Coefficients of the filter that makes the residuals white; (1,) for none.
     noise : float or None
         Standard deviation of the whitened residuals [rad/s], if known.
+    offset : float
+        What acts besides the logged torque and never changes, in its unit.
+    highpass : float or None
+        Corner [Hz] below which the axis does what the model does not know.
+    torque_is : {"held", "smooth"} or None
+        What the torque turned out to be, where nobody said it or it was said wrongly.
+    deviation : mapping of str to float
+        Standard deviations of nominal values, where known.
     """
 
     model: Model
@@ -53,6 +64,10 @@ class Axis:
     delay: float = 0.0
     whitening: tuple[float, ...] = (1.0,)
     noise: float | None = None
+    offset: float = 0.0
+    highpass: float | None = None
+    torque_is: str | None = None
+    deviation: Mapping[str, float] = field(default_factory=dict)
 
     def having(self, values: Mapping[str, float]) -> Axis:
         """Return the axis with some nominal values replaced."""
@@ -71,7 +86,26 @@ class Axis:
         content = dict(self.tables) | {"delay": self.delay}
         if self.noise is not None:
             content |= {"noise": self.noise, "whitening": list(self.whitening)}
-        write_text(path, toml_text(content | {"nominal": dict(self.model.nominal)}))
+        if self.offset:
+            content["offset"] = self.offset
+        for key in ("highpass", "torque_is"):
+            if getattr(self, key) is not None:
+                content[key] = getattr(self, key)
+        content["nominal"] = dict(self.model.nominal)
+        if self.deviation:
+            content["deviation"] = dict(self.deviation)
+        if self.model.laws:
+            content["law"] = [_table(law) for law in self.model.laws]
+        write_text(path, toml_text(content))
+
+
+def _table(law: Law) -> dict[str, Any]:
+    return {
+        "kind": law.kind,
+        "drive": dict(law.drive),
+        "acts": dict(law.acts),
+        "parameters": dict(law.parameters),
+    }
 
 
 def find_axis(text: str) -> Axis:
@@ -91,12 +125,7 @@ def find_axis(text: str) -> Axis:
             f"unknown model {text!r}.{did_you_mean(text, MODELS)} Shipped are "
             f"{', '.join(MODELS)}; your own is a path to a .toml file"
         )
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    tables = read_toml(path, LogError)
     try:
         return _from_tables(tables)
     except EstimatorError as error:
@@ -108,10 +137,18 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         if key not in _KEYS:
             raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
     whitening = tables.get("whitening", [1.0])
-    numbers = (tables.get("delay", 0.0), tables.get("noise", 1.0), *whitening)
-    if not all(isinstance(x, int | float) for x in numbers):
-        raise EstimatorError("delay, noise and whitening are numbers")
-    noise = tables.get("noise")
+    deviation = tables.get("deviation", {})
+    numbers = [tables[key] for key in _NUMBERS if key in tables]
+    numbers += whitening if isinstance(whitening, list) else [None]
+    numbers += deviation.values() if isinstance(deviation, Mapping) else [None]
+    if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
+        raise EstimatorError(
+            f"{', '.join(_NUMBERS)} are numbers, whitening is an array and deviation a table of "
+            "them"
+        )
+    if tables.get("torque_is", "held") not in {"held", "smooth"}:
+        raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
+    noise, highpass = tables.get("noise"), tables.get("highpass")
     return Axis(
         model=model_from_tables(tables),
         tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
@@ -119,6 +156,10 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         delay=float(tables.get("delay", 0.0)),
         whitening=tuple(map(float, whitening)),
         noise=None if noise is None else float(noise),
+        offset=float(tables.get("offset", 0.0)),
+        highpass=None if highpass is None else float(highpass),
+        torque_is=tables.get("torque_is"),
+        deviation={name: float(value) for name, value in deviation.items()},
     )
 
 

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
-from flexaxis.estimators.models.axes import MODELS
-from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.offline.frequency import information, line_spectrum
-from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
-from flexaxis.experiments.logs.mapping import mapping_from, pick
-from flexaxis.experiments.logs.plausibility import Check, examine, refuse_nonsense
-from flexaxis.experiments.logs.prepare import check_time, prepare
-from flexaxis.experiments.logs.readers import read_columns
-from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
+from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.doubts.evidence import of_record
+from flexaxis.experiments.logs.doubts.looking import examine
+from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
+from flexaxis.experiments.logs.doubts.torque_kind import (
+    AGAINST,
+    GIVEN,
+    kind_seen,
+    torque_kind,
+)
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
+from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
+from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -34,7 +38,7 @@ class Imported:
     """A record and what was looked at on the way."""
 
     record: Record
-    checks: list[Check]
+    checks: tuple[Doubt, ...]
 
 
 def import_log(
@@ -50,7 +54,7 @@ def import_log(
     Parameters
     ----------
     path : Path
-        CSV, MAT, HDF5 or NetCDF.
+        CSV, MAT, HDF5, NetCDF, parquet or a bag, see `reading.reader.open_log`.
     tables : mapping
         As for `mapping_from`.
     resample, highpass : float, optional
@@ -62,13 +66,62 @@ def import_log(
     Raises
     ------
     LogError
-        If the log cannot be used.
+        If the log cannot be used; the message begins with its name.
     """
     chosen = mapping_from(tables, source=str(path))
-    raw = pick(read_columns(path), chosen)
-    check_time(raw.time)
-    refuse_nonsense(raw)
-    found = prepare(raw, smooth=chosen.smooth, resample=resample, highpass=highpass)
+    raw = pick(open_log(path), chosen)
+    try:
+        check_time(raw.time)
+        refuse_nonsense(raw)
+        smooth, because = _kind(raw, chosen)
+        found = prepare(raw, smooth=smooth, resample=resample, highpass=highpass)
+        record = _record(found, burn_in, _told(path, smooth, because, highpass))
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+
+
+def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dict[str, str]:
+    """Return what a record keeps of its import."""
+    told = {
+        "flexaxis": version("flexaxis"),
+        "log": path.name,
+        "torque": "smooth" if smooth else "held",
+        "torque_because": because,
+    }
+    return told if highpass is None else told | {"highpass": f"{highpass:g}"}
+
+
+def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
+    """Return whether the torque is smooth, and why."""
+    stated = chosen.smooth
+    speed, there = _motion(raw)
+    if there.sum() < FEWEST:
+        return bool(stated), "too few samples to tell" if stated is None else GIVEN
+    signals = raw.torque[there], float(np.median(np.diff(raw.time)))
+    if stated is None:
+        name = chosen.columns.get("torque", "torque")
+        kind, because = torque_kind(*signals, speed=speed[there], name=name)
+        return kind == "smooth", because
+    seen = kind_seen(*signals, speed=speed[there])
+    against = seen is not None and (seen[0] == "smooth") != stated
+    return stated, f"{AGAINST} {seen[1]}" if against and seen else GIVEN
+
+
+def _motion(raw: Raw) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the speed at the samples of a log, but for a factor, and where all is there."""
+    there = np.isfinite(raw.torque)
+    if raw.angle is None:
+        assert raw.speed is not None  # a mapping has one of the two
+        return raw.speed, there & np.isfinite(raw.speed)
+    there &= np.isfinite(raw.angle)
+    speed = np.zeros(len(raw.time))
+    angle = unwrapped(raw.angle[there])[0] if there.any() else np.zeros(0)
+    speed[there] = np.diff(angle, prepend=angle[:1])
+    return speed, there
+
+
+def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Record:
     signals, valid, steps = found.signals, found.valid, None
     if "angle" in signals:
         steps = np.diff(signals["angle"], prepend=signals["angle"][0]) / found.period
@@ -77,7 +130,12 @@ def import_log(
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
         burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)
-    record = Record(
+    if not 0 <= burn_in < 0.9 * len(moving) * found.period:
+        raise LogError(
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{len(moving) * found.period:.4g} s"
+        )
+    return Record(
         time=found.time,
         torque=signals["torque"],
         angle=signals.get("angle"),
@@ -86,13 +144,8 @@ def import_log(
         true_angle_a=signals.get("load_angle"),
         valid=None if valid.all() else valid,
         burn_in=burn_in,
-        versions={
-            "flexaxis": version("flexaxis"),
-            "log": path.name,
-            "torque": "smooth" if chosen.smooth else "held",
-        },
+        versions=told,
     )
-    return Imported(record, examine(raw, found))
 
 
 def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
@@ -105,37 +158,3 @@ def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> 
                 raise RecordError(f"{error} To import it as a log, name its columns") from error
             raise
     return import_log(path, tables, **options).record
-
-
-def expected_deviations(record: Record, axis: Axis) -> dict[str, float]:
-    """Return what the excitation can tell of each parameter alone: its relative deviation.
-
-    σ/(θ √(N E ψ²)), with E ψ² from the spectrum of the torque by eq. (28): before any estimator
-    runs, and if all other parameters were known. σ is the noise of the output above the band of
-    the excitation, spread over all frequencies: the least that it can be.
-
-    Parameters
-    ----------
-    record : Record
-    axis : Axis
-        Its nominal values are where the gradient is taken; for a shipped model without
-        values they are guessed from the log, where it has a way to.
-    """
-    output, period, ok = output_of(record), record.period, usable(record)
-    y = np.asarray(getattr(record, output))[ok]
-    if not axis.known and MODELS[axis.model.name].guess:
-        guess = rough_guess(axis.model, measured_response(record.torque[ok], y, period=period))
-        axis = axis.having(guess)
-    model = increment(axis.model, period) if output == "increment" else axis.model
-    chosen = model.parametrize(axis.model.parameters)
-    omega, power = line_spectrum(record.torque[ok], period=period)
-    lines = (power > 1e-9 * power.max()) & (omega > 0)
-    Q = information(chosen, chosen.theta, omega[lines], power[lines], period=period)
-    deviation = _noise(y, period) / np.sqrt(ok.sum() * np.diag(Q))
-    return dict(zip(chosen.names, (deviation / abs(chosen.theta)).tolist(), strict=True))
-
-
-def _noise(y: Array, period: float) -> float:
-    """Return σ of the output from the frequencies where there is least of it."""
-    _, power = welch(y, fs=1 / period, nperseg=min(len(y) // 2, 1024))
-    return float(np.sqrt(np.percentile(power[1:], 20) / (2 * period)))

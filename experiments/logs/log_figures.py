@@ -12,9 +12,10 @@ from scipy.signal import welch
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
+from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.plausibility import Check
 from flexaxis.experiments.logs.track import Tracked
+from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.figures import colour
 from flexaxis.sim.record import Record
 
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
 
 
-def log_figure(record: Record, checks: list[Check]) -> Figure:
+def log_figure(record: Record) -> Figure:
     """Draw torque and motion over time, and the spectrum of the torque."""
     fig = Figure(figsize=(8.0, 6.0), layout="constrained")
     torque, motion, spectrum = fig.subplots(3, 1)
@@ -42,15 +43,33 @@ def log_figure(record: Record, checks: list[Check]) -> Figure:
     return fig
 
 
-def visibility_figure(deviations: Mapping[str, float]) -> Figure:
-    """Draw how well the excitation can tell each parameter alone, eq. (28)."""
-    fig = Figure(figsize=(8.0, 0.8 + 0.35 * len(deviations)), layout="constrained")
+def doubt_figure(doubt: Doubt) -> Figure:
+    """Draw what was seen of a doubt."""
+    fig = Figure(figsize=(8.0, 3.0), layout="constrained")
     ax = fig.subplots()
-    names = list(deviations)[::-1]
-    values = [max(100 * deviations[name], 1e-6) for name in names]
-    ax.barh(names, values, color=[BLUE if value < 50 else ORANGE for value in values])
+    assert doubt.draw is not None
+    doubt.draw(ax)
+    ax.grid(alpha=0.25)
+    return fig
+
+
+def visibility_figure(seen: Mapping[str, Seen]) -> Figure:
+    """Draw how well the excitation can tell each parameter, eq. (28): alone, and with all free."""
+    told = {
+        name: (one.together, one.alone)
+        for name, one in seen.items()
+        if one.together is not None and one.alone is not None
+    }
+    fig = Figure(figsize=(8.0, 1.0 + 0.4 * len(told)), layout="constrained")
+    ax = fig.subplots()
+    for row, pair in enumerate(list(told.values())[::-1]):
+        together, alone = (min(max(100 * x, 1e-6), 1e6) for x in pair)
+        ax.barh(row, together, height=0.6, color=BLUE if together < 50 else ORANGE)
+        ax.plot(alone, row, "k|", ms=12)
     ax.axvline(50, color="0.3", lw=0.8)
-    ax.set(xscale="log", xlabel="standard deviation, were all others known [% of the value]")
+    ax.set_yticks(range(len(told)), list(told)[::-1])
+    ax.set(xscale="log")
+    ax.set_xlabel("standard deviation [% of the value], all unknown; line: were all others known")
     return fig
 
 

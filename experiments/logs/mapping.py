@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.readers import Columns
+from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import read_toml
 
 Array = NDArray[np.float64]
 
@@ -36,8 +37,17 @@ _SPELLINGS = {
     "nm": "Nm", "newtonmeter": "Nm", "mnm": "mNm", "amp": "A", "ampere": "A", "a": "A",
     "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "degrees/s": "deg/s",
     "radian": "rad", "radians": "rad", "radians/s": "rad/s", "turn": "rev", "turns": "rev",
+    "radps": "rad/s", "degps": "deg/s",
     "1/min": "rpm", "min-1": "rpm", "rev/min": "rpm", "hz": "rev/s",
 }  # fmt: skip
+
+_ENDINGS = {
+    "time": {"ms", "us", "ns", "sec"},
+    "torque": {"nm", "mnm"},
+    "angle": {"rad", "mrad", "deg", "rev"},
+    "speed": {"rpm", "radps", "degps"},
+}
+"""What the name of a column may end in after an underscore to be taken for its unit."""
 
 KINDS = {
     "time": "time",
@@ -47,6 +57,8 @@ KINDS = {
     "load_angle": "angle",
 }
 """The signals that a mapping may name, and the kind of unit each has."""
+
+LARGEST = 1e12  # of a rate or a factor
 
 _OPTIONS = ("rate", "scale", "unit", "torque_is")
 
@@ -65,16 +77,16 @@ class LogMap:
         Factor on a signal, after its unit; −1 turns a sign.
     unit : dict of str to str
         Unit of a signal, where the file does not say it or is wrong.
-    smooth : bool
+    smooth : bool or None
         Whether the torque is a measured, smooth signal such as a current, rather than a command
-        that is held until the next sample.
+        that is held until the next sample; None where nobody said.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
     rate: float | None = None
     scale: Mapping[str, float] = field(default_factory=dict)
     unit: Mapping[str, str] = field(default_factory=dict)
-    smooth: bool = False
+    smooth: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +101,8 @@ class Raw:
         [rad], [rad/s], [rad].
     stated : frozenset of str
         Signals whose unit somebody stated.
+    joined : str
+        Which signals came by clocks of their own and were brought to that of the motion, in words.
     """
 
     time: Array
@@ -97,6 +111,7 @@ class Raw:
     speed: Array | None
     load_angle: Array | None
     stated: frozenset[str]
+    joined: str = ""
 
 
 def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
@@ -107,118 +122,175 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
     LogError
         With a line for each key that is unknown or has a value of the wrong kind.
     """
-    problems = []
-    for key, value in tables.items():
-        if key not in (*KINDS, *_OPTIONS):
-            problems.append(
-                f"{source}: {key}: no such key.{did_you_mean(key, (*KINDS, *_OPTIONS))} "
-                f"There are {', '.join((*KINDS, *_OPTIONS))}"
-            )
-        elif key in ("scale", "unit"):
-            wanted = (int, float) if key == "scale" else str
-            for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
-                if name not in KINDS or not isinstance(entry, wanted):
-                    problems.append(
-                        f"{source}: {key}.{name} = {entry!r}: give "
-                        f"{'a number' if key == 'scale' else 'a unit'} for one of "
-                        f"{', '.join(KINDS)}.{did_you_mean(name, KINDS)}"
-                    )
-        elif key == "rate" and not (isinstance(value, int | float) and value > 0):
-            problems.append(f"{source}: rate is {value!r}; give the sampling rate in Hz, above 0")
-        elif key == "torque_is" and value not in ("held", "smooth"):
-            problems.append(f"{source}: torque_is is {value!r}; give 'held' or 'smooth'")
+    problems = [f"{source}: {text}" for key in tables for text in _wrong(key, tables[key])]
     if problems:
         raise LogError("\n".join(problems))
     return LogMap(
         columns={name: str(tables[name]) for name in KINDS if name in tables},
-        rate=tables.get("rate"),
+        rate=float(tables["rate"]) if "rate" in tables else None,
         scale=dict(tables.get("scale", {})),
         unit=dict(tables.get("unit", {})),
-        smooth=tables.get("torque_is") == "smooth",
+        smooth=tables["torque_is"] == "smooth" if "torque_is" in tables else None,
     )
+
+
+def _wrong(key: str, value: object) -> Iterator[str]:
+    """Yield what is wrong with an entry of a mapping."""
+    known = (*KINDS, *_OPTIONS)
+    if key not in known:
+        yield f"{key}: no such key.{did_you_mean(key, known)} There are {', '.join(known)}"
+    elif key in KINDS and not isinstance(value, str):
+        yield f"{key} is {value!r}; give the name of a column, in quotes"
+    elif key == "rate" and not _is_number(value, above=0):
+        yield f"rate is {value!r}; give the sampling rate in Hz, above 0"
+    elif key == "torque_is" and value not in ("held", "smooth"):
+        yield f"torque_is is {value!r}; give 'held' or 'smooth'"
+    elif key in ("scale", "unit"):
+        wanted = "a number other than 0" if key == "scale" else "a unit"
+        for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
+            good = _is_number(entry) and entry != 0 if key == "scale" else isinstance(entry, str)
+            if name not in KINDS or not good:
+                yield (
+                    f"{key}.{name} = {entry!r}: give {wanted} for one of {', '.join(KINDS)}."
+                    f"{did_you_mean(name, KINDS)}"
+                )
+
+
+def _is_number(value: object, *, above: float = -LARGEST) -> bool:
+    """Whether a value is a number within sensible limits."""
+    there = isinstance(value, int | float) and not isinstance(value, bool)
+    return there and above < value <= LARGEST  # type: ignore[operator]
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
     """Return the tables of a mapping file."""
-    import tomllib
-
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise LogError(f"{path}: not valid TOML: {error}") from error
+    return read_toml(path, LogError)
 
 
-def pick(columns: Columns, mapping: LogMap) -> Raw:
+def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI.
 
-    A signal that the mapping does not name is taken from the column of its own name, if any.
+    A signal that the mapping does not name is taken from the column of its own name, if any. Where
+    the file says which column of time belongs to which signal, as bags do, all are brought to the
+    clock of the motion.
 
     Raises
     ------
     LogError
         If a column is missing, lengths differ, or a unit is unknown.
     """
-    given = {name: name for name in KINDS if name in columns.values} | dict(mapping.columns)
+    given = {name: name for name in KINDS if name in log.names} | dict(mapping.columns)
     if mapping.rate is not None and "time" not in mapping.columns:
         given.pop("time", None)
-    _check_columns(columns, given, mapping)
-    signals = {name: _in_si(columns, name, column, mapping) for name, column in given.items()}
+    motion = given.get("angle", given.get("speed", ""))
+    if mapping.rate is None and motion in log.clock:
+        given.setdefault("time", log.clock[motion])
+    _check_columns(log, given, mapping)
+    units = {name: _unit(log, name, column, mapping) for name, column in given.items()}
+    clocks = {log.clock[c] for c in given.values() if c in log.clock}
+    columns = log.load([*given.values(), *clocks])
+    signals = {
+        name: columns[column]
+        * (_factor(log, name, column, units[name]) * mapping.scale.get(name, 1))
+        for name, column in given.items()
+    }
+    joined = _joined(log, given, signals, columns, smooth=bool(mapping.smooth))
     if "time" not in signals:
         assert mapping.rate is not None  # checked above
         signals["time"] = np.arange(len(signals["torque"])) / mapping.rate
     lengths = {name: len(values) for name, values in signals.items()}
     if len(set(lengths.values())) > 1:
-        text = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise LogError(f"{columns.source}: the columns differ in length: {text}")
-    stated = {name for name in given if name in mapping.unit or given[name] in columns.units}
+        text = ", ".join(f"{name} ({given[name]}) {length}" for name, length in lengths.items())
+        raise LogError(
+            f"{log.source}: the columns differ in length: {text}. Columns of one log have a value "
+            "each for every sample: are they of different rates?"
+        )
     return Raw(
         time=signals["time"],
         torque=signals["torque"],
         angle=signals.get("angle"),
         speed=signals.get("speed"),
         load_angle=signals.get("load_angle"),
-        stated=frozenset(stated),
+        stated=frozenset(name for name, unit in units.items() if unit),
+        joined=joined,
     )
 
 
-def _check_columns(columns: Columns, given: Mapping[str, str], mapping: LogMap) -> None:
+def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
+    there = f"there are {shown(log.names)}"
     problems = [
-        f"{columns.source}: there is no column {column!r} for {name}."
-        f"{did_you_mean(column, columns.values)} There are {', '.join(columns.values)}"
+        f"{log.source}: there is no column {column!r} for {name}."
+        f"{did_you_mean(column, log.names)} T{there[1:]}"
         for name, column in given.items()
-        if column not in columns.values
+        if column not in log.names
     ]
     if "time" not in given and mapping.rate is None:
         problems.append(
-            f"{columns.source}: which column is the time? Give --time COLUMN, or --rate HZ; "
-            f"there are {', '.join(columns.values)}"
+            f"{log.source}: which column is the time? Give --time COLUMN, or --rate HZ; {there}"
         )
     if "torque" not in given:
         problems.append(
-            f"{columns.source}: which column is the torque, or current? Give --torque COLUMN; "
-            f"there are {', '.join(columns.values)}"
+            f"{log.source}: which column is the torque, or current? Give --torque COLUMN; {there}"
         )
     if not {"angle", "speed"} & set(given):
         problems.append(
-            f"{columns.source}: which column is the motor angle, or speed? Give --angle COLUMN or "
-            f"--speed COLUMN; there are {', '.join(columns.values)}"
+            f"{log.source}: which column is the motor angle, or speed? Give --angle COLUMN or "
+            f"--speed COLUMN; {there}"
         )
+    twice = [c for c in set(given.values()) if list(given.values()).count(c) > 1]
+    if twice:
+        names = ", ".join(name for name, column in given.items() if column == twice[0])
+        problems.append(f"{log.source}: column {twice[0]!r} is named for {names}; each has its own")
     if problems:
         raise LogError("\n".join(problems))
 
 
-def _in_si(columns: Columns, name: str, column: str, mapping: LogMap) -> Array:
+def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
+    """Return the unit of a signal: as the mapping says, the file, or the end of the name."""
+    stated = mapping.unit.get(name) or log.units.get(column, "")
+    ending = column.rpartition("_")[2].lower()
+    return stated or (ending if ending in _ENDINGS[KINDS[name]] else "")
+
+
+def _factor(log: Log, name: str, column: str, text: str) -> float:
+    """Return the factor of a unit to SI."""
     factors = UNITS[KINDS[name]]
-    text = mapping.unit.get(name, columns.units.get(column, ""))
     if not text:
-        return columns.values[column] * mapping.scale.get(name, 1.0)
+        return 1.0
     plain = re.sub(r"[\s·*.^]", "", text)
     unit = _SPELLINGS.get(plain.lower(), plain)
     if unit not in factors:
         raise LogError(
-            f"{columns.source}: the unit {text!r} of {column} is not one of {', '.join(factors)} "
+            f"{log.source}: the unit {text!r} of {column} is not one of {', '.join(factors)} "
             f"for {name}; state it with --unit {name}=…"
         )
-    return columns.values[column] * (factors[unit] * mapping.scale.get(name, 1.0))
+    return factors[unit]
+
+
+def _joined(
+    log: Log,
+    given: Mapping[str, str],
+    signals: dict[str, Array],
+    columns: Mapping[str, Array],
+    *,
+    smooth: bool,
+) -> str:
+    """Bring signals of other clocks to the time of the motion, in place; say which."""
+    own = log.clock.get(given.get("angle", given.get("speed", "")))
+    if own is None or given.get("time") != own:
+        return ""
+    moved = []
+    for name, column in given.items():
+        clock = log.clock.get(column, own)
+        if clock == own or name == "time":
+            continue
+        at, values, time = columns[clock], signals[name], signals["time"]
+        if (np.diff(at) <= 0).any():
+            raise LogError(f"{log.source}: {clock}, the time of {column}, does not always advance")
+        if name == "torque" and not smooth:  # a command stays until the next one
+            place = np.searchsorted(at, time, side="right") - 1
+            signals[name] = np.where(place < 0, np.nan, values[np.maximum(place, 0)])
+        else:
+            signals[name] = np.interp(time, at, values, left=np.nan, right=np.nan)
+        moved.append(f"{name} by {clock}")
+    return f"{', '.join(moved)} was brought to {own}" if moved else ""

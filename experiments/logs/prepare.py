@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,28 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FEWEST = 200  # samples
+ROUNDING = 1e-3  # of a turn
+SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
+MOST_RATE = 10  # times that of the log, to which it may be resampled
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
+
+
+@dataclass(frozen=True)
+class Wrap:
+    """How an angle was unwrapped.
+
+    Attributes
+    ----------
+    turn : float
+        What was added at each jump [rad]; 0 for an angle that does not wrap.
+    jumps : int
+    fastest : float
+        Greatest move within one sample afterwards, over `turn`.
+    """
+
+    turn: float = 0.0
+    jumps: int = 0
+    fastest: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -36,8 +57,8 @@ class Prepared:
         [s].
     jitter : float
         Standard deviation of the time stamps about an even grid, over the period.
-    unwrapped : int
-        Turns that the angle was unwrapped by.
+    wrap : Wrap
+        How the angle was unwrapped.
     """
 
     time: Array
@@ -45,7 +66,7 @@ class Prepared:
     valid: Flags
     period: float
     jitter: float
-    unwrapped: int
+    wrap: Wrap
 
 
 def prepare(
@@ -76,7 +97,7 @@ def prepare(
     time = raw.time[0] + period * np.arange(length)
     off = raw.time - time[index]
     even = float(np.max(abs(off))) <= NEAR * period
-    signals, valid, turns = {}, np.zeros(length, bool), 0
+    signals, valid, wrap = {}, np.zeros(length, bool), Wrap()
     valid[index] = True
     for name in ("torque", "angle", "speed", "load_angle"):
         values = getattr(raw, name)
@@ -88,17 +109,17 @@ def prepare(
         valid[index[~there]] = False
         values, at = values[there], raw.time[there]
         if name.endswith("angle"):
-            values, turned = _unwrapped(values)
-            turns += turned
+            values, turned = unwrapped(values)
+            wrap = turned if name == "angle" else wrap
         if even:
             signals[name] = _placed(values, index[there], length)
         elif name == "torque" and not smooth:
-            signals[name] = _interval_means(at, values, time, period, smooth=False)
+            signals[name] = interval_means(at, values, time, period, smooth=False)
         else:
             signals[name] = np.interp(time, at, values)
     if smooth and resample is None:
-        signals["torque"] = _interval_means(time, signals["torque"], time, period, smooth=True)
-    found = Prepared(time, signals, valid, period, float(np.std(off) / period), turns)
+        signals["torque"] = interval_means(time, signals["torque"], time, period, smooth=True)
+    found = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
     if resample is not None:
         found = _resampled(found, resample, smooth=smooth)
     return found if highpass is None else _without_drift(found, highpass)
@@ -136,11 +157,29 @@ def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
     return period, places
 
 
-def _unwrapped(angle: Array) -> tuple[Array, int]:
-    jumps = np.abs(np.diff(angle)) > np.pi
-    if not jumps.any():
-        return angle, 0
-    return np.unwrap(angle), int(jumps.sum())
+def unwrapped(angle: Array) -> tuple[Array, Wrap]:
+    """Return an angle without the jumps of wrapping, if it wraps.
+
+    It does where its values stay within one turn, or within a whole number of them as those of a
+    counter do, and jump by nearly all of that. Any other angle is left alone, however fast: an
+    encoder that moves by more than half a turn in a sample would be folded into nonsense.
+
+    Examples
+    --------
+    >>> turn = np.arange(500) * 0.5
+    >>> bool(np.allclose(unwrapped(turn % (2 * np.pi))[0], turn))
+    True
+    >>> unwrapped(np.arange(500) * 4.0)[1].jumps
+    0
+    """
+    span, steps = float(np.ptp(angle)), np.abs(np.diff(angle))
+    turns = max(float(np.ceil(span / (2 * np.pi) - ROUNDING)), 1.0)
+    turn = 2 * np.pi * turns
+    jumps = steps > (0.5 if turns == 1 else 1 - SMALL) * turn
+    if not jumps.any() or (turns > 1 and steps[~jumps].max() > SMALL * turn):
+        return angle, Wrap()
+    free = np.unwrap(angle, period=turn)
+    return free, Wrap(turn, int(jumps.sum()), float(np.abs(np.diff(free)).max()) / turn)
 
 
 def _placed(values: Array, index: NDArray[np.int64], length: int) -> Array:
@@ -149,7 +188,7 @@ def _placed(values: Array, index: NDArray[np.int64], length: int) -> Array:
     return np.interp(np.arange(length), index, values)
 
 
-def _interval_means(at: Array, values: Array, time: Array, period: float, *, smooth: bool) -> Array:
+def interval_means(at: Array, values: Array, time: Array, period: float, *, smooth: bool) -> Array:
     """Return the means over [t, t + T) of a signal that is held, or smooth, between samples."""
     edges = np.clip(np.append(time, time[-1] + period), at[0], at[-1])
     if smooth:
@@ -166,6 +205,11 @@ def _interval_means(at: Array, values: Array, time: Array, period: float, *, smo
 
 
 def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
+    if not 0 < rate <= MOST_RATE / old.period:
+        raise LogError(
+            f"--resample {rate:g} Hz: give a rate above 0, and not above {MOST_RATE} times that of "
+            f"the log, {1 / old.period:.6g} Hz"
+        )
     period = 1 / rate
     span = old.time[-1] - old.time[0]
     if not period < span / FEWEST:
@@ -182,24 +226,35 @@ def _resampled(old: Prepared, rate: float, *, smooth: bool) -> Prepared:
     new = {}
     for name, values in signals.items():
         if name == "torque":
-            new[name] = _interval_means(at, values, time, period, smooth=smooth)
+            new[name] = interval_means(at, values, time, period, smooth=smooth)
         else:
             new[name] = CubicSpline(old.time, values)(time)
     # a new sample is there if the old ones on both sides of it are
     there = np.interp(time, old.time, old.valid.astype(float)) > 1 - 1e-9
-    return Prepared(time, new, there, period, old.jitter, old.unwrapped)
+    return Prepared(time, new, there, period, old.jitter, old.wrap)
+
+
+def highpass_filter(corner: float, period: float) -> Array:
+    """Return the Butterworth filter of fourth order [Hz, s] that takes drift away.
+
+    Raises
+    ------
+    LogError
+        If the corner is not between 0 and half the rate.
+    """
+    if not 0 < corner < 0.5 / period:
+        raise LogError(
+            f"--highpass {corner:g} Hz: give a corner above 0 and below half the rate, "
+            f"{0.5 / period:g} Hz"
+        )
+    return np.asarray(butter(4, corner * 2 * period, "highpass", output="sos"))
 
 
 def _without_drift(old: Prepared, corner: float) -> Prepared:
-    if not 0 < corner < 0.5 / old.period:
-        raise LogError(
-            f"--highpass {corner:g} Hz: give a corner above 0 and below half the rate, "
-            f"{0.5 / old.period:g} Hz"
-        )
     # forward only and from rest, as the estimators: a run that begins at rest stays exact
-    sos = butter(4, corner * 2 * old.period, "highpass", output="sos")
+    sos = highpass_filter(corner, old.period)
     signals = {
         name: sosfilt(sos, values - values[0] if name.endswith("angle") else values)
         for name, values in old.signals.items()
     }
-    return Prepared(old.time, signals, old.valid, old.period, old.jitter, old.unwrapped)
+    return replace(old, signals=signals)

@@ -17,6 +17,11 @@ from flexaxis.experiments.logs.errors import LogError
 
 Array = NDArray[np.float64]
 
+SEGMENT = 4.0  # s that are averaged over
+COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
+SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
+LATEST = 4.0  # samples, of a delay that is looked for
+STRONG = 0.01  # of the torque's power, of the band that excitation is in
 SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
 
 
@@ -38,26 +43,38 @@ class Response:
     coherence: Array
 
 
-def measured_response(u: Array, y: Array, *, period: float) -> Response:
+def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Response:
     """Estimate the frequency response by averaged spectra (Welch), where coherence is above 0.8.
+
+    Parameters
+    ----------
+    u, y : ndarray (N,)
+        Torque and output.
+    period : float
+        [s].
+    floor : float
+        Least power of the torque, times that of its median over what it has: where there is less,
+        drift and what else moves the axis may be coherent with it all the same.
 
     Raises
     ------
     LogError
         If the torque explains the output at fewer than ten frequencies.
     """
-    segment = min(len(u) // 6, round(4 / period))
-    options = {"fs": 1 / period, "nperseg": segment}
-    frequency, cross = csd(u, y, **options)
-    _, power = welch(u, **options)
-    _, answer = welch(y, **options)
+    segment = min(len(u) // 6, round(SEGMENT / period))
+    options = {"fs": 1 / period, "nperseg": segment, "detrend": "linear"}
+    frequency, power = welch(u, **options)
+    _, output = welch(y, **options)
+    _, cross = csd(u, y, **options)
     with np.errstate(divide="ignore", invalid="ignore"):
-        coherence = np.nan_to_num(abs(cross) ** 2 / (power * answer))
-    seen = (coherence > 0.8) & (power > 1e-3 * power.max()) & (frequency > 0)
+        coherence = np.nan_to_num(abs(cross) ** 2 / (power * output))
+    order = np.argsort(power)[::-1]
+    middle = power[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
+    seen = (frequency > 0) & (coherence > COHERENT) & (power >= floor * middle)
     if seen.sum() < 10:
         raise LogError(
-            f"the torque explains the motion at {seen.sum()} of {len(frequency)} frequencies only; "
-            "the excitation is too poor, or the columns are not torque and motion of one axis"
+            f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
+            "shifted columns, or an excitation too small for its noise"
         )
     return Response(2 * np.pi * frequency[seen], (cross / power)[seen], coherence[seen])
 
@@ -103,16 +120,21 @@ def fit_response(
     lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))
     omega, gain = response.omega[lines], response.gain[lines]
 
+    # of the logarithm, in the worst case of those that are used one
+    share = np.minimum(response.coherence[lines], SUREST)
+    weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
+
     def misfit(x: Array) -> Array:
         model, _ = frequency_response(chosen, scale(x), omega, period=period)
         ratio = model / gain * np.exp(-1j * omega * lag(x))
-        return np.concatenate([np.log(abs(ratio) + 1e-300), np.angle(ratio)])
+        return np.concatenate([weight * np.log(abs(ratio) + 1e-300), weight * np.angle(ratio)])
 
     def slope(x: Array) -> Array:
         model, slopes = frequency_response(chosen, scale(x), omega, period=period)
         relative = slopes * scale(x) / model[:, None]
         late = np.zeros(len(omega)) if delay is not None else -omega * period
-        return np.block([[relative.real, 0 * late[:, None]], [relative.imag, late[:, None]]])
+        rows = np.block([[relative.real, 0 * late[:, None]], [relative.imag, late[:, None]]])
+        return rows * np.r_[weight, weight][:, None]
 
     def scale(x: Array) -> Array:
         return chosen.theta * np.exp(x[:-1])
@@ -121,7 +143,7 @@ def fit_response(
         return float(x[-1] * period) if delay is None else delay
 
     p = len(chosen.names)
-    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), 4.0]
+    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
     found = [
         least_squares(
@@ -136,7 +158,7 @@ def fit_response(
         for spread in SPREAD
     ]
     best = min(found, key=lambda fit: fit.cost).x
-    return scale(best), lag(best)
+    return scale(best), max(lag(best), earliest)
 
 
 def rough_guess(model: Model, response: Response) -> dict[str, float]:

@@ -142,11 +142,16 @@ def speed_variance(rows: Sequence[Mapping[str, Any]]) -> Figure:
     rows : sequence of mapping
         Pooled rows; those without a lag are left out.
     """
+    fig = Figure(figsize=(8.0, 4.0), layout="constrained")
+    draw_speed_variance(fig.subplots(), rows)
+    return fig
+
+
+def draw_speed_variance(ax: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Draw it on given axes, with its legends beside them."""
     shown = [row for row in rows if row["changed"] and row["lag"] is not None and row["std"]]
     scenarios = list(dict.fromkeys(row["scenario"] for row in shown))
     markers = dict(zip(scenarios, "osD^vP*X<>phd8H" * 4, strict=False))
-    fig = Figure(figsize=(8.0, 4.0), layout="constrained")
-    ax = fig.subplots()
     for row in shown:
         ax.errorbar(
             row["std"],
@@ -174,7 +179,6 @@ def speed_variance(rows: Sequence[Mapping[str, Any]]) -> Figure:
     ax.set_xlabel("standard deviation before the fault [% of nominal]")
     ax.set_ylabel("lag after the fault [s]")
     _legends(ax, list(dict.fromkeys(row["estimator"] for row in shown)), markers)
-    return fig
 
 
 def _bars(value: float, interval: Sequence[float] | None) -> list[list[float]] | None:

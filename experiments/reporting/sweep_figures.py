@@ -39,7 +39,7 @@ def degradation(rows: Sequence[Row], axis: str) -> Figure:
     fig = Figure(figsize=(3.0 * max(2, len(panels)), 3.6), layout=layout)
     for ax, name in zip(fig.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         if name is None:
-            _lags(ax, lags, axis)
+            draw_lags(ax, lags, axis)
         else:
             _lines(
                 ax, _errors([row for row in rows if row["parameter"] == name], axis), axis, "rms"
@@ -52,7 +52,8 @@ def degradation(rows: Sequence[Row], axis: str) -> Figure:
     return fig
 
 
-def _lags(ax: Axes, rows: Sequence[Row], axis: str) -> None:
+def draw_lags(ax: Axes, rows: Sequence[Row], axis: str) -> None:
+    """Draw the lag after the fault over the values of an axis, and its bound."""
     names = list(dict.fromkeys(row["parameter"] for row in rows))
     for name, dashes in zip(names, _DASHES * len(names), strict=False):
         mine = [row for row in rows if row["parameter"] == name]

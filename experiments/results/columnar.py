@@ -27,9 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.results.columns import COLUMNS, axis_kind, columns_of
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import COLUMNS as FILE
-from flexaxis.experiments.running.rows import read, row_files
+from flexaxis.experiments.running.rows import REMEDY, read, row_files
 from flexaxis.experiments.scoring.table import Kind
 
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
@@ -197,9 +198,15 @@ def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Ta
     numbers: dict[str, dict[Any, int]] = {name: defaultdict(count().__next__) for name in coded}
     for each in numbers.values():
         each[None] = -1
+
+    def taken(name: str, given: list[Any]) -> NDArray[Any]:
+        try:
+            return _stored(name, given, types[name], numbers.get(name))
+        except (OverflowError, TypeError, ValueError) as error:
+            raise _misshapen(journal, f"{name}: {error}") from error
+
     parts = (
-        {name: _stored(name, given, types[name], numbers.get(name)) for name, given in part.items()}
-        for part in _parts(journal, axes)
+        {name: taken(name, given) for name, given in part.items()} for part in _parts(journal, axes)
     )
     while some := list(islice(parts, PART // READ)):
         for name in types:
@@ -215,7 +222,15 @@ def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Ta
 def _parts(journal: Sequence[Path], axes: Sequence[str]) -> Iterator[dict[str, list[Any]]]:
     rows = (row for path in journal for row in read(path))
     while part := list(islice(rows, READ)):
-        yield columns_of(part, axes)
+        try:
+            yield columns_of(part, axes)
+        except (AttributeError, TypeError, ValueError) as error:  # a text where a table should be
+            raise _misshapen(journal, error) from error
+
+
+def _misshapen(journal: Sequence[Path], reason: object) -> StudyError:
+    names = ", ".join(map(str, journal))
+    return StudyError(f"{names}: a row is not as flexaxis writes them: {reason}. {REMEDY}")
 
 
 def _append(column: h5py.Dataset, values: NDArray[Any]) -> None:
@@ -233,6 +248,8 @@ def _stored(
     if numbers is not None:
         if name not in COLUMNS:  # the values of an axis may be anything
             given = [v if v is None else _json(v) for v in given]
+        elif not all(value is None or isinstance(value, str) for value in given):
+            raise TypeError("is to be a text")
         return np.array([numbers[value] for value in given], stored)
     if stored is np.float64:
         return np.array(given, stored)

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError, write_json, writing
+from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
+from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.scoring.pooling import Curve
 
 
@@ -45,7 +46,7 @@ def save(folder: Path, pooled: Pooled) -> None:
     """Write curves.nc and summary.json, each at once or not at all."""
     with writing(folder / CURVES):
         _save_curves(folder / CURVES, pooled.curves)
-    write_json(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
+    write_sealed(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
 
 
 def load(folder: Path) -> Pooled:
@@ -57,9 +58,9 @@ def load(folder: Path) -> Pooled:
         If a file is missing or damaged.
     """
     try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        summary = read_sealed(folder / SUMMARY, OutputError)
         return Pooled(summary, _load_curves(folder / CURVES), folder)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, LookupError, TypeError) as error:
         raise OutputError(
             f"{folder} holds no complete result of a run ({SUMMARY} and {CURVES} are needed): "
             f"{error}.{_how_to_go_on(folder)}"
@@ -68,8 +69,8 @@ def load(folder: Path) -> Pooled:
 
 def _how_to_go_on(folder: Path) -> str:
     command = ""
-    with suppress(OSError, ValueError, TypeError):
-        command = json.loads((folder / STUDY).read_text(encoding="utf-8")).get("command") or ""
+    with suppress(OutputError):
+        command = str(read_sealed(folder / STUDY, OutputError).get("command"))
     if not command.startswith("flexaxis run"):
         return " Make one with `flexaxis run … -o FOLDER`"
     return f" Go on with: {command} --resume"

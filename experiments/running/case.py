@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
+from collections.abc import Sequence
 from hashlib import sha256
 from typing import Any
 
@@ -24,7 +25,9 @@ from flexaxis.sim.scenario import Scenario
 def warm(spec: Spec, scenario: Scenario) -> None:
     """Let an estimator compile what it compiles, so that the cost scored is that of running."""
     rest = np.zeros(2)
-    _estimates(spec, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)")
+    _estimates(
+        spec.text, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)"
+    )
 
 
 def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
@@ -40,24 +43,13 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     EstimatorError
         If the estimator raises, or returns what it may not.
     """
-    assert record.true_parameters is not None  # a simulated record knows the truth
     estimator = build(spec, scenario)
     start = time.perf_counter()
-    where = f"{scenario.name}, seed {record.seed}"
-    theta, claimed, innovations = _with_claims(spec, estimator, scenario, record, where=where)
+    theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
     seconds = time.perf_counter() - start
-    names = known_names(scenario, estimator.names)
-    mine = [list(estimator.names).index(name) for name in names]
-    track = Track(
-        scenario=scenario,
-        names=names,
-        theta=theta[:, mine],
-        true_parameters=record.true_parameters,
-        torque=record.torque,
-        claimed=_of(claimed, mine, len(estimator.names)),
-        innovations=innovations,
-        findings=getattr(estimator, "findings", None),
-    )
+    findings = getattr(estimator, "findings", None)
+    names = tuple(estimator.names)
+    track = track_of(scenario, record, names, theta, claimed, innovations, findings)
     identity = {
         "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
@@ -74,6 +66,44 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
     return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
 
 
+def track_of(  # noqa: PLR0917
+    scenario: Scenario,
+    record: Record,
+    estimated: Sequence[str],
+    theta: NDArray[np.float64],
+    claimed: Any,
+    innovations: NDArray[np.float64] | None,
+    findings: Sequence[Any] | None,
+) -> Track:
+    """Return what is scored of estimates (N, p): the parameters whose truth has a size.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    record : Record
+        A simulated one, which knows the truth.
+    estimated : sequence of str
+        Names of all p estimates.
+    theta, claimed, innovations
+        As from `followed`.
+    findings : sequence or None
+        What the estimator detected.
+    """
+    assert record.true_parameters is not None
+    names = known_names(scenario, estimated)
+    mine = [list(estimated).index(name) for name in names]
+    return Track(
+        scenario=scenario,
+        names=names,
+        theta=theta[:, mine],
+        true_parameters=record.true_parameters,
+        torque=record.torque,
+        claimed=_of(claimed, mine, len(estimated)),
+        innovations=innovations,
+        findings=findings,
+    )
+
+
 def _of(claimed: Any, mine: list[int], p: int) -> Any:
     """Return what is claimed of some of the p parameters; what is no such matrix, as it is."""
     if len(mine) == p or np.shape(claimed) != (p, p):
@@ -81,22 +111,45 @@ def _of(claimed: Any, mine: list[int], p: int) -> Any:
     return np.asarray(claimed)[np.ix_(mine, mine)]
 
 
-def _with_claims(
-    spec: Spec, estimator: Any, scenario: Scenario, record: Record, *, where: str
+def followed(
+    text: str, estimator: Any, scenario: Scenario, record: Record
 ) -> tuple[NDArray[np.float64], Any, NDArray[np.float64] | None]:
-    """Return the estimates, the covariance claimed at the first fault or the end, innovations."""
+    """Run an estimator on a whole record, and keep what it claims.
+
+    Parameters
+    ----------
+    text : str
+        Its name, for messages.
+    estimator : Estimator
+    scenario : Scenario
+        For the first fault.
+    record : Record
+
+    Returns
+    -------
+    theta : ndarray (N, p)
+    claimed : ndarray (p, p) or None
+        Covariance that it claims at the last sample before the first fault, or at the end.
+    innovations : ndarray (N, 2) or None
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator raises, or returns what it may not.
+    """
+    where, samples = f"{scenario.name}, seed {record.seed}", len(record.time)
     events = scenario.events()
-    stop = events[0].index if events and hasattr(estimator, "covariance") else scenario.samples
+    stop = events[0].index if events and hasattr(estimator, "covariance") else samples
     y = getattr(record, scenario.output)
     valid = record.valid
     parts, innovations = [], []
     claimed = None
     for part in (slice(0, stop), slice(stop, None)):
-        if part.start < scenario.samples:
+        if part.start < samples:
             gaps = None if valid is None else valid[part]
             u = record.torque[part]
-            parts.append(_estimates(spec, estimator, u, y[part], gaps, where=where))
-            innovations.append(_innovations(spec, estimator, len(u), where=where))
+            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where))
+            innovations.append(_innovations(text, estimator, len(u), where=where))
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
     known = [each for each in innovations if each is not None]
@@ -105,7 +158,7 @@ def _with_claims(
 
 
 def _innovations(
-    spec: Spec, estimator: Any, samples: int, *, where: str
+    text: str, estimator: Any, samples: int, *, where: str
 ) -> NDArray[np.float64] | None:
     """Return innovation and claimed variance (N, 2) of the last run, None if it shows none."""
     given = getattr(estimator, "innovations", None)
@@ -119,7 +172,7 @@ def _innovations(
         return None
     if len(found) != samples:
         raise EstimatorError(
-            f"{spec.text} has `innovations` of the shape {np.shape(given)} after a run of "
+            f"{text} has `innovations` of the shape {np.shape(given)} after a run of "
             f"{samples} samples on {where}; {(samples, 2)} is needed, y − ŷ and its variance of "
             "each sample"
         )
@@ -127,16 +180,16 @@ def _innovations(
 
 
 def _estimates(
-    spec: Spec, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
+    text: str, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
 ) -> NDArray[np.float64]:
     """Run an estimator; what a user's code raises is said with its name and the record's."""
     try:
         theta = run_estimator(estimator, u, y, valid)
     except Exception as error:
-        raise crash(spec.text, f"on {where}", error) from error
+        raise crash(text, f"on {where}", error) from error
     if theta.shape != (len(u), len(estimator.names)):
         raise EstimatorError(
-            f"{spec.text} returned estimates of the shape {theta.shape} on {where}; "
+            f"{text} returned estimates of the shape {theta.shape} on {where}; "
             f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
         )
     return theta

@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from flexaxis.experiments.running.names import STUDY
 from flexaxis.sim.errors import FlexaxisError
 
 
 class StudyError(FlexaxisError):
     """A study is wrong, or cannot go on; the message has one line for each problem."""
+
+
+def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
+    """Return the error for a folder that holds neither a run nor a study."""
+    why = f"{STUDY} is missing or damaged" + (f": {reason}" if reason else "")
+    return StudyError(
+        f"{folder} is not the folder of a run or a study ({why}). "
+        "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
+    )

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import make_folder, write_text
+from flexaxis.experiments.running.errors import StudyError, no_study
+from flexaxis.experiments.running.files import make_folder
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
 from flexaxis.experiments.running.plan import Plan, expected
 from flexaxis.experiments.running.previous import is_unfinished, set_aside, unfinish
 from flexaxis.experiments.running.rows import row_files, share_of
+from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import made_with
 
@@ -81,7 +81,7 @@ def opened(
         if _binds(folder, plan.shard):
             content = _with_those_before(folder, content)
         content |= dict(about or {})
-        write_text(folder / STUDY, json.dumps(content, indent=1) + "\n")
+        write_sealed(folder / STUDY, content)
         yield rows
 
 
@@ -252,13 +252,10 @@ def read_study(folder: Path) -> dict[str, Any]:
         If there is none, or it is damaged.
     """
     try:
-        content = json.loads((folder / STUDY).read_text(encoding="utf-8"))
-        content["identity"], content["scenarios"], content["axes"]
+        content = read_sealed(folder / STUDY, StudyError)
+        content["identity"], [*map(str, content["axes"])]
         for entry in content["scenarios"]:
             entry["hash"], entry["definition"]["name"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise StudyError(
-            f"{folder} is not the folder of a run or a study ({STUDY} is missing or damaged). "
-            "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
-        ) from error
+    except (StudyError, KeyError, TypeError) as error:
+        raise no_study(folder, error) from error
     return content

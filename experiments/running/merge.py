@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Mapping, Sequence
@@ -14,10 +13,11 @@ import numpy as np
 
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import new_file, write_text, writing
+from flexaxis.experiments.running.files import new_file, writing
 from flexaxis.experiments.running.folder import all_cases, read_study
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, SCORES, STUDY, TRAJECTORIES
+from flexaxis.experiments.running.sealed import write_sealed
 from flexaxis.experiments.running.traces import trace_files
 from flexaxis.sim.files import atomic
 
@@ -89,7 +89,7 @@ def _made(folders: Sequence[Path], target: Path, content: Mapping[str, Any]) -> 
     with new_file(target / SCORES) as part:
         found = _copy(folders, target, part)
         # Before the rows, which come all at once: rows without it are of no study.
-        write_text(target / STUDY, json.dumps(content, indent=1) + "\n")
+        write_sealed(target / STUDY, content)
     return found
 
 

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from flexaxis.experiments.running.told import is_quiet
+
 
 @contextmanager
 def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
     """Give a function that is called with the amount done since its last call."""
     from rich.console import Console
 
+    if is_quiet():
+        yield lambda amount: None
+        return
     console = Console(stderr=True)
     shown = _bar if console.is_terminal else _lines
     with shown(console, what, total) as advance:

@@ -6,7 +6,6 @@ other, and each says how many they are, so that a case that a kill has cut short
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import time
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import writing
+from flexaxis.sim.reading import json_value
 
 START = b'{"case": "'
 ID = slice(len(START), len(START) + 16)
@@ -135,7 +135,9 @@ def parsed(path: Path, block: Block) -> Iterator[dict[str, Any]]:
     """Yield the rows of a case of a file; errors as from `read`."""
     for line in block.lines:
         try:
-            row: dict[str, Any] = json.loads(line)
+            row = json_value(line, source="it", refuse=ValueError)
+            if not isinstance(row, dict):
+                raise ValueError("it is no table")
         except ValueError as error:
             raise _damaged(path, line, error) from error
         yield row

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,6 +22,7 @@ from flexaxis.experiments.studies.design import Span, listed, product, sobol
 from flexaxis.sim.config import Config
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.problems import explain
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
 
 Problem = tuple[str, str]
@@ -94,12 +94,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         With one line for each problem, naming file and key.
     """
     path = Path(path)
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"{path}: not valid TOML: {error}.") from error
-    except OSError as error:
-        raise StudyError(f"{path}: cannot be read: {error.strerror}.") from error
+    content = read_toml(path, StudyError)
     return study_from({"name": path.stem} | content, source=str(path), folder=path.parent)
 
 

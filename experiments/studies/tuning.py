@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -22,6 +21,7 @@ from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.studies.knobs import usual_value
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
+from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.toml_text import toml_text
 
@@ -252,7 +252,7 @@ def forget(path: Path, name: str, *, scenario: str | None = None) -> None:
 
 def _others(path: Path, name: str, scenario: str | None) -> list[dict[str, Any]]:
     """Return what the file holds besides one setting."""
-    known = tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    known = read_toml(path, FlexaxisError) if path.exists() else {}
     tables = known.get("tuned", [])
     return [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
 

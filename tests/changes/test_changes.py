@@ -178,10 +178,10 @@ def test_command(flexaxis):
 
 
 def test_option(flexaxis):
-    assert "--group GROUP" in flexaxis("list", "--help")
-    listed = flexaxis("list", "--group", "wear", "--json")
+    assert "--expected EXPECTED" in flexaxis("list", "--help")
+    listed = flexaxis("list", "--expected", "hard", "--json")
     names = {row["name"] for row in json.loads(listed)["scenarios"]}
-    assert "fm_ramp-v1" in names and "fm_step-v1" not in names
+    assert "lugre_stribeck_fm_step-v1" in names and "fm_step-v1" not in names
 
 
 FORGOTTEN = {

@@ -9,8 +9,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.relocate.entry import relocate_friction
 from flexaxis.estimators.relocate.finding import LOST, interval_of
-from flexaxis.estimators.relocate.follow import angle_of, follow
-from flexaxis.estimators.relocate.guesses import with_starts
+from flexaxis.estimators.relocate.follow import angle_of, follow, turn
 from flexaxis.estimators.relocate.needed import TRUST, Posterior, Question, needed, weight
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.screen import screen
@@ -138,7 +137,10 @@ def test_a_question_is_answered_by_the_ratio_of_the_evidence():
 
 
 def test_a_torque_that_depends_on_the_angle_follows_the_measured_one():
-    nominal = with_starts(N1) | {"poles": 24.0, "c_sin": 0.1, "c_cos": 0.0}
+    no_friction = LAW | {"f_c": 1e-9, "f_s": 0.0, "sigma_1": 0.0}
+    nominal = (
+        N1 | no_friction | {"kappa": 0.0, "gap": 0.0, "poles": 24.0, "c_sin": 0.1, "c_cos": 0.0}
+    )
     model = real_axis(nominal).parametrize(["k_T", "c_sin"])
     row, terms = angle_of(model), planned(model, 0.5 * model.theta, 2 * model.theta, T)
     assert row == 5
@@ -306,3 +308,24 @@ def test_told_what_is_far_from_true_it_stays_finite_and_says_that_it_is_lost(by_
         assert np.isfinite(filter_.run(u, y)).all()
         lost = [finding for finding in filter_.findings if finding.reason == LOST]
         assert 1 <= len(lost) <= 4  # at most one for each fit and one of the search
+
+
+def turned(step):
+    """Sine and cosine of cogging, 0.3 and 0.4, and by how much the angle turned, after a step."""
+    tuning = {"phase": np.arange(2), "factors": np.ones(2), "poles": 24.0}
+    theta, moved = np.array([0.3, 0.4]) + step, np.array(step)
+    state = {"theta": theta, "moved": moved, "angle": 7.0, "turned": 0.0}
+    turn.function(tuning, state)
+    assert state["angle"] == 7.0 + state["turned"]
+    return theta, state["turned"]
+
+
+def test_a_phase_that_wanders_turns_the_angle_and_leaves_the_amplitude():
+    theta, angle = turned([-0.04, 0.03])  # along the circle of radius 0.5, by 0.1 rad
+    np.testing.assert_allclose(theta, [0.3, 0.4], rtol=1e-12)
+    phase = np.arctan2(0.4, 0.3)
+    after = 0.5 * np.sin(24 * angle + phase)  # at the angle 0
+    assert after == pytest.approx(0.43, abs=0.5 * 0.1**2)  # of second order
+    theta, angle = turned([0.03, 0.04])  # outwards
+    np.testing.assert_allclose(theta, [0.33, 0.44], rtol=1e-12)
+    assert angle == pytest.approx(0.0, abs=1e-15)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.catalogue import find
+from flexaxis.experiments.catalogue import find, names
 from flexaxis.experiments.catalogue.card import GROUPS, in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import (
     find_scenario,
@@ -42,7 +42,8 @@ def catalogue(tmp_path, monkeypatch):
         (tmp_path / "scenarios" / "fm_step-v1.toml").write_text(content, encoding="utf-8")
         (tmp_path / "hashes.toml").write_text(frozen, encoding="utf-8")
 
-    monkeypatch.setattr(find, "_HOME", tmp_path)
+    for module in (find, names):
+        monkeypatch.setattr(module, "HOME", tmp_path)
     find._hashes.cache_clear()
     yield write
     find._hashes.cache_clear()
@@ -64,7 +65,7 @@ def test_what_is_not_frozen_says_the_line_to_add(catalogue):
     catalogue(STEP, "")
     with pytest.raises(ScenarioError) as caught:
         find_scenario("fm_step-v1")
-    assert f"add the line {LINE} to {find._HOME / 'hashes.toml'}" in str(caught.value)
+    assert f"add the line {LINE} to {find.HOME / 'hashes.toml'}" in str(caught.value)
 
 
 @pytest.mark.parametrize("name", FROZEN)

@@ -63,9 +63,9 @@ def test_bad_logs(case, tmp_path, capsys):
 
 def test_text_that_is_no_table(tmp_path, capsys):
     path = tmp_path / "log.csv"
-    path.write_text("a,b\n1,2\n1,2,3\n", encoding="utf-8")
+    path.write_text("time,torque,angle\n1,2,3\n1,2,3,4\n", encoding="utf-8")
     status, err = answer(capsys, "import", path)
-    assert status == 2 and "line 3 has 3 cells" in err
+    assert status == 2 and "line 3 has 4 cells" in err
     path.write_bytes(b"\x00\x01\x02" * 100)
     assert "neither CSV nor MAT nor HDF5" in answer(capsys, "import", path)[1]
     assert "no such file" in answer(capsys, "import", tmp_path / "no.csv")[1].lower()

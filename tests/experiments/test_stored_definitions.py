@@ -11,7 +11,7 @@ from flexaxis.sim.simulate import simulate
 
 
 def make_old(folder):
-    """Take the key out of every definition in the JSON files of a folder."""
+    """Take the key out of every definition in the JSON files of a folder, and their checksums."""
     found = 0
 
     def older(table):
@@ -21,6 +21,7 @@ def make_old(folder):
 
     for path in folder.glob("*.json"):
         content = json.loads(path.read_text(encoding="utf-8"), object_hook=older)
+        content.pop("seal")
         path.write_text(json.dumps(content), encoding="utf-8")
     assert found
 

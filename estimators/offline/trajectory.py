@@ -1,0 +1,208 @@
+"""A model along a record, with derivatives by parameters, initial state, offset and delay."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
+from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
+from flexaxis.estimators.sampling.sampled import Terms, planned, terms
+
+Array = NDArray[np.float64]
+
+OFFSET = "torque_offset"
+COARSE, FINE = 8, 64  # steps of a sample in which friction reverses: of a search, and of its end
+REVERSES = 1e-3  # of the greatest speed: change of it in a sample that is more than creeping
+
+
+def with_offset(model: Model) -> Model:
+    """
+    Return a model with a torque that never changes as one more state, beside the given torque.
+
+    Its value is then an initial state, and derivatives by it are those by that state.
+
+    Examples
+    --------
+    >>> from flexaxis.estimators.models.axes import one_mass
+    >>> with_offset(one_mass({"k_T": 1.0, "J_m": 1e-3, "f_m": 0.01})).A
+    (('-f_m/J_m', 'k_T/J_m'), ('0', '0'))
+    """
+    return replace(
+        model,
+        states=(*model.states, OFFSET),
+        A=(
+            *((*row, b) for row, b in zip(model.A, model.B, strict=True)),
+            ("0",) * (len(model.states) + 1),
+        ),
+        B=(*model.B, "0"),
+        C=(*model.C, "0"),
+    )
+
+
+@dataclass(frozen=True)
+class Course:
+    """
+    What a model makes of a torque, as a function of everything that a record leaves open.
+
+    The unknowns are z = [θ, initial states, offset of the torque, delay of the torque].
+
+    Attributes
+    ----------
+    model : Parametrization
+        Of a model `with_offset`.
+    free : tuple of int
+        Which initial states are unknown; all others are zero. The offset is the last of them.
+    u : (N,) array
+        Torque as logged.
+    period : float
+        Sampling period [s].
+    smooth : bool
+        Whether the torque goes on changing between samples, see `delayed`.
+    """
+
+    model: Parametrization
+    free: tuple[int, ...]
+    u: Array
+    period: float
+    smooth: bool
+
+    @property
+    def p(self) -> int:
+        """Number of parameters θ."""
+        return len(self.model.names)
+
+    @property
+    def q(self) -> int:
+        """Number of unknowns."""
+        return self.p + len(self.free) + 1
+
+    def fastest(self, theta: Array) -> float:
+        """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
+        A = self.model.blocks(theta)[0][:-1, :-1]
+        if not np.isfinite(A).all():
+            return np.inf
+        return float(np.max(abs(np.linalg.eigvals(A)))) * self.period
+
+    def along(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
+        """
+        Return the output ŷ (N,) and its derivatives (q, N) at z; those of the first sample are 0.
+
+        Parameters
+        ----------
+        z : (q,) array
+        coarse : bool
+            Whether laws may be solved at less places of a sample, in a search that goes on.
+        """
+        p, theta = self.p, z[: self.p]
+        samples = z[-1] / self.period
+        torque = delayed(self.u, samples, smooth=self.smooth)
+        slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
+        further = len(self.free) + 1
+        active = np.arange(p)
+        ready = prepare(self._planned(theta, 1), theta, active, further)
+        reversing = ready
+        if self.model.laws is not None:
+            often = self._planned(theta, COARSE if coarse else FINE)
+            reversing = prepare(often, theta, active, further)
+        X = np.zeros((1 + p + further, self.model.n + 1))
+        X[0, list(self.free)] = z[p:-1]
+        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
+        rows = _along(ready, reversing, X, torque, slope, self.free[-1])
+        return rows[0], rows[1:]
+
+    def _planned(self, theta: Array, steps: int) -> Terms:
+        """Return the sampled model; with laws that many steps a sample, or more if it is fast."""
+        here = replace(self.model, theta=theta)
+        if here.laws is None:
+            return planned(here, theta, theta, self.period)
+        usual, order, substeps = law_plan(here, theta, theta, self.period)
+        steps = max(steps, -(-usual // LAW_STEPS))
+        substeps *= -(-usual // steps)
+        return terms(here, order, substeps, self.period / steps, steps=steps)
+
+
+def course(
+    model: Model,
+    names: Sequence[str],
+    u: Array,
+    *,
+    period: float,
+    output: str = "speed",
+    smooth: bool = False,
+    resting: bool = True,
+) -> Course:
+    """
+    Return the course of a model along a torque.
+
+    Parameters
+    ----------
+    model : Model
+        With or without laws.
+    names : sequence of str
+        Parameters θ.
+    u : (N,) array
+        Torque.
+    period : float
+        Sampling period [s].
+    output : {"speed", "increment"}
+    smooth : bool
+        As for `delayed`.
+    resting : bool
+        Whether the axis is known to be at rest at the first sample.
+    """
+    grown = with_offset(model)
+    chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
+    moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
+    free = (*moving, len(model.states))
+    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth)
+
+
+def _own(model: Parametrization) -> list[int]:
+    """Return the places of the states that laws have of their own."""
+    return [] if model.laws is None else [int(i) for i in model.laws.memory if i >= 0]
+
+
+@compiled
+def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
+    """
+    Return output and derivatives (rows, N); the last row is by the delay; X is lost.
+
+    Away from its reversals friction is smooth, and a step of a sample is enough; where it reverses
+    the error is what friction does in a step, so that these are many.
+    """
+    moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
+    peak = np.zeros(len(ready.kind))
+    for k in range(len(u) - 1):
+        X[-1, offset] = slope[k]
+        travel(ready, X, moved, u[k])
+        if turns(ready, X, moved, peak):
+            travel(reversing, X, moved, u[k])
+        X[:] = moved
+        for a in range(len(X)):
+            rows[a, k + 1] = X[a, -1]
+    return rows
+
+
+@compiled
+def turns(ready, X, moved, peak):
+    """Return whether the speed of some friction reverses in a sample; peak (L,) is the greatest."""
+    found = False
+    for i in range(len(ready.kind)):
+        if ready.kind[i] != BRISTLE and ready.kind[i] != STATIC:
+            continue
+        before, after = 0.0, 0.0
+        for m in range(X.shape[1] - 1):
+            before += ready.drive[i, m] * X[0, m]
+            after += ready.drive[i, m] * moved[0, m]
+        change = abs(after - before)
+        peak[i] = max(peak[i], abs(after))
+        near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change
+        found |= near and change > REVERSES * peak[i]
+    return found

@@ -1,0 +1,27 @@
+"""Print the lines that let a shell complete commands, options, scenarios and estimators.
+
+example:
+  eval "$(flexaxis completion bash)"                      in ~/.bashrc
+  eval "$(flexaxis completion zsh)"                       in ~/.zshrc
+  flexaxis completion fish > ~/.config/fish/completions/flexaxis.fish
+"""
+
+from __future__ import annotations
+
+import argparse
+
+HELP = "print what lets bash, zsh or fish complete words"
+GROUP = "look"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"))
+
+
+def main(args: argparse.Namespace) -> int:
+    """Print it."""
+    from argcomplete import shellcode
+
+    print(shellcode(["flexaxis"], shell=args.shell))
+    return 0

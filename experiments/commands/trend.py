@@ -1,0 +1,140 @@
+"""Follow the parameters of an axis over many logs, and tell wear from warmth.
+
+Each log gives estimates with intervals, from the values of AXIS.toml on; the page shows each
+parameter from log to log, when it changed, and what a covariate such as the temperature explains.
+Dates are taken from the logs or their names, else the logs are numbered. A log is computed once:
+run it again when there are more, or after Ctrl-C, and only what is new is done. Status 1 if
+something changed.
+
+example:
+  flexaxis trend days/ --model axis.toml --covariate temp -o trend/
+  flexaxis trend monday.csv tuesday.csv … --model axis.toml --map bench.toml --free f_m --free f_c
+  flexaxis trend days/ --model axis.toml --covariate temperatures.csv --jobs 4 --json
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+
+HELP = "follow the parameters of your axis over many logs: worn, or warm?"
+GROUP = "your own axis"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("logs", type=Path, nargs="+", metavar="FOLDER|LOG")
+    parser.add_argument("--model", required=True, metavar="AXIS.toml", help="from identify")
+    parser.add_argument(
+        "--covariate", action="append", default=[], metavar="NAME|FILE.csv",
+        help="what may explain the estimates: a column of the logs, of which the mean is taken, or "
+        "a CSV with the name of each log and its value; repeat for several",
+    )  # fmt: skip
+    parser.add_argument(
+        "--free", action="append", default=[], metavar="NAME",
+        help="estimate this, and no others; default: what the first log tells to 10 %%",
+    )  # fmt: skip
+    parser.add_argument(
+        "--false-alarms", type=float, default=0.01, metavar="P",
+        help="probability that a page of an axis that does not change says that it does; "
+        "default: 0.01",
+    )  # fmt: skip
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; default: 1")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=Path("trend"), metavar="FOLDER", help="default: trend"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_log_options(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Estimate, judge, report."""
+    from flexaxis.experiments.logs.covariates import clock, covariates_of
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdicts
+
+    if not 0 < args.false_alarms < 0.5:
+        raise LogError(f"--false-alarms {args.false_alarms}: give a probability, such as 0.01")
+    rows = _rows(args)
+    good = [row for row in rows if not row["problem"]]
+    if not good:
+        raise LogError(f"none of {len(rows)} logs can be used; {rows[0]['log']}: "
+                       f"{rows[0]['problem']}")  # fmt: skip
+    when = clock(good)
+    ordered = [good[i] for i in when.order]
+    covariates = covariates_of(ordered, args.covariate)
+    found = verdicts(ordered, when.time, covariates, false_alarms=args.false_alarms)
+    _report(args, found, when, covariates, rows)
+    return 1 if any(one.kind in (CHANGED, OPEN) for one in found) else 0
+
+
+def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
+    """Return the rows of all logs, computing those that are missing."""
+    from flexaxis.experiments.logs.axis_file import find_axis
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.trend import (
+        Plan,
+        check_folder,
+        estimate_all,
+        find_logs,
+        tasks,
+        what_is_seen,
+    )
+    from flexaxis.experiments.running.progress import progress
+
+    if args.jobs < 1:
+        raise LogError(f"--jobs {args.jobs}: give 1 or more")
+    axis = find_axis(args.model)
+    if not axis.known:
+        raise LogError(f"--model {args.model}: has no values; give what `flexaxis identify` wrote")
+    axis.having(dict.fromkeys(args.free, 1.0))  # raises for unknown names
+    check_folder(args.output, args.logs)
+    logs = find_logs(args.logs)
+    tables, how = tables_of(args), treatment(args)
+    names = tuple(dict.fromkeys(args.free)) or what_is_seen(logs, axis, tables, how)
+    plan = Plan(axis, names, tables, how)
+    with progress(f"{len(logs)} logs", len(logs)) as advance:
+        try:
+            return estimate_all(
+                plan, list(tasks(plan, logs)), args.output, jobs=args.jobs, advance=advance
+            )
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("what was done is kept; the same line goes on") from None
+
+
+def _report(
+    args: argparse.Namespace, found: Any, when: Any, covariates: Any, rows: list[dict[str, Any]]
+) -> None:
+    from flexaxis.experiments.logs.trend import RESULT
+    from flexaxis.experiments.logs.trend_page import write_trend
+    from flexaxis.experiments.logs.trend_words import remarks, summary
+    from flexaxis.experiments.running.files import dumps, write_json
+    from flexaxis.experiments.running.names import REPORT
+    from flexaxis.experiments.studies.benchmark import command_line
+
+    report = args.output / REPORT
+    good = sum(not row["problem"] for row in rows)
+    write_trend(
+        report, found, when, covariates, rows,
+        command=command_line(args.words),
+        title=f"Trend of {Path(args.model).stem} over {good} logs",
+        false_alarms=args.false_alarms,
+    )  # fmt: skip
+    content = {
+        "parameters": {one.name: summary(one, when, [*covariates]) for one in found},
+        "logs": len(rows),
+        "problems": {row["log"]: row["problem"] for row in rows if row["problem"]},
+        "false_alarms": args.false_alarms,
+        "report": str(report),
+    }
+    write_json(args.output / RESULT, content)
+    if args.json:
+        print(dumps(content))
+        return
+    marks = {"problem": "✗", "note": "!", "ok": "✓"}
+    for kind, text in remarks(found, when, [*covariates], rows, args.false_alarms):
+        print(f"{marks[kind]} {text}")
+    print(report)

@@ -1,0 +1,224 @@
+"""What is typed: a parser that suggests, names checked before any work, completion by the shell.
+
+The metavar of an argument says what its words are; `CHECKS` has those that can be looked up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+_CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that names the nearest right word for a wrong one."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Return what was typed; what no option goes by is refused with the nearest one."""
+        found, more = self.parse_known_args(args, namespace)
+        if more:
+            sub = getattr(found, "parser", self)
+            sub.error("; ".join(sub.refused(word) for word in more))
+        return found
+
+    def refused(self, word: str) -> str:
+        """Return what to say of a word that nothing takes."""
+        from flexaxis.sim.errors import did_you_mean
+
+        if not word.startswith("-"):
+            return f"{word!r} is one word too many"
+        known = [name for action in self._actions for name in action.option_strings]
+        return f"unknown option {word!r}.{did_you_mean(word.partition('=')[0], known)}"
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and how it may have been meant."""
+        from flexaxis.sim.errors import did_you_mean
+
+        found = _CHOICE.search(message)
+        if found:
+            known = re.findall(r"[\w.-]+", found[2])
+            hint = did_you_mean(found[1], known)
+            message = message[: found.start()] + f"unknown {found[1]!r}.{hint}"
+            message += "" if hint else f" It is one of: {', '.join(known)}"
+        super().error(message)
+
+
+def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> None:
+    """Look up the names, files and numbers that were typed; no code of a user is run.
+
+    Raises
+    ------
+    FlexaxisError
+        With a line for each that is wrong.
+    """
+    from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.experiments.commands.options import check_jobs
+    from flexaxis.sim.errors import FlexaxisError
+
+    problems = []
+    if "jobs" in args:
+        check_jobs(args)
+    for check, word in _looked_up(parser, args):
+        try:
+            check(word)
+        except (EstimatorError, FlexaxisError) as error:
+            problems.append(str(error))
+    if problems:
+        raise FlexaxisError("\n".join(dict.fromkeys(problems)))
+
+
+def _looked_up(
+    parser: argparse.ArgumentParser, args: argparse.Namespace
+) -> Iterator[tuple[Callable[[str], object], str]]:
+    """Yield each word that can be looked up, with what does it."""
+    for action in parser._actions:
+        check = CHECKS.get(str(action.metavar))
+        given = getattr(args, action.dest, None)
+        if check is None or given is None or action.dest == "output":
+            continue
+        for word in [given] if isinstance(given, str | Path) else given:
+            yield check, str(word)
+
+
+def _scenario(text: str, *, suites: bool = False) -> None:
+    from flexaxis.experiments.catalogue import names
+
+    if text.endswith(".toml"):
+        from flexaxis.experiments.catalogue.find import find_scenario
+
+        find_scenario(text)
+    known = {*names.scenario_names(), *(names.suite_names() if suites else ())}
+    if not (text in known or text.endswith((".nc", ".toml")) or Path(text).exists()):
+        raise names.unknown_scenario(text)
+
+
+def _of_suites(text: str) -> None:
+    _scenario(text, suites=True)
+
+
+def _estimator(text: str) -> None:
+    from flexaxis.experiments.building.consent import names_code
+    from flexaxis.experiments.building.specs import code_file, no_file, parse
+
+    path = Path(code_file(text))
+    if not names_code(text):
+        parse(text)
+    elif code_file(text) and not path.is_file():
+        raise no_file(path)
+
+
+def _file(text: str) -> None:
+    from flexaxis.sim.errors import FlexaxisError, did_you_mean
+
+    path = Path(text)
+    if not path.exists():
+        near = [f.name for f in path.parent.glob(f"*{path.suffix}")]
+        raise FlexaxisError(f"{path} cannot be read: no such file.{did_you_mean(path.name, near)}")
+
+
+def _record(text: str) -> None:
+    if text.endswith(".nc"):
+        _file(text)
+    else:
+        _scenario(text)
+
+
+def _study(text: str) -> None:
+    from flexaxis.experiments.running.errors import no_study
+    from flexaxis.experiments.running.names import STUDY
+
+    if not (Path(text) / STUDY).exists():
+        raise no_study(Path(text))
+
+
+def _anything(text: str) -> None:
+    from flexaxis.sim.errors import ScenarioError
+
+    try:
+        _of_suites(text)
+    except ScenarioError:
+        if text not in _estimators():
+            raise
+
+
+def _seeds(text: str) -> None:
+    from flexaxis.experiments.running.seeds import parse_seeds
+
+    parse_seeds(text)
+
+
+CHECKS: Mapping[str, Callable[[str], object]] = {
+    "E": _estimator,
+    "ESTIMATOR": _estimator,
+    "SCENARIO": _scenario,
+    "SUITE|SCENARIO": _of_suites,
+    "SCENARIO|SUITE|ESTIMATOR": _anything,
+    "SUITE|SCENARIO|RUN": _of_suites,
+    "SCENARIO|RECORD.nc": _record,
+    "RECORD.nc": _file,
+    "LOG": _file,
+    "LOG|REC.nc": _file,
+    "FILE.toml": _file,
+    "AXIS.toml": _file,
+    "DIR": _study,
+    "N or A:B": _seeds,
+}
+"""How a word is looked up, by the metavar of its argument."""
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell that asks how a word may go on, and end; else do nothing."""
+    import argcomplete
+    from argcomplete.completers import ChoicesCompleter, FilesCompleter
+
+    for action in _all_actions(parser):
+        kinds = set(str(action.metavar).split("|"))
+        names = [*(_scenarios() if "SCENARIO" in kinds else ())]
+        names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
+        if kinds == {"GROUP"}:
+            action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
+        if names:
+            # "path/file.py:Class" and "mine.toml" begin with a file
+            action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser)
+
+
+class _NamesOrFiles:
+    """Completes a word to names, and to files where it is the beginning of one."""
+
+    def __init__(self, names: Sequence[str], files: Any) -> None:
+        self._names, self._files = names, files
+
+    def __call__(self, prefix: str, **more: Any) -> list[str]:
+        found = [name for name in self._names if name.startswith(prefix)]
+        return found + list(self._files(prefix, **more)) if prefix else found
+
+
+def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for sub in action.choices.values():
+                yield from _all_actions(sub)
+
+
+def _scenarios() -> list[str]:
+    from flexaxis.experiments.catalogue.names import scenario_names, suite_names
+
+    return [*suite_names(), *scenario_names()]
+
+
+def _groups() -> list[str]:
+    from flexaxis.experiments.catalogue.card import GROUPS
+
+    return list(GROUPS)
+
+
+def _estimators() -> list[str]:
+    from flexaxis.estimators.registry import REGISTRY
+
+    return list(REGISTRY)

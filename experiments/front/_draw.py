@@ -1,0 +1,147 @@
+"""Figures of the front door: matplotlib axes in, axes out, in the style of the reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexaxis.experiments.reporting.figures import mark, symbol
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.law_parameters import LAW_UNITS
+from flexaxis.sim.parameters import PARAMETER_UNITS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from flexaxis.sim.scenario import Scenario
+
+UNITS = {**LAW_UNITS, **PARAMETER_UNITS}
+
+
+def panels(given: Any, count: int) -> list[Axes]:
+    """Return axes to draw on, one below the other: those given, or new ones.
+
+    Raises
+    ------
+    FlexaxisError
+        If others than `count` were given.
+    """
+    if given is None:
+        from matplotlib import pyplot
+
+        size = (8.0, 1.0 + 1.6 * count)
+        figure, found = pyplot.subplots(
+            count, 1, sharex=True, squeeze=False, figsize=size, layout="constrained"
+        )
+        del figure
+        return list(found[:, 0])
+    axes = list(np.ravel(np.asarray(given, object)))
+    if len(axes) != count:
+        raise FlexaxisError(
+            f"{len(axes)} axes were given for {count} panels: give as many "
+            f"(plt.subplots({count})), name fewer panels, or give none"
+        )
+    return axes
+
+
+def returned(axes: Sequence[Axes]) -> Any:
+    """Return one axes as it is, several as an array (n,)."""
+    if len(axes) == 1:
+        return axes[0]
+    found = np.empty(len(axes), object)
+    found[:] = axes
+    return found
+
+
+def signals(time: Any, values: dict[str, tuple[Any, str]], axes: Any, scenario: Any) -> Any:
+    """Draw signals over time, a panel each; `values` gives the samples and the unit of each."""
+    found = panels(axes, len(values))
+    for ax, (name, (samples, unit)) in zip(found, values.items(), strict=True):
+        ax.plot(time, samples, lw=0.8)
+        ax.set_ylabel(f"{name.replace('_', ' ')} [{unit}]")
+        _finish(ax, scenario)
+    found[-1].set_xlabel("time [s]")
+    return returned(found)
+
+
+def estimates(
+    time: Any,
+    curves: dict[str, tuple[Any, Any, Any]],
+    axes: Any,
+    *,
+    label: str,
+    colour: str,
+    scenario: Scenario | None,
+) -> Any:
+    """Draw estimates over time, a panel a parameter, the truth dashed black.
+
+    Parameters
+    ----------
+    time : ndarray (N,)
+    curves : dict of str to (ndarray, ndarray or None, ndarray or None)
+        Estimate, standard deviation and truth (N,) of each parameter.
+    axes : axes or several, optional
+        Where to draw; on axes that have the truth already it is not drawn again.
+    label, colour : str
+    scenario : Scenario, optional
+        For faults, pauses and burn-in.
+    """
+    found = panels(axes, len(curves))
+    for ax, (name, (theta, deviation, truth)) in zip(found, curves.items(), strict=True):
+        fresh = not ax.lines
+        ax.plot(time, theta, color=colour, lw=1.3, label=label)
+        if deviation is not None:
+            ax.fill_between(
+                time, theta - 2 * deviation, theta + 2 * deviation, color=colour, alpha=0.18, lw=0
+            )
+        if fresh and truth is not None:
+            ax.plot(time, truth, "k--", lw=1.0, label="truth")
+        ax.set_ylabel(f"{symbol(name)} [{_unit(name)}]")
+        ax.set_ylim(*_limits(ax, theta, truth, fresh=fresh))
+        if fresh:
+            _finish(ax, scenario)
+    found[0].legend(loc="best", frameon=False, fontsize=8)
+    found[-1].set_xlabel("time [s]")
+    return returned(found)
+
+
+def plain_logs(ax: Axes) -> None:
+    """Write plain numbers on logarithmic axes, so few that they have room."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _finish(ax: Axes, scenario: Scenario | None) -> None:
+    if scenario is not None:
+        mark(ax, scenario)
+        ax.set_xlim(0, scenario.duration)
+    ax.grid(alpha=0.25)
+
+
+def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, float]:
+    """Cover the truth and most of the estimate; a lost run sets no scale."""
+    there = theta[np.isfinite(theta)]
+    near = np.percentile(there, (0.5, 99.5)) if there.size else np.zeros(2)
+    low, high = near
+    if truth is not None:
+        least, most = float(np.min(truth)), float(np.max(truth))
+        room = 2 * max(most - least, 0.04 * abs(most))
+        low, high = max(min(low, least), least - room), min(max(high, most), most + room)
+    margin = 0.08 * (high - low) or 0.01 * abs(high) or 1.0
+    low, high = low - margin, high + margin
+    if not fresh:
+        before = ax.get_ylim()
+        low, high = min(low, before[0]), max(high, before[1])
+    return float(low), float(high)
+
+
+def _unit(name: str) -> str:
+    if not name.startswith("1/"):
+        return UNITS.get(name, "1")
+    return f"1/({UNITS.get(name[2:], '1')})"

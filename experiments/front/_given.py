@@ -1,0 +1,93 @@
+"""What a caller gives: an estimator as text or class, scenarios, seeds; what these stand for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.given import give, is_given
+from flexaxis.experiments.building.specs import Spec, parse
+from flexaxis.experiments.catalogue.find import select
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.scenario import Scenario
+
+Estimators = str | Callable[..., Any] | Sequence[str | Callable[..., Any]]
+Scenarios = str | Scenario | Sequence[str | Scenario]
+
+
+def spec_of(estimator: str | Callable[..., Any], options: Mapping[str, Any] | None = None) -> Spec:
+    """Return what builds an estimator, from its text or its class, with some options set."""
+    text = text_of(estimator)
+    if options:
+        inside = ", ".join(f"{key}={json.dumps(value)}" for key, value in options.items())
+        text = f"{text.removesuffix(']')}, {inside}]" if "[" in text else f"{text}[{inside}]"
+    return parse(text)
+
+
+def text_of(estimator: str | Callable[..., Any]) -> str:
+    """Return an estimator as text, as for `--estimator`."""
+    if isinstance(estimator, str):
+        return estimator
+    made = hasattr(estimator, "step") and not isinstance(estimator, type)
+    if made or not callable(estimator):
+        raise EstimatorError(
+            f"{type(estimator).__name__} object: each run needs an estimator of its own, so give "
+            "its name or its class, not an instance"
+        )
+    return give(estimator)
+
+
+def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
+    """Return some estimators as text, each once.
+
+    Raises
+    ------
+    EstimatorError
+        If there is an instance among them, or other processes are to run a class that is only
+        in this one.
+    """
+    several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
+    wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
+    texts = [text_of(one) for one in wanted]
+    here = [text for text in texts if is_given(text)]
+    if here and jobs > 1:
+        raise EstimatorError(
+            f"{here[0]} is a class of this session, which other processes cannot import: put it "
+            f'in a file and give "path/file.py:{here[0]}", or use jobs=1'
+        )
+    return tuple(dict.fromkeys(texts))
+
+
+def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
+    """Return scenarios by their names, those of suites, those from files, or as they are."""
+    one = isinstance(scenarios, str | Scenario)
+    wanted: list[Any] = [scenarios] if one else list(scenarios)  # type: ignore[arg-type]
+    found: list[Scenario] = []
+    for each in wanted:
+        found += [each] if isinstance(each, Scenario) else select([str(each)]).scenarios
+    return tuple({scenario.hash: scenario for scenario in found}.values())
+
+
+def seeds_of(seeds: int | str | Iterable[int]) -> tuple[int, ...]:
+    """Return seeds: a number of them from 1000 on, a range as text, or those listed.
+
+    Examples
+    --------
+    >>> seeds_of(2), seeds_of("5:7"), seeds_of(range(3))
+    ((1000, 1001), (5, 6), (0, 1, 2))
+    """
+    if isinstance(seeds, int | str):
+        return tuple(parse_seeds(str(seeds)))
+    found = tuple(dict.fromkeys(int(seed) for seed in seeds))
+    if not found or min(found) < 0:
+        raise FlexaxisError(f"seeds {list(found)}: give numbers from 0 on, at least one")
+    return found
+
+
+def path_of(text: Any) -> Path | None:
+    """Return the path that was given, if it was one."""
+    return Path(text) if isinstance(text, str | Path) else None

@@ -1,0 +1,168 @@
+"""A run of a scenario as a record that shows itself: `simulate`, `load`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flexaxis._given import scenarios_of
+from flexaxis._table import html_table
+from flexaxis.experiments.results.results import needed
+from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.record import Record, load_record
+from flexaxis.sim.record_file import SIGNALS
+from flexaxis.sim.scenario import Scenario, stored_scenario
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from flexaxis._results import Results
+
+
+class Recording(Record):
+    """A record with its figure and its tables; whatever takes a `Record` takes it."""
+
+    @classmethod
+    def of(cls, record: Record) -> Recording:
+        """Return a record as one that shows itself."""
+        return cls(**{field.name: getattr(record, field.name) for field in fields(record)})
+
+    @property
+    def definition(self) -> Scenario | None:
+        """The scenario, None if the record does not say it."""
+        return stored_scenario(self.scenario, source="the record") if self.scenario else None
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals (N,) that it has, without time."""
+        return tuple(n for n in SIGNALS if n != "time" and getattr(self, n) is not None)
+
+    def plot(self, *signals: str, ax: Any = None) -> Any:
+        """Draw signals over time, a panel each.
+
+        Parameters
+        ----------
+        *signals : str
+            Names as in `signals`; torque and what estimators read by default.
+        ax : matplotlib axes, or several, optional
+            Where to draw; new ones by default.
+
+        Returns
+        -------
+        Axes, or ndarray of Axes
+        """
+        from flexaxis import _draw
+
+        read = self.scenario.get("output", "speed")
+        usual = ("torque", read if read in self.signals else self.signals[-1])
+        for name in signals:
+            if name not in self.signals:
+                raise FlexaxisError(unknown("signal", name, self.signals))
+        values = {name: (getattr(self, name), SIGNALS[name][0]) for name in signals or usual}
+        return _draw.signals(self.time, values, ax, self.definition)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return a pandas DataFrame: a line a sample, time [s] as index.
+
+        Columns are the signals, `valid` where samples are missing, and the true parameters as
+        ``true_f_m``.
+
+        Raises
+        ------
+        StudyError
+            If pandas is not installed.
+        """
+        columns = {name: getattr(self, name) for name in self.signals}
+        if self.valid is not None:
+            columns["valid"] = self.valid
+        if self.true_parameters is not None:
+            named = zip(self.parameter_names, self.true_parameters.T, strict=True)
+            columns |= {f"true_{name}": values for name, values in named}
+        pd = needed("pandas")
+        return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return an xarray Dataset over time and parameter, with units, as `save` writes it.
+
+        Raises
+        ------
+        StudyError
+            If xarray is not installed.
+        """
+        said = {n: {"units": unit, "long_name": words} for n, (unit, words) in SIGNALS.items()}
+        found: dict[str, Any] = {
+            name: ("time", getattr(self, name), said[name]) for name in self.signals
+        }
+        along: dict[str, Any] = {"time": ("time", self.time, said["time"])}
+        if self.valid is not None:
+            found["valid"] = ("time", self.valid, {})
+        if self.true_parameters is not None:
+            names = ("time", "parameter")
+            words = {"units": "SI", "long_name": "true parameters"}
+            found["true_parameters"] = (names, self.true_parameters, words)
+            along["parameter"] = np.array(self.parameter_names, object)
+        about = {"scenario": self.scenario.get("name", ""), "hash": self.hash}
+        about |= {} if self.seed is None else {"seed": self.seed}
+        return needed("xarray").Dataset(found, along, about)
+
+    def _repr_html_(self) -> str:
+        head = f"<b>{self.scenario.get('name', 'record')}</b>"
+        rows = [
+            [name, SIGNALS[name][0], f"{np.sqrt(np.mean(np.square(getattr(self, name)))):.4g}"]
+            for name in self.signals
+        ]
+        return f"{head} {repr(self).partition(': ')[2]}" + html_table(
+            ["signal", "unit", "rms"], rows, len(rows)
+        )
+
+
+def simulate(scenario: str | Scenario, /, *, seed: int = 0, **changes: Any) -> Recording:
+    """Return the record of one run of a scenario.
+
+    Parameters
+    ----------
+    scenario : str or Scenario
+        A name of `flexaxis.scenarios()`, a path to a TOML file, or a scenario.
+    seed : int
+        Number of the run: the same number gives the same run, to the last bit.
+    **changes
+        Values by dotted key, as in a study: ``**{"fault[0].factor": 2, "duration": 12.0}``.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such scenario or key, or a value is not allowed.
+    SimulationError
+        If the axis becomes unstable.
+    """
+    from flexaxis.sim.simulate import simulate as run
+
+    return Recording.of(run(changed(scenario, changes), [seed])[0])
+
+
+def changed(scenario: str | Scenario, changes: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with some values replaced."""
+    found = scenarios_of(scenario)
+    if len(found) != 1:
+        raise FlexaxisError(f"{scenario} is a suite of {len(found)} scenarios: name one of them")
+    return found[0].override(changes) if changes else found[0]
+
+
+def load(path: str | Path) -> Recording | Results:
+    """Return what a path holds: the record of a file ``.nc``, the results of a folder.
+
+    Raises
+    ------
+    FlexaxisError
+        If it is neither.
+    """
+    if Path(path).is_dir():
+        from flexaxis._results import Results
+
+        return Results.load(path)
+    return Recording.of(load_record(path))

@@ -1,0 +1,200 @@
+"""Many cases, scored and pooled: `benchmark`, `study`, and the results of both."""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from flexaxis._given import (
+    Estimators,
+    Scenarios,
+    path_of,
+    scenarios_of,
+    seeds_of,
+    texts_of,
+)
+from flexaxis._table import Table
+from flexaxis.experiments.results import results as kept
+from flexaxis.experiments.running.study import Study
+from flexaxis.sim.errors import FlexaxisError, unknown
+
+_SHOWN = ("estimator", "scenario", "parameter", "lag", "t10", "std", "bias", "diverged", "cases")
+
+
+class Results(kept.Results):
+    """Results with their figure; rows, selections and tables are those of every folder."""
+
+    def scores(self, *by: str) -> Table:
+        """Return pooled scores, a line for all rows that agree in some columns.
+
+        Parameters
+        ----------
+        *by : str
+            Columns to tell apart; scenario, estimator and all axes by default.
+        """
+        columns = list(by) or ["base", "method", *self.axes]
+        lines = [self._named(row) for row in self.pooled(columns)]
+        first = [_NAMES.get(column, column) for column in columns]
+        return Table(lines, list(dict.fromkeys([*first, *_SHOWN])) if lines else ())
+
+    def plot(self, x: str = "", *, ax: Any = None) -> Any:
+        """Draw the lag after a fault: against the noise before it, or over an axis of a study.
+
+        Parameters
+        ----------
+        x : str, optional
+            A swept key; the first of the study by default. Where nothing is swept, the standard
+            deviation before the fault is the abscissa, and each estimator a point.
+        ax : matplotlib axes, optional
+            Where to draw; new ones by default.
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        FlexaxisError
+            If no such key is swept.
+        """
+        from matplotlib import pyplot
+
+        from flexaxis._draw import plain_logs
+        from flexaxis.experiments.reporting.figures import draw_speed_variance
+        from flexaxis.experiments.reporting.sweep_figures import draw_lags
+
+        if x and x not in self.axes:
+            raise FlexaxisError(unknown("axis", x, self.axes))
+        if ax is None:
+            _, ax = pyplot.subplots(figsize=(8.0, 4.0), layout="constrained")
+        key = x or next(iter(self.axes), "")
+        if not key:
+            draw_speed_variance(ax, [self._named(row) for row in self.pooled(["base", "method"])])
+            plain_logs(ax)
+            return ax
+        rows = [row for row in self.pooled(["method", key]) if row["lag"] is not None]
+        draw_lags(ax, [row for row in rows if row["changed"] and row[key] is not None], key)
+        ax.set_xlabel(key)
+        ax.grid(alpha=0.25)
+        ax.legend(frameon=False, fontsize=8)
+        return ax
+
+    def _named(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a pooled row under the names that rows have."""
+        return {_NAMES.get(column, column): value for column, value in row.items()}
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.study.get("estimators", ()))
+        failed = len(self.failures())
+        text = f"Results of {names}: {self.cases} cases"
+        return text + (f", {failed} of them failed: see .failures()" if failed else "")
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(repr(self))}</p>{self.scores()._repr_html_()}"
+
+
+_NAMES = {"base": "scenario", "method": "estimator"}
+
+
+def benchmark(
+    estimators: Estimators,
+    *,
+    scenarios: Scenarios = "smoke",
+    seeds: int | str | Iterable[int] = 8,
+    folder: str | Path | None = None,
+    jobs: int = 1,
+    resume: bool = False,
+) -> Results:
+    """Run estimators on scenarios over many seeds, and score them.
+
+    Parameters
+    ----------
+    estimators : str, class, or several of them
+        Names of `flexaxis.estimators()`, any text as for ``--estimator``, or classes of your own,
+        which are run.
+    scenarios : str, Scenario, or several of them
+        Names of scenarios and suites, paths to TOML files, or scenarios.
+    seeds : int, str or iterable of int
+        A number of them from 1000 on, a range ``"0:20"``, or those listed.
+    folder : str or Path, optional
+        Where the rows are kept; else they go with the results.
+    jobs : int
+        Processes. A script that asks for several runs itself in each, and so needs
+        ``if __name__ == "__main__":``.
+    resume : bool
+        Whether to keep what `folder` holds, and run what is missing.
+
+    Raises
+    ------
+    FlexaxisError, EstimatorError
+        If a name is wrong, or an estimator cannot be made. One that fails on a record is a row
+        with its error (`Results.failures`).
+    """
+    study = Study(
+        "benchmark", scenarios_of(scenarios), texts_of(estimators, jobs=jobs), seeds_of(seeds)
+    )
+    return _run(study, folder, jobs=jobs, resume=resume)
+
+
+def study(
+    definition: str | Path | Mapping[str, Any],
+    *,
+    folder: str | Path | None = None,
+    jobs: int = 1,
+    resume: bool = False,
+    run_code: bool = False,
+) -> Results:
+    """Run a study: estimators over values of any key of scenario, fault or estimator.
+
+    Parameters
+    ----------
+    definition : str, Path or mapping
+        A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["relocate"], "seeds":
+        20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
+    folder, jobs, resume
+        As for `benchmark`.
+    run_code : bool
+        Whether code that a file names may be run; what stands in a mapping is yours.
+
+    Raises
+    ------
+    StudyError
+        With one line for each problem.
+    CodeRefused
+        If the file names code, and `run_code` was not given.
+    """
+    from flexaxis.experiments.studies.definition import load_study, study_from
+
+    path = path_of(definition)
+    if path is not None:
+        return _run(load_study(path), folder, jobs=jobs, resume=resume, run_code=run_code)
+    content = {"name": "study"} | dict(definition)  # type: ignore[arg-type]
+    if "estimators" in content:
+        content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
+    return _run(study_from(content), folder, jobs=jobs, resume=resume)
+
+
+def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool = True) -> Results:
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Means, run_study
+    from flexaxis.experiments.running.progress import progress
+
+    place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
+    total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
+    with progress(f"{total} cases", total) as advance:
+        means = Means(jobs=jobs, store=default_cache(), advance=lambda done: advance(done.cases))
+        run_study(wanted, place, means, resume=resume, run_code=run_code)
+    found = Results.load(place)
+    if not folder:  # the rows go when nobody holds the table that is read from them
+        weakref.finalize(found.table, _remove, place)
+    return found
+
+
+def _remove(folder: Path) -> None:
+    import shutil
+
+    shutil.rmtree(folder, ignore_errors=True)

@@ -1,0 +1,181 @@
+"""One attempt at a log: a model, how its torque is meant, and what its residuals leave out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.prediction_error import Fitted, Problem, fit
+from flexaxis.estimators.offline.trajectory import course
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
+LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
+EARLIEST = -2.0  # samples, of a smooth torque
+
+
+@dataclass(frozen=True)
+class Log:
+    """What of a record an identification reads.
+
+    Attributes
+    ----------
+    u, y : ndarray (N,)
+        Torque as logged, and the output.
+    ok : ndarray (N,) of bool
+        Usable samples.
+    period : float
+        [s].
+    output : {"speed", "increment"}
+    smooth : bool
+        Whether the torque goes on changing between samples.
+    resting : bool
+        Whether it begins at rest.
+    """
+
+    u: Array
+    y: Array
+    ok: Flags
+    period: float
+    output: str
+    smooth: bool
+    resting: bool
+
+    def smoothed(self) -> Log:
+        """Return the log with its torque taken as samples of a smooth one: means of a spline."""
+        times = np.arange(len(self.u) + 1.0)
+        integral = CubicSpline(times[:-1], self.u).antiderivative()
+        means = np.append(np.diff(integral(times[:-1])), self.u[-1])
+        return replace(self, u=means, smooth=True)
+
+
+def log_of(record: Record, axis: Axis) -> Log:
+    """Return what of a record is read, with its torque as the axis knows it to be."""
+    output = output_of(record)
+    log = Log(
+        u=record.torque,
+        y=np.asarray(getattr(record, output)),
+        ok=usable(record),
+        period=record.period,
+        output=output,
+        smooth=is_smooth(record),
+        resting=record.burn_in == 0,
+    )
+    return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A model for a log.
+
+    Attributes
+    ----------
+    log : Log
+    model : Model
+        Its nominal values are the start.
+    names : tuple of str
+        What is identified.
+    delay : float or None
+        Known delay of the torque [s].
+    whiten : bool
+    highpass : float or None
+        Corner [Hz] below which residuals do not count.
+    lower, upper : mapping of str to float
+        Boxes of parameters of laws.
+    """
+
+    log: Log
+    model: Model
+    names: tuple[str, ...]
+    delay: float | None = None
+    whiten: bool = True
+    highpass: float | None = None
+    lower: Mapping[str, float] = field(default_factory=dict)
+    upper: Mapping[str, float] = field(default_factory=dict)
+    tell: Callable[[], None] = lambda: None
+
+    @property
+    def earliest(self) -> float:
+        """Least delay to look for [s]: none of a torque that is held, which acts when it is set."""
+        return EARLIEST * self.log.period if self.log.smooth else 0.0
+
+    @property
+    def latest(self) -> float:
+        """Greatest delay to look for [s]."""
+        return min(max(LATEST[0], LATEST[1] * self.log.period), 0.1 * len(self.log.u))
+
+    def problem(self, without: Flags | None = None) -> Problem:
+        """Return it as a problem, without some samples if these are held out."""
+        log = self.log
+        along = course(
+            self.model,
+            self.names,
+            log.u,
+            period=log.period,
+            output=log.output,
+            smooth=log.smooth,
+            resting=log.resting,
+        )
+        lower, upper = self._box(along.q)
+        held = np.zeros(along.q, bool)
+        held[-1] = self.delay is not None
+        ok = log.ok.copy()
+        ok[0] = False  # an increment has no past there, and a state no consequence yet
+        if without is not None:
+            ok &= ~without
+        if self.highpass is not None:
+            ok[: round(1 / (self.highpass * log.period))] = False
+        return Problem(
+            along, log.y, ok, lower, upper, held, self.whiten, self.highpass, tell=self.tell
+        )
+
+    def _box(self, q: int) -> tuple[Array, Array]:
+        theta = self.model.parametrize(self.names).theta
+        lower, upper = np.full(q, -np.inf), np.full(q, np.inf)
+        for i, name in enumerate(self.names):
+            if name in self.model.law_parameters:
+                lower[i] = self.lower.get(name, 0.0)
+                upper[i] = self.upper.get(name, np.inf)
+            else:
+                lower[i], upper[i] = np.sort([theta[i] / REACH, theta[i] * REACH])
+        lower[-1], upper[-1] = self.earliest, self.latest
+        return lower, upper
+
+    def solve(
+        self,
+        start: Array | None = None,
+        lag: float = 0.0,
+        *,
+        without: Flags | None = None,
+        rounds: int = 6,
+        fine: bool = True,
+    ) -> Fitted:
+        """Fit it from parameters and a delay [s], by default the nominal ones."""
+        problem = self.problem(without)
+        theta = self.model.parametrize(self.names).theta if start is None else start
+        lag = float(np.clip(lag if self.delay is None else self.delay, self.earliest, self.latest))
+        theta = np.clip(theta, problem.lower[: len(theta)], problem.upper[: len(theta)])
+        return fit(problem, problem.start(theta, lag), rounds=rounds, fine=fine)
+
+    def having(self, values: Mapping[str, float]) -> Attempt:
+        """Return it from other nominal values."""
+        nominal = dict(self.model.nominal) | dict(values)
+        return replace(self, model=replace(self.model, nominal=nominal))
+
+    def values(self, fitted: Fitted) -> dict[str, float]:
+        """Return the parameters of a fit by name."""
+        return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
+
+
+def best(fits: Sequence[Fitted]) -> Fitted:
+    """Return the fit that predicts best."""
+    return min(fits, key=lambda fitted: fitted.square)

@@ -1,0 +1,120 @@
+"""What is known of each log besides its estimates: when it was, how warm it was."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.sim.errors import did_you_mean
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When logs were.
+
+    Attributes
+    ----------
+    order : ndarray (n,) of int
+        Numbers of the logs in the order of time.
+    time : ndarray (n,)
+        In that order: days since the first, or numbers from 1.
+    dated : bool
+        Whether all have a date.
+    labels : tuple of str
+        Day or name of each.
+    """
+
+    order: NDArray[np.int64]
+    time: Array
+    dated: bool
+    labels: tuple[str, ...]
+
+
+def clock(rows: Sequence[Mapping[str, Any]]) -> Clock:
+    """Return when the logs of rows were: by their dates if all have one, else by their order."""
+    dates = [datetime.fromisoformat(row["date"]).replace(tzinfo=None) if row["date"] else None
+             for row in rows]  # fmt: skip
+    known = [date for date in dates if date is not None]
+    if len(known) < len(rows) or len(set(known)) < 2:
+        names = tuple(str(row["log"]) for row in rows)
+        return Clock(np.arange(len(rows)), np.arange(1.0, len(rows) + 1), False, names)
+    order = np.array(sorted(range(len(rows)), key=lambda i: known[i]), int)
+    days = np.array([(known[i] - known[order[0]]).total_seconds() / 86400 for i in order])
+    clocked = len({date.date() for date in known}) < len(known)  # several in a day
+    form = "%Y-%m-%d %H:%M" if clocked else "%Y-%m-%d"
+    return Clock(order, days, True, tuple(known[i].strftime(form) for i in order))
+
+
+def covariates_of(rows: Sequence[Mapping[str, Any]], given: Sequence[str]) -> dict[str, Array]:
+    """Return covariates (n,) by name, NaN for a log that has none.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the logs that have estimates.
+    given : sequence of str
+        Columns of the logs, of which the mean is taken, or CSV files with the name of the log in
+        the first column.
+
+    Raises
+    ------
+    LogError
+        If no log has one of them, or a file cannot be read.
+    """
+    found: dict[str, Array] = {}
+    for text in given:
+        if text.lower().endswith(".csv"):
+            found |= _from_file(Path(text), rows)
+            continue
+        values = np.array([row["columns"].get(text, np.nan) for row in rows])
+        if np.isnan(values).all():
+            known = sorted({name for row in rows for name in row["columns"]})
+            raise LogError(
+                f"--covariate {text}: no log has such a column.{did_you_mean(text, known)} There "
+                f"are {', '.join(known)}; a CSV with the name of each log and its value works too"
+            )
+        found[text] = values
+    for name, values in found.items():
+        if np.ptp(values[np.isfinite(values)]) == 0:
+            raise LogError(
+                f"--covariate {name}: is {values[np.isfinite(values)][0]:g} in all logs and "
+                "explains nothing; leave it out"
+            )
+    return found
+
+
+def _from_file(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    try:
+        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise LogError(f"{path}: cannot be read: {error}") from error
+    lines = [line for line in lines if line]
+    if len(lines) < 2 or len(lines[0]) < 2:
+        raise LogError(f"{path}: give a line of names, log,temp, and a line for each log")
+    names = [name.strip() for name in lines[0][1:]]
+    table = {line[0].strip(): line[1:] for line in lines[1:]}
+    found = {name: np.full(len(rows), np.nan) for name in names}
+    for i, row in enumerate(rows):
+        cells = table.get(row["log"], table.get(Path(row["log"]).stem, []))
+        for name, cell in zip(names, cells, strict=False):
+            try:
+                found[name][i] = float(cell) if cell.strip() else np.nan
+            except ValueError:
+                raise LogError(f"{path}: {name} of {row['log']} is {cell!r}, no number") from None
+    for name, values in found.items():
+        if np.isnan(values).all():
+            raise LogError(
+                f"{path}: has no {name} for any of these logs; its first column takes the names of "
+                f"the logs, such as {rows[0]['log']}"
+            )
+    return found

@@ -1,0 +1,237 @@
+"""Days of an axis that wears and warms: the same test motion each day, friction as it is then."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.axes import BRISTLES, STATIC
+from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.tables import model_from_tables
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.running.files import make_folder, write_text
+from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.faults import CHANGEABLE
+from flexaxis.sim.record import Record
+from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.simulate import simulate
+from flexaxis.sim.streams import stream
+
+Array = NDArray[np.float64]
+
+FIRST_DAY = datetime(2026, 1, 1, 6, 0)
+MEAN = 25.0  # °C, at which the parameters are those of the scenario
+WEATHER = 5.0  # days, over which the temperature forgets
+SEASON = 0.5  # part of the variance of the temperature that is a slow wave over all days
+WITHIN = 0.3  # K, by which a test motion warms the axis
+STIFF = 1e4  # N m/rad, of the bristles that stand for Coulomb's friction
+
+
+@dataclass(frozen=True)
+class Days:
+    """What happens to an axis from day to day.
+
+    Attributes
+    ----------
+    days : int
+        How many there are, from 1.
+    wear : mapping of str to float
+        By which part a parameter has grown on the last day, such as ``{"f_c": 0.12}``.
+    from_day : int
+        On which it is still what it was; it grows evenly from there on.
+    span : float
+        Between the coldest and the warmest day [K].
+    warm : mapping of str to float
+        By which part a parameter changes with the temperature [1/K], such as ``{"f_c": -0.01}``:
+        exponentially, as the viscosity of a grease does.
+    scatter : float
+        Standard deviation from day to day of those that wear or warm, as a part, of unknown cause.
+    """
+
+    days: int = 60
+    wear: Mapping[str, float] = field(default_factory=dict)
+    from_day: int = 30
+    span: float = 25.0
+    warm: Mapping[str, float] = field(default_factory=dict)
+    scatter: float = 0.01
+
+    def __post_init__(self) -> None:
+        for option in ("wear", "warm"):
+            for name, part in getattr(self, option).items():
+                if name not in CHANGEABLE:
+                    raise LogError(
+                        f"--{option} {name}: no such parameter.{did_you_mean(name, CHANGEABLE)}"
+                    )
+                if not -1 < part < 10:
+                    raise LogError(f"--{option} {name}: {100 * part:g} % is no change of friction")
+        if not 2 <= self.days <= 10_000:
+            raise LogError(f"--days {self.days}: give 2 to 10000")
+        if self.wear and not 0 <= self.from_day < self.days:
+            raise LogError(f"--from-day {self.from_day}: give a day from 0 to {self.days - 1}")
+        if not (self.span >= 0 and self.scatter >= 0):
+            raise LogError("--temperature and --scatter take 0 or more")
+
+    def temperatures(self, rng: np.random.Generator) -> Array:
+        """Return the temperature (days,) of each day [°C]: a season, and weather upon it."""
+        n = self.days
+        season = np.sqrt(2 * SEASON) * np.sin(2 * np.pi * (np.arange(n) / n + rng.random()))
+        weather, keep = np.empty(n), np.exp(-1 / WEATHER)
+        weather[0] = rng.standard_normal()
+        for day in range(1, n):
+            fresh = np.sqrt(1 - keep**2) * rng.standard_normal()
+            weather[day] = keep * weather[day - 1] + fresh
+        found = season + np.sqrt(1 - SEASON) * weather
+        middle = (found.max() + found.min()) / 2
+        return MEAN + self.span * (found - middle) / (found.max() - found.min())
+
+    def factors(self, temperatures: Array, rng: np.random.Generator) -> dict[str, Array]:
+        """Return the factor (days,) on each parameter that changes."""
+        number = np.arange(1, self.days + 1)
+        grown = np.clip((number - self.from_day) / max(self.days - self.from_day, 1), 0, 1)
+        return {
+            name: np.exp(np.log1p(self.warm.get(name, 0.0)) * (temperatures - MEAN))
+            * (1 + self.wear.get(name, 0.0) * grown)
+            * np.exp(self.scatter * rng.standard_normal(self.days))
+            for name in dict.fromkeys([*self.wear, *self.warm])
+        }
+
+
+@dataclass(frozen=True)
+class Day:
+    """One of them.
+
+    Attributes
+    ----------
+    number : int
+        From 1.
+    date : str
+        By ISO 8601.
+    temperature : float
+        [°C].
+    factors : dict of str to float
+    """
+
+    number: int
+    date: str
+    temperature: float
+    factors: dict[str, float]
+
+
+def calendar(scenario: Scenario, days: Days, seed: int) -> list[Day]:
+    """Return what the axis is like on each day."""
+    for name in dict.fromkeys([*days.wear, *days.warm]):
+        if name not in scenario.parameter_names or not scenario.initial[name]:
+            raise LogError(
+                f"{scenario.name} has no {name} that could change; it has "
+                f"{', '.join(n for n in scenario.parameter_names if scenario.initial[n])}"
+            )
+    temperatures = days.temperatures(stream(scenario.key, seed, "days.temperature"))
+    factors = days.factors(temperatures, stream(scenario.key, seed, "days.scatter"))
+    return [
+        Day(
+            number=i + 1,
+            date=(FIRST_DAY + timedelta(days=i)).isoformat(timespec="minutes"),
+            temperature=float(temperatures[i]),
+            factors={name: float(values[i]) for name, values in factors.items()},
+        )
+        for i in range(days.days)
+    ]
+
+
+def without_faults(scenario: Scenario, duration: float) -> Scenario:
+    """Return what is driven every day: a scenario in which nothing changes while it runs."""
+    changes: dict[str, Any] = {"fault": [], "nuisance": None, "duration": duration, "burn_in": 0.0}
+    return scenario.override(changes | {"name": f"{scenario.name}, daily"[:60].replace(", ", "-")})
+
+
+def record_of(scenario: Scenario, day: Day, seed: int) -> Record:
+    """Simulate the test motion of a day: the excitation of every day, noise of its own."""
+    changed = [
+        {"kind": "step", "parameter": name, "at": scenario.period, "factor": factor}
+        for name, factor in day.factors.items()
+    ]  # a sample after the start, while the axis is at rest
+    todays = scenario.override({"fault": changed, "name": scenario.name}, inherit=True)
+    return simulate(todays, [seed], repeat=day.number)[0]
+
+
+def write_day(
+    folder: Path, scenario: Scenario, day: Day, *, seed: int, suffix: str, style: LogStyle
+) -> Path:
+    """Simulate a day and write its log, with a column `temp` [°C]; return its path."""
+    record = record_of(scenario, day, seed)
+    rng = stream(scenario.key, seed, f"days.log.{day.number}")
+    columns = logged(record, style, rng)
+    time = columns["time"]
+    warming = WITHIN * (time - time[0]) / (time[-1] - time[0])
+    read = day.temperature + warming + 0.1 * rng.standard_normal(len(time))
+    path = folder / f"{day.date[:10]}.{suffix}"
+    write_log(path, columns | {"temp": np.round(read, 1)}, style, date=day.date)
+    return path
+
+
+def write_days(
+    folder: Path, scenario: Scenario, days: Days, *, seed: int, suffix: str, style: LogStyle
+) -> Iterator[Path]:
+    """Write a folder of logs, one a day, and beside them what is true and the axis; yield paths.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing; of its files those of the same names are replaced.
+    scenario : Scenario
+        As from `without_faults`.
+    days : Days
+    seed : int
+    suffix : str
+        Kind of file, one of `flexaxis.experiments.logs.as_log.FORMATS`.
+    style : LogStyle
+    """
+    plan = calendar(scenario, days, seed)
+    make_folder(folder)
+    known_axis(scenario).save(folder / "axis.toml")
+    truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
+    write_text(folder / "truth.json", json.dumps(truth, indent=1) + "\n")
+    for day in plan:
+        yield write_day(folder, scenario, day, seed=seed, suffix=suffix, style=style)
+
+
+def known_axis(scenario: Scenario) -> Axis:
+    """Return the axis as its owner knows it from before the first day: the truth at 25 °C."""
+    laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
+    values: dict[str, Any] = dict(scenario.initial)
+    tables: dict[str, Any] = {"model": "three_mass"}
+    if laws:
+        if laws[0] is _COULOMB:
+            values["sigma_0"] = STIFF
+        tables["law"] = [_as_table(law) for law in laws]
+    taken = {name for law in laws for name in law.names}
+    kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
+    return Axis(model_from_tables(tables | {"nominal": kept}), tables, known=True)
+
+
+_LINEAR = ("k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "r")
+_COULOMB = Law(
+    "bristle",
+    drive=BRISTLES.drive,
+    acts=BRISTLES.acts,
+    parameters={"coulomb": "f_c", "stiffness": "sigma_0"},
+)
+_LAWS = ((_COULOMB, "friction"), (STATIC, "static_friction"))
+
+
+def _as_table(law: Law) -> dict[str, Any]:
+    return {
+        "kind": law.kind,
+        "drive": dict(law.drive),
+        "acts": dict(law.acts),
+        "parameters": dict(law.parameters),
+    }

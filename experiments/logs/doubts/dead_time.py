@@ -1,0 +1,108 @@
+"""Dead time from torque to motion, and opposite signs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import csd
+
+from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.evidence import SEGMENT, Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+SHIFTED = 0.75  # samples
+SMALL = 0.25  # samples
+FAST = 0.5  # rad that the fastest excitation turns by in a sample: below, a lead tells nothing
+NAME = "dead time from torque to angle"
+
+
+class Lag(NamedTuple):
+    """Samples by which the acceleration lags the torque.
+
+    Attributes
+    ----------
+    samples : float
+    turn : float
+        What the excitation at which it was seen turns by in a sample [rad].
+    opposite : bool
+        Whether torque and motion have opposite signs.
+    """
+
+    samples: float
+    turn: float
+    opposite: bool
+
+
+def lag_of(e: Evidence, part: slice = slice(None)) -> Lag | None:
+    """Return by how much the acceleration lags the torque; None if the excitation hides it.
+
+    From the phase of their cross-correlation at the upper end of the excitation, where the motor's
+    own inertia is all that counts; its friction and a mode beyond that end look like a fraction
+    of a sample. Friction and modes of any passive axis make the acceleration lead, never lag.
+    """
+    speed, u = e.speed[part], e.torque[part]
+    a, u = np.diff(speed), u[:-1]
+    length = min(len(u) // 2, round(SEGMENT / e.period))
+    frequency, cross = csd(u, a, fs=1 / e.period, nperseg=length)
+    low, high = e.band
+    tenth = 0.1 * (high - low)
+    top = (frequency > high - tenth) & (frequency <= high)
+    bottom = (frequency >= low) & (frequency < low + tenth)
+    if not top.any() or not bottom.any():
+        return None
+    centre = 2 * np.pi * float(np.mean(frequency[top]))
+    # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
+    # means over a sample, half a sample later
+    late = 0.5 if e.incremental else 0.0
+    lag = -float(np.angle(cross[top].sum())) / centre / e.period - late
+    return Lag(lag, centre * e.period, bool(cross[bottom].sum().real < 0))
+
+
+def _look(e: Evidence) -> Doubt:
+    found = lag_of(e)
+    if found is None:
+        return Doubt(NAME, None, "samples", "note", "not visible in this excitation")
+    lag = found.samples
+
+    def draw(axes: Axes) -> None:
+        _draw(axes, e)
+
+    if found.opposite:
+        text = "torque and motion have opposite signs: turn one of them"
+        remedy = "--scale torque=-1"
+        return Doubt(NAME, lag, "samples", "problem", text, remedy, draw=draw)
+    if lag < -SMALL and found.turn < FAST:
+        return Doubt(NAME, None, "samples", "ok", "not seen: the excitation is too slow for it")
+    if abs(lag) > SHIFTED:
+        early = "the motor moves before its torque; " if lag < 0 else ""
+        text = f"{early}a shift of one sample ruins the estimates: let identify find the delay"
+        return Doubt(
+            NAME, lag, "samples", "problem", text, "flexaxis identify, without --delay", draw=draw
+        )
+    text = (
+        "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
+    )
+    return Doubt(NAME, lag, "samples", "ok", text)
+
+
+def _draw(axes: Axes, e: Evidence) -> None:
+    """Draw the phase from torque to acceleration, and that of one sample."""
+    s, (low, high) = e.spectra, e.band
+    band = (s.frequency >= low) & (s.frequency <= high)
+    f = s.frequency[band]
+    turn = np.pi * f * e.period
+    late = turn if e.incremental else np.zeros_like(f)
+    phase = np.angle(s.cross[band] * 1j * np.exp(1j * (turn + late)))
+    axes.plot(f, np.degrees(phase), ".", color=BLUE, ms=2)
+    axes.plot(f, -np.degrees(2 * turn), color=ORANGE, lw=1, label="one sample late")
+    axes.set(xlabel="frequency [Hz]", ylabel="torque to acceleration [°]", ylim=(-190, 190))
+    axes.legend(frameon=False)
+
+
+LOOK = Look(11, _look)

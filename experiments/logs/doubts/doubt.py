@@ -1,0 +1,81 @@
+"""What a look at a log comes to: measured, verdict, words, what to type, and what to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+BLUE, ORANGE = "#0072B2", "#D55E00"  # what was measured, and what is remarkable in it
+
+Verdict = Literal["ok", "note", "problem"]
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+    value : float or None
+        What was measured, in `unit`.
+    unit : str
+    verdict : {"ok", "note", "problem"}
+        Whether it can be trusted, is to be known, or spoils estimates.
+    text : str
+        In words: what it means.
+    command : str
+        What to type against it; empty where there is nothing to type.
+    remedy : dict
+        The same for a program, as for `remedies.remedied`: ``{"highpass": 5.0}``.
+    draw : callable or None
+        Draws what was seen into axes.
+    """
+
+    name: str
+    value: float | None
+    unit: str
+    verdict: Verdict
+    text: str
+    command: str = ""
+    remedy: Mapping[str, Any] = field(default_factory=dict)
+    draw: Callable[[Axes], None] | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def measured(self) -> str:
+        """What was measured, with its unit, in words."""
+        return "" if self.value is None else f"{self.value:.4g} {self.unit}".strip()
+
+    def told(self) -> dict[str, Any]:
+        """Return it as plain data, for JSON."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "unit": self.unit,
+            "verdict": self.verdict,
+            "text": self.text,
+            "command": self.command,
+            "remedy": dict(self.remedy),
+        }
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a module of this folder takes part: it has a `LOOK`.
+
+    Attributes
+    ----------
+    rank : int
+        Place among the others in a report.
+    at : callable
+        From the evidence to a doubt; None where the evidence does not tell.
+    """
+
+    rank: int
+    at: Callable[[Evidence], Doubt | None]

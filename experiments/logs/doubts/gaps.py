@@ -1,0 +1,41 @@
+"""Gaps: samples that are not in the log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexaxis.experiments.logs.doubts.doubt import ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.evidence import Evidence
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MUCH = 20.0  # %: where so much is missing, what there is cannot be trusted either
+
+
+def _look(e: Evidence) -> Doubt:
+    name, missing = "missing samples", 100 * float(np.mean(~e.usable))
+    edges = np.flatnonzero(np.diff(np.r_[1, e.usable, 1]))
+    gaps = len(edges) // 2
+    if not gaps:
+        return Doubt(name, 0.0, "%", "ok", "none")
+    longest = float((edges[1::2] - edges[::2]).max() * e.period)
+    text = f"{gaps} gap(s), the longest {longest:.3g} s; marked, not updated on"
+    return Doubt(
+        name,
+        missing,
+        "%",
+        "note" if missing < MUCH else "problem",
+        text,
+        draw=lambda axes: _draw(axes, e),
+    )
+
+
+def _draw(axes: Axes, e: Evidence) -> None:
+    axes.fill_between(e.time, 0, ~e.usable, step="post", color=ORANGE, lw=0.5)
+    axes.set(xlabel="time [s]", ylabel="missing", yticks=[0, 1])
+
+
+LOOK = Look(2, _look)

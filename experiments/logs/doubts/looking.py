@@ -1,0 +1,39 @@
+"""All doubts of a log: every `LOOK` of a module of this folder, in the order of its rank."""
+
+from __future__ import annotations
+
+import pkgutil
+from functools import lru_cache
+from importlib import import_module
+
+from flexaxis.experiments.logs import doubts
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
+from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
+from flexaxis.sim.record import Record
+
+
+def doubts_of(record: Record) -> tuple[Doubt, ...]:
+    """Return what is to be doubted of a record, and what is not, before any estimator runs.
+
+    What only the log told from which it was imported (jitter, clipping, wrapping) is on the page
+    of the import, and not here.
+
+    Examples
+    --------
+    >>> remedies = [d.remedy for d in doubts_of(record) if d.remedy]  # doctest: +SKIP
+    """
+    return examine(of_record(record))
+
+
+def examine(evidence: Evidence) -> tuple[Doubt, ...]:
+    """Return everything that was looked at."""
+    found = (look.at(evidence) for look in looks())
+    return tuple(doubt for doubt in found if doubt is not None)
+
+
+@lru_cache
+def looks() -> tuple[Look, ...]:
+    """Return the looks of all modules of this folder, in their order."""
+    modules = pkgutil.iter_modules(doubts.__path__, doubts.__name__ + ".")
+    found = [getattr(import_module(module.name), "LOOK", None) for module in modules]
+    return tuple(sorted((look for look in found if look is not None), key=lambda look: look.rank))

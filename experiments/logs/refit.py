@@ -1,0 +1,215 @@
+"""The parameters of a known axis from one more log of it: a few Gauss-Newton steps, with intervals.
+
+`identify` finds an axis from nothing; this starts from what is known of it and stays near, so that
+it takes a second and can be done for a thousand logs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from flexaxis.estimators.offline.sizes import state_sizes
+from flexaxis.estimators.offline.trajectory import Course, course
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identify import HIGHEST_ORDER, noise_model, settled
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+STEPS = 12
+FARTHEST = 0.3  # relative change of a parameter in one step
+RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
+BLOCKS = 10  # of a log, whose spread is an interval that assumes no model of the noise
+RESTING = 0.05  # of the rms speed, below which the axis rests at first
+SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
+
+
+@dataclass(frozen=True)
+class Refit:
+    """Parameters from one log.
+
+    Attributes
+    ----------
+    names : tuple of str
+    theta, deviations : ndarray (p,)
+        The deviation is the larger of that for the modelled noise and that of the blocks.
+    offset : float
+        Constant torque that acts besides the logged one, in its unit.
+    fit : float
+        100 (1 − |y − ŷ|/|y − mean y|) of a simulation from the torque alone.
+    """
+
+    names: tuple[str, ...]
+    theta: Array
+    deviations: Array
+    offset: float
+    fit: float
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """A log and the model of its axis; the unknowns are θ, where it begins, and a torque."""
+
+    course: Course
+    start: Array
+    size: Array  # of each unknown beforehand; infinite for those that the log has to tell
+    y: Array
+    ok: NDArray[np.bool_]
+    delay: float
+
+    def error(self, z: Array) -> tuple[Array, Array]:
+        """Return y − ŷ (N,), and the derivatives (N, q) of ŷ, by θ relative to itself."""
+        simulated, slopes = self.course.along(np.append(z, self.delay))
+        if not (np.isfinite(simulated).all() and np.isfinite(slopes).all()):
+            raise LogError("a simulation of this log runs away with the values of the axis")
+        psi = slopes[:-1].T.copy()
+        psi[:, : self.course.p] *= z[: self.course.p]
+        return self.y - simulated, psi
+
+
+def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
+    """Estimate parameters of a known axis from one log, with a constant torque and how it begins.
+
+    Output error, the residual modelled as an autoregression and whitened by it, as
+    `flexaxis.experiments.logs.identify` does; the delay is that of the axis.
+
+    Parameters
+    ----------
+    record : Record
+    axis : Axis
+        With its known values.
+    names : sequence of str
+        Parameters to estimate; the others stay.
+
+    Raises
+    ------
+    LogError
+        If the log does not fit the axis at all.
+    """
+    problem = _problem(record, axis, names)
+    p, z = problem.course.p, problem.start.copy()
+    bounds = np.sort(np.outer(RANGE, z[:p]), axis=0)
+    for _ in range(STEPS):
+        error, psi = problem.error(z)
+        whitening = _whitening(problem, error)
+        step, covariance = _solved(problem, z, error, psi, whitening)
+        z[:p] = np.clip(z[:p] * (1 + np.clip(step[:p], -FARTHEST, FARTHEST)), *bounds)
+        z[p:] += step[p:]
+        if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
+            break
+    error, psi = problem.error(z)
+    whitening = _whitening(problem, error)
+    covariance = _solved(problem, z, error, psi, whitening)[1]
+    claimed = np.sqrt(np.diag(covariance))
+    deviations = np.maximum(claimed, _block_deviations(problem, z, error, psi, whitening))[:p]
+    fit = 100 * float(1 - np.std(error[problem.ok]) / np.std(problem.y[problem.ok]))
+    theta = z[:p]
+    _check(problem.course.model.names, theta, bounds, fit)
+    return Refit(problem.course.model.names, theta, deviations * abs(theta), float(z[-1]), fit)
+
+
+def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
+    """Return which of some parameters a log tells to `SEEN`, all together.
+
+    The one that is told least is left out, until the others are told well enough.
+    """
+    left = list(names)
+    while left:
+        problem = _problem(record, axis, left)
+        error, psi = problem.error(problem.start)
+        covariance = _solved(problem, problem.start, error, psi, _whitening(problem, error))[1]
+        deviations = np.sqrt(np.diag(covariance))[: len(left)]
+        worst = int(np.argmax(deviations))
+        if deviations[worst] <= SEEN:
+            return tuple(left)
+        del left[worst]
+    raise LogError("this log tells no parameter to 10 %: excite the axis more, or name --free NAME")
+
+
+def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
+    output = output_of(record)
+    y = np.asarray(getattr(record, output))
+    along = course(
+        axis.model,
+        names,
+        record.torque,
+        period=record.period,
+        output=output,
+        smooth=is_smooth(record),
+        resting=bool(np.max(abs(y[:5])) < RESTING * np.std(y)),
+    )
+    start = np.concatenate([along.model.theta, np.zeros(len(along.free))])
+    size = np.full(len(start), np.inf)
+    moving = len(along.free) - 1
+    if moving:
+        # a state that is forgotten before the first sample that counts must not run away
+        states = state_sizes(axis.model, record.torque, record.period)
+        own = np.full(moving - len(states), np.sqrt(np.mean(record.torque**2)))
+        size[along.p : -1] = np.maximum([*states, *own], 1e-9 * max([*states, *own]))
+    return _Problem(along, start, size, y, usable(record), axis.delay)
+
+
+def _whitening(problem: _Problem, error: Array) -> Array:
+    return noise_model(error[problem.ok], HIGHEST_ORDER)
+
+
+def _system(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> tuple[Array, Array, float]:
+    """Return the whitened error and gradient, with a row for each size known beforehand, and σ."""
+    ok = settled(problem.ok, len(whitening))
+    if ok.sum() <= 10 * psi.shape[1]:
+        raise LogError(f"{ok.sum()} usable samples cannot tell {psi.shape[1]} unknowns")
+    e, gradient = lfilter(whitening, 1.0, error)[ok], lfilter(whitening, 1.0, psi, axis=0)[ok]
+    step = np.linalg.lstsq(gradient, e, rcond=1e-12)[0]
+    sigma = float(np.std(e - gradient @ step))
+    known = np.flatnonzero(np.isfinite(problem.size))
+    rows = np.zeros((len(known), len(z)))
+    rows[np.arange(len(known)), known] = sigma / problem.size[known]
+    return np.r_[e, -rows @ z], np.vstack([gradient, rows]), sigma
+
+
+def _solved(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> tuple[Array, Array]:
+    """Return the Gauss-Newton step of all, and its covariance."""
+    e, gradient, sigma = _system(problem, z, error, psi, whitening)
+    norm = np.linalg.norm(gradient, axis=0)
+    inverse = np.linalg.pinv(gradient / norm, rcond=1e-12)
+    return inverse @ e / norm, sigma**2 * inverse @ inverse.T / np.outer(norm, norm)
+
+
+def _block_deviations(
+    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+) -> Array:
+    """Return the standard deviations by leaving out a tenth of the log at a time: the jackknife."""
+    e, gradient, _ = _system(problem, z, error, psi, whitening)
+    norm = np.linalg.norm(gradient, axis=0)
+    known = int(np.isfinite(problem.size).sum())
+    scaled, samples = gradient / norm, len(e) - known
+    square, product = scaled.T @ scaled, scaled.T @ e
+    steps = np.empty((BLOCKS, len(z)))
+    for i, block in enumerate(np.array_split(np.arange(samples), BLOCKS)):
+        mine, its = scaled[block], e[block]
+        steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (product - mine.T @ its)
+    spread = steps - steps.mean(axis=0)
+    return np.sqrt((BLOCKS - 1) / BLOCKS * (spread**2).sum(axis=0)) / norm
+
+
+def _check(names: Sequence[str], theta: Array, bounds: Array, fit: float) -> None:
+    stuck = [n for n, at, low, high in zip(names, theta, *bounds, strict=True) if at in (low, high)]
+    if stuck:
+        raise LogError(
+            f"{', '.join(stuck)} would be {RANGE[0]:g} or {RANGE[1]:g} times what is known: is it "
+            "a log of this axis, in the same units?"
+        )
+    if not fit > 0:
+        raise LogError(
+            f"a simulation from the torque fits by {fit:.0f} % only: is it a log of this axis?"
+        )

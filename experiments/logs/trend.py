@@ -1,0 +1,244 @@
+"""Estimates with intervals from many logs of one axis: a row a log, never computed twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.dates import date_of
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identify import GIVEN
+from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.refit import refit, seen
+from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.files import dumps, make_folder
+from flexaxis.experiments.running.lock import locked
+from flexaxis.experiments.running.names import LOCK, REPORT
+from flexaxis.experiments.running.rows import RowFile, read, scan
+from flexaxis.sim.errors import FlexaxisError
+
+ROWS, RESULT = "rows.jsonl", "trend.json"
+SUFFIXES = (
+    ".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc", ".parquet", ".mcap",
+    ".bag", ".db3",
+)  # fmt: skip
+TRIES = 5  # logs from which it is seen what they can tell
+METHOD = 1  # of the estimates; another number and all are made anew
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is done to each log.
+
+    Attributes
+    ----------
+    axis : Axis
+    names : tuple of str
+        Parameters to estimate.
+    tables, treatment : mapping
+        As for `flexaxis.experiments.logs.importing.read_any`.
+    """
+
+    axis: Axis
+    names: tuple[str, ...]
+    tables: Mapping[str, Any]
+    treatment: Mapping[str, Any]
+
+    @property
+    def text(self) -> str:
+        """All that the estimates of a log depend on besides the log."""
+        axis = {
+            "tables": self.axis.tables,
+            "nominal": dict(self.axis.model.nominal),
+            "delay": self.axis.delay,
+        }
+        return json.dumps(
+            [METHOD, version("flexaxis"), axis, self.names, self.tables, self.treatment],
+            sort_keys=True,
+            default=str,
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """A log to be estimated from, and the identity of what comes of it."""
+
+    path: Path
+    case: str
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+def find_logs(given: Sequence[Path]) -> list[Path]:
+    """Return the logs in folders and among files, those of a folder in the order of their names.
+
+    Raises
+    ------
+    LogError
+        If something is missing, or there is no log.
+    """
+    found: list[Path] = []
+    for path in given:
+        if path.is_dir():
+            inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
+            found += sorted((p for p in inside if p.name[0] != "."), key=_natural)
+        elif path.exists():
+            found.append(path)
+        else:
+            raise LogError(f"{path}: no such file or folder")
+    if not found:
+        raise LogError(
+            f"{', '.join(map(str, given))}: there is no log, which would end in "
+            f"{', '.join(SUFFIXES)}"
+        )
+    return list(dict.fromkeys(found))
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Return what sorts log_9 before log_10."""
+    return [(int(t or -1), "") if t.isdigit() else (-1, t) for t in re.split(r"(\d+)", path.name)]
+
+
+def what_is_seen(
+    logs: Sequence[Path], axis: Axis, tables: Mapping[str, Any], treatment: Mapping[str, Any]
+) -> tuple[str, ...]:
+    """Return the parameters that the first readable log tells; see `refit.seen`.
+
+    Raises
+    ------
+    LogError
+        If none of the first `TRIES` can be read, as of the last of them.
+    """
+    candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
+    problem: FlexaxisError | EstimatorError | None = None
+    for path in logs[:TRIES]:
+        try:
+            return seen(read_any(path, tables, **treatment), axis, candidates)
+        except (FlexaxisError, EstimatorError) as error:
+            problem = error
+    assert problem is not None
+    raise problem
+
+
+def tasks(plan: Plan, logs: Sequence[Path]) -> Iterator[Task]:
+    """Yield each log with its identity: by its content, and by what is done to it."""
+    text = plan.text.encode()
+    for path in logs:
+        digest = hashlib.sha256(text)
+        try:
+            with path.open("rb") as file:
+                while piece := file.read(1 << 20):
+                    digest.update(piece)
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        yield Task(path, digest.hexdigest()[:16])
+
+
+def estimate_all(
+    plan: Plan,
+    wanted: Sequence[Task],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    advance: Callable[[float], None] = lambda amount: None,
+) -> list[dict[str, Any]]:
+    """Estimate from the logs that have no row yet; return the rows of all, in the order given.
+
+    Parameters
+    ----------
+    plan : Plan
+    wanted : sequence of Task
+    folder : Path
+        Where `ROWS` is, or is made.
+    jobs : int
+        Processes.
+    advance : callable
+        Called with the number of logs done since its last call.
+
+    Raises
+    ------
+    StudyError
+        If another process is at work there.
+    KeyboardInterrupt
+        On Ctrl-C, when what was at work is done: it is not lost.
+    """
+    make_folder(folder)
+    with locked(folder / LOCK):
+        rows = folder / ROWS
+        with RowFile(rows) as file:
+            there = {f"{case:016x}" for case in scan(rows).cases.tolist()}
+            missing = {task.case: task for task in wanted if task.case not in there}
+            advance(len(wanted) - len(missing))
+            for line in spread(missing.values(), partial(row_of, plan), jobs=jobs):
+                file.append(line)
+                advance(1)
+        every = {row["case"]: row for row in read(rows)}
+    return [every[task.case] | {"log": task.path.name} for task in wanted]
+
+
+def row_of(plan: Plan, task: Task) -> bytes:
+    """Return the row of a log: its estimates, or what is wrong with it."""
+    row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
+    try:
+        row |= _estimated(plan, task.path)
+    except (FlexaxisError, EstimatorError) as error:
+        row["problem"] = " ".join(str(error).split())
+    except Exception as error:  # whatever a strange log leads to: the others go on
+        row["problem"] = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+    return dumps(row).encode() + b"\n"
+
+
+def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
+    record = read_any(path, plan.tables, **plan.treatment)
+    with np.errstate(all="ignore"):
+        found = refit(record, plan.axis, plan.names)
+    numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset])
+    if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
+        raise LogError("this log tells nothing of the parameters: did the axis move?")
+    date = date_of(path)
+    return {
+        "date": date.isoformat() if date else None,
+        "seconds": len(record.time) * record.period,
+        "estimates": {
+            name: {"value": value, "sd": sd}
+            for name, value, sd in zip(
+                found.names, found.theta.tolist(), found.deviations.tolist(), strict=True
+            )
+        },
+        "offset": found.offset,
+        "fit": found.fit,
+        "columns": _means(path),
+    }
+
+
+def _means(path: Path) -> dict[str, float]:
+    """Return the mean of each column of a log, any of which may explain the estimates."""
+    found = {}
+    for name, values in open_log(path).numbers().items():
+        there = values[np.isfinite(values)]
+        if len(there):
+            found[name] = float(there.mean())
+    return found
+
+
+def check_folder(folder: Path, given: Sequence[Path]) -> None:
+    """Raise a LogError if a folder holds logs, or a page that is not of a trend."""
+    if any(path.is_dir() and path.resolve() == folder.resolve() for path in given):
+        raise LogError(f"-o {folder}: the logs are there; choose another folder")
+    ours = (folder / ROWS).exists()
+    for name in (RESULT, REPORT):
+        if (folder / name).exists() and not ours:
+            raise LogError(f"{folder} holds {name}, which is not of a trend: choose another folder")

@@ -1,0 +1,119 @@
+"""The page of a trend: what changed, in words and in pictures; all parameters; what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.logs.covariates import Clock
+from flexaxis.experiments.logs.log_page import LogPage, write_page
+from flexaxis.experiments.logs.trend_figures import overview_figure, parameter_figure
+from flexaxis.experiments.logs.trend_words import remarks, sentences
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, Verdict
+
+Array = NDArray[np.float64]
+
+WORDS = {
+    CHANGED: "changed",
+    OPEN: "changed, worn or warm",
+    EXPLAINED: "follows the covariate",
+    STEADY: "did not change",
+}
+
+
+def write_trend(
+    path: Path,
+    found: Sequence[Verdict],
+    clock: Clock,
+    covariates: Mapping[str, Array],
+    rows: Sequence[Mapping[str, Any]],
+    *,
+    command: str,
+    title: str,
+    false_alarms: float,
+) -> None:
+    """Write the page.
+
+    Parameters
+    ----------
+    path : Path
+    found : sequence of Verdict
+    clock : Clock
+    covariates : mapping of str to ndarray (n,)
+        In the order of the clock.
+    rows : sequence of mapping
+        Of all logs, also of those that could not be used.
+    command, title : str
+    false_alarms : float
+    """
+    good = [row for row in rows if not row["problem"]]
+    first = datetime.fromisoformat(good[clock.order[0]]["date"]) if clock.dated else None
+    loud = [one for one in found if one.kind != STEADY]
+    figures = [
+        (
+            _heading(one),
+            parameter_figure(one, clock, covariates, first),
+            ". ".join(sentences(one, clock, [*covariates])) + ".",
+        )
+        for one in loud
+    ]
+    figures.append(
+        (
+            "All parameters",
+            overview_figure(found, clock, first),
+            "Over the value at the start and the mean of the covariates; bars are ±2σ of a log.",
+        )
+    )
+    tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = [
+        ("Parameters", _head(covariates), [_line(one, clock, good, covariates) for one in found])
+    ]
+    bad = [(str(row["log"]), str(row["problem"])) for row in rows if row["problem"]]
+    if bad:
+        tables.append(("Logs that could not be used", ("log", "why"), bad))
+    page = LogPage(
+        title=title,
+        command=command,
+        remarks=remarks(found, clock, [*covariates], rows, false_alarms),
+        tables=tables,
+        figures=figures,
+    )
+    write_page(page, path)
+
+
+def _heading(found: Verdict) -> str:
+    return f"{found.name}: {WORDS[found.kind]}"
+
+
+def _head(covariates: Mapping[str, Array]) -> list[str]:
+    return [
+        "parameter", "verdict", "median (SI)", "± of a log [%]", "scatter between logs [%]",
+        "change [%]", *(f"{name} [%/unit]" for name in covariates),
+    ]  # fmt: skip
+
+
+def _line(
+    found: Verdict,
+    clock: Clock,
+    rows: Sequence[Mapping[str, Any]],
+    covariates: Mapping[str, Array],
+) -> list[str]:
+    values = [row["estimates"][found.name]["value"] for row in rows]
+    changes = ", ".join(
+        f"{float(found.percent(c.size)):+.3g} ± {found.percent_deviation(c):.1g}"
+        for c in found.found.changes
+    )
+    slopes = zip(found.found.slopes, found.found.slope_deviations, strict=True)
+    return [
+        found.name,
+        WORDS[found.kind],
+        f"{np.median(values):.5g}",
+        f"{100 * np.median(found.series.deviation):.2g}",
+        f"{100 * found.found.scatter:.2g}",
+        changes or "–",
+        *(f"{100 * slope:+.3g} ± {100 * sd:.1g}" for slope, sd in slopes),
+    ]

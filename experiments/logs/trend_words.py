@@ -1,0 +1,158 @@
+"""A trend in words that the owner of an axis reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from flexaxis.experiments.logs.change_points import Change
+from flexaxis.experiments.logs.covariates import Clock
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, SMALLEST, Verdict
+
+QUIET = "did not change"
+COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
+
+
+def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[str]:
+    """Return what became of a parameter."""
+    if found.kind == CHANGED:
+        lines = [_change(found, change, clock) for change in found.found.changes]
+        lines += [f"beside that, {text}" for text in _slopes(found, covariates)]
+        if not covariates:
+            lines.append("whether it is worn or warm cannot be told without --covariate")
+    elif found.kind == EXPLAINED:
+        largest = max(found.bare.changes, key=lambda c: abs(c.size))
+        moved = float(found.percent(largest.size))
+        lines = [
+            f"moved by {moved:+.2g} %, as {' and '.join(covariates)} did, and not besides: "
+            f"{', '.join(_slopes(found, covariates))}"
+        ]
+    elif found.kind == OPEN:
+        assert found.change is not None
+        size = float(found.percent(found.change.size))
+        lines = [
+            f"and {' and '.join(covariates)} changed at the same time: beside it, "
+            f"{size:+.2g} ± {found.percent_deviation(found.change):.2g} %. Worn and warm cannot be "
+            "told apart on these logs; add some of worn and cold, or new and warm"
+        ]
+    elif found.found.changes:
+        sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in found.found.changes)
+        lines = [f"changed by {sizes} only, which is less than {100 * SMALLEST:g} %"]
+    else:
+        slopes = [text for text in _slopes(found, covariates) if "no effect" not in text]
+        lines = [", ".join([QUIET, *slopes])]
+    for outlier in found.found.outliers:
+        size = float(found.percent(outlier.size))
+        label = clock.labels[int(found.logs[outlier.place])]
+        lines.append(f"the log of {label} is out of line by {size:+.2g} %")
+    return [f"{found.name} {lines[0]}", *(f"{found.name}: {line}" for line in lines[1:])]
+
+
+def _change(found: Verdict, change: Change, clock: Clock) -> str:
+    """Return such as "has grown by 12 ± 2 % since 2026-01-30 (day 29, at 95 % 26 … 33)"."""
+    size, sd = float(found.percent(change.size)), found.percent_deviation(change)
+    at, first, last = (
+        int(found.logs[place]) for place in (change.place, change.earliest, change.latest)
+    )
+    word = "day" if clock.dated else "log"
+    where = f"{word} {clock.time[at]:.3g}"
+    if last > first:
+        where += f", at 95 % {clock.time[first]:.3g} … {clock.time[last]:.3g}"
+    sign = "grown" if size > 0 else "fallen"
+    if change.shape == "step":
+        verb = f"{'rose' if size > 0 else 'fell'} at once by {abs(size):.2g} ± {sd:.1g} % on"
+    else:
+        verb = f"has {sign} by {abs(size):.2g} ± {sd:.1g} % since"
+    return f"{verb} {clock.labels[at]} ({where})"
+
+
+def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
+    lines = []
+    for name, slope, sd in zip(
+        covariates, found.found.slopes, found.found.slope_deviations, strict=True
+    ):
+        if abs(slope) < 2 * sd:
+            lines.append(f"{name} has no effect that can be seen")
+        else:
+            lines.append(
+                f"{name} explains {100 * slope:+.3g} ± {100 * sd:.1g} % for each unit of it"
+            )
+    return lines
+
+
+def remarks(
+    found: Sequence[Verdict],
+    clock: Clock,
+    covariates: Sequence[str],
+    rows: Sequence[Mapping[str, Any]],
+    false_alarms: float,
+) -> list[tuple[str, str]]:
+    """Return the remarks of a page, kind and text, what changed first."""
+    kinds = {CHANGED: "problem", OPEN: "problem", EXPLAINED: "note"}
+    order = sorted(found, key=lambda v: (CHANGED, OPEN, EXPLAINED).index(v.kind)
+                   if v.kind in kinds else len(kinds))  # fmt: skip
+    quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
+    lines = [
+        (kinds.get(v.kind, "ok") if i == 0 else "note", text)
+        for v in order
+        if all(v is not other for other in quiet)
+        for i, text in enumerate(sentences(v, clock, covariates))
+    ]
+    if quiet:
+        lines.append(("ok", f"{', '.join(v.name for v in quiet)} {QUIET}"))
+    if not covariates:
+        lines.append(
+            ("note", "without a covariate, warm and worn cannot be told apart: --covariate temp, "
+             "a column of the logs, or a CSV with the name of each log and its value")
+        )  # fmt: skip
+    memory = [
+        v.name
+        for v in found
+        if v.found.correlation >= COLOURED and v.found.scatter > 0.5 * np.median(v.series.deviation)
+    ]
+    if memory:
+        lines.append(
+            ("note", f"{', '.join(memory)}: what differs from log to log is alike from one to the "
+             "next, so something moves it that is not among the covariates; changes are judged "
+             "the more carefully")
+        )  # fmt: skip
+    bad = [row for row in rows if row["problem"]]
+    if bad:
+        lines.append(("note", f"{len(bad)} of {len(rows)} logs could not be used; see below"))
+    lines.append(
+        ("ok", f"one page in {1 / false_alarms:.0f} of an axis that does not change says that it "
+         "does (each time that it is made)")
+    )  # fmt: skip
+    return lines
+
+
+def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str, Any]:
+    """Return what became of a parameter, for JSON; sizes as parts, not per cent."""
+
+    def told(change: Change) -> dict[str, Any]:
+        at = int(found.logs[change.place])
+        return {
+            "shape": change.shape,
+            "since": clock.labels[at],
+            "time": float(clock.time[at]),
+            "between": [float(clock.time[found.logs[k]]) for k in (change.earliest, change.latest)],
+            "size": float(found.percent(change.size)) / 100,
+            "sd": float(found.percent_deviation(change)) / 100,
+            "chance": change.chance,
+        }
+
+    slopes = zip(covariates, found.found.slopes, found.found.slope_deviations, strict=True)
+    last = found.series.value - found.found.fitted
+    return {
+        "verdict": found.kind,
+        "changes": [told(change) for change in found.found.changes],
+        "changes_without_covariates": [told(change) for change in found.bare.changes],
+        "outliers": [told(change) for change in found.found.outliers],
+        "covariates": {n: {"slope": float(b), "sd": float(s)} for n, b, s in slopes},
+        "scatter": found.found.scatter,
+        "correlation": found.found.correlation,
+        "residual": float(np.std(last)),
+        "words": sentences(found, clock, covariates),
+    }

@@ -1,0 +1,229 @@
+"""What speaks against an identification, and what to type next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.frequency import frequency_response
+from flexaxis.estimators.offline.prediction_error import Fitted
+from flexaxis.experiments.logs.attempt import Attempt
+from flexaxis.experiments.logs.friction import linear_part, names_of
+from flexaxis.experiments.logs.spectrum import Response
+
+Array = NDArray[np.float64]
+
+BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
+COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, that is too much
+LAGS = 20
+APART = 0.2  # median of |log G/Ĝ|: a model that far from what the log shows is another axis
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is said of a result.
+
+    Attributes
+    ----------
+    warnings : tuple of str
+        What speaks against it.
+    remarks : tuple of str
+        What was found or done besides.
+    correlation : float
+        Largest correlation of the white residual with its past.
+    condition : float
+        Effect of the relative change of the parameters that the data see best, over that of the
+        one they see least.
+    weakest : str
+        The latter, in words.
+    misfit : float
+        Median of |log G/Ĝ| over the band of the excitation.
+    """
+
+    warnings: tuple[str, ...]
+    remarks: tuple[str, ...]
+    correlation: float
+    condition: float
+    weakest: str
+    misfit: float
+
+
+def judge(
+    attempt: Attempt,
+    fitted: Fitted,
+    deviations: Array,
+    response: Response | None,
+    tried: Sequence,
+    word: str,
+) -> Verdict:
+    """Return the verdict on a fit.
+
+    Parameters
+    ----------
+    attempt, fitted
+    deviations : ndarray (q,)
+        Of the unknowns.
+    response : Response or None
+    tried : sequence of Tried
+    word : str
+        Of the law that was taken.
+    """
+    correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, response)
+    condition, weakest = _weakest(attempt, fitted)
+    warnings = [
+        *_blind(attempt, fitted, deviations, response),
+        *_bounds(attempt, fitted),
+        *_late(attempt, fitted, deviations),
+        *_coloured(correlation, fitted),
+        *_apart(misfit),
+    ]
+    return Verdict(
+        tuple(warnings),
+        tuple([*_torque(attempt), *_laws(tried, word)]),
+        correlation,
+        condition,
+        weakest,
+        misfit,
+    )
+
+
+def _correlation(fitted: Fitted) -> float:
+    e = fitted.white[fitted.good]
+    past = np.array([e[k:] @ e[: len(e) - k] for k in range(1, LAGS + 1)]) / (e @ e)
+    return float(past[np.argmax(abs(past))])
+
+
+def _misfit(attempt: Attempt, fitted: Fitted, seen: Response | None) -> float:
+    """Return the median distance of model and response, in logarithms."""
+    if seen is None:
+        return 0.0
+    model = attempt.having(attempt.values(fitted)).model
+    linear = linear_part(model)
+    names = [name for name in attempt.names if name in linear.parameters]
+    chosen = linear if attempt.log.output == "speed" else increment(linear, attempt.log.period)
+    form = chosen.parametrize(names or linear.parameters)
+    gain, _ = frequency_response(form, form.theta, seen.omega, period=attempt.log.period)
+    ratio = gain / seen.gain * np.exp(-1j * seen.omega * fitted.z[-1])
+    return float(np.median(abs(np.log(ratio))))
+
+
+def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
+    """Return the condition, and what is known least, in words."""
+    p = len(attempt.names)
+    theta = fitted.z[:p]
+    scale = np.where(theta == 0, 1.0, theta)
+    values, vectors = np.linalg.eigh(fitted.covariance[:p, :p] / np.outer(scale, scale))
+    least, change = float(np.sqrt(max(values[-1], 0.0))), vectors[:, -1]
+    change = change * np.sign(change[np.argmax(abs(change))])
+    largest = float(np.max(abs(change)))
+    parts = ", ".join(
+        f"{name} {share / largest:+.1f} %"
+        for name, share in zip(attempt.names, change, strict=True)
+        if abs(share) > largest / 10
+    )
+    condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+    return condition, (
+        f"known least is a change in the proportion {parts}: to ±{100 * least * largest:.2g} % of "
+        "the largest"
+    )
+
+
+def _blind(
+    attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response | None
+) -> list[str]:
+    band = ""
+    if seen is not None:
+        low, high = seen.omega[[0, -1]] / (2 * np.pi)
+        band = f" ({low:.3g} … {high:.3g} Hz)"
+    lawful = set(names_of(attempt.model))
+    found = []
+    for name, value, s in zip(attempt.names, fitted.z, deviations, strict=False):
+        if s < BLIND * abs(value) or (name in lawful and name != "f_c"):
+            continue
+        share = f"±{100 * s / abs(value):.0f} %" if value else "nothing"
+        if name == "f_c":
+            text = (
+                f"dry friction f_c = {value:.3g} ± {s:.2g} cannot be told from none: use "
+                "--friction none, or a longer log with slow and fast motion"
+            )
+        else:
+            text = (
+                f"the excitation{band} cannot see {name}: known to {share}; fix it with --fix "
+                f"{name}=VALUE, or excite what it acts on"
+            )
+        found.append(text)
+    return found
+
+
+def _bounds(attempt: Attempt, fitted: Fitted) -> list[str]:
+    problem = attempt.problem()
+    p = len(attempt.names)
+    lawful = set(names_of(attempt.model))
+    at = (fitted.z <= problem.lower * (1 + 1e-9)) | (fitted.z >= problem.upper * (1 - 1e-9))
+    stuck = [
+        name
+        for name, side in zip(attempt.names, at[:p], strict=True)
+        if side and name not in lawful
+    ]
+    if not stuck:
+        return []
+    return [
+        f"{', '.join(stuck)}: at the bound of the search; the log does not determine it, so fix it "
+        f"with --fix {stuck[0]}=VALUE, or start elsewhere with --start {stuck[0]}=VALUE"
+    ]
+
+
+def _late(attempt: Attempt, fitted: Fitted, deviations: Array) -> list[str]:
+    """Return what a delay at the end of what is possible means."""
+    lag, period = float(fitted.z[-1]), attempt.log.period
+    if attempt.delay is not None:
+        return []
+    if lag >= attempt.latest * (1 - 1e-9):
+        return [
+            f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
+            "are shifted; look at `flexaxis import`, or give --delay S"
+        ]
+    if attempt.log.smooth and lag < -period - 2 * deviations[-1]:
+        return [
+            f"the torque acts {-lag / period:.1f} samples before it is logged: the columns of "
+            "torque and motion are shifted; shift one of them"
+        ]
+    return []
+
+
+def _coloured(correlation: float, fitted: Fitted) -> list[str]:
+    if abs(correlation) <= max(COLOURED, 4 / np.sqrt(fitted.good.sum())):
+        return []
+    return [
+        f"what the model leaves out is not noise: white residuals correlate by {correlation:.2f} "
+        "with their past; try another --model, --highpass HZ below the excitation, or --start "
+        "NAME=VALUE"
+    ]
+
+
+def _apart(misfit: float) -> list[str]:
+    if misfit <= APART:
+        return []
+    return [
+        f"the model is {100 * np.expm1(misfit):.0f} % off the frequency response that the log "
+        "shows: look at the page; try another --model or --friction, or --start NAME=VALUE"
+    ]
+
+
+def _torque(attempt: Attempt) -> list[str]:
+    return ["the torque is a smooth one"] if attempt.log.smooth else []
+
+
+def _laws(tried: Sequence, word: str) -> list[str]:
+    lines = []
+    for t in tried:
+        c = t.comparison
+        lines.append(
+            f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
+            f"{c.before:.4g} → {c.after:.4g}, {'taken' if t.taken else 'not better'}"
+        )
+    return lines

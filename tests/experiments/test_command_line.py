@@ -1,0 +1,182 @@
+"""The command line answers: a wrong word at once and with the right one, as much as is wanted."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.cli import main
+
+HEAVY = {"mujoco", "matplotlib", "control", "scipy.stats", "scipy.signal", "jinja2"}
+
+
+def refused(capsys, *words):
+    """Status and message of a command that is typed wrong."""
+    try:
+        status = main(list(words))
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert not out and "Traceback" not in err
+    return status, err
+
+
+MISTAKES = [
+    (["rnu", "smoke"], "Did you mean 'run'?"),
+    (["run", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
+    (["run", "smok"], "Did you mean 'smoke'?"),
+    (["run", "smoke", "--estimtor", "relocate"], "Did you mean '--estimator'?"),
+    (["run", "smoke", "--estimator", "relocte"], "Did you mean 'relocate'?"),
+    (["run", "smoke", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
+    (["run", "smoke", "--seeds", "abc"], "--seeds 'abc'"),
+    (["run", "smoke", "--jobs", "0"], "--jobs 0"),
+    (["run", "mien.toml"], "mien.toml"),
+    (["simulate", "smoke"], "flexaxis show smoke"),
+    (["estimate", "nothing.nc"], "nothing.nc"),
+    (["estimate", "there.nc", "--estimator", "mien.py:Mine"], "Did you mean 'mine.py'?"),
+    (["compare", "--base", "frozn", "--candidate", "ekf"], "Did you mean 'frozen'?"),
+    (["compare", "fm_stp-v1", "--base", "frozen", "--candidate", "ekf"], "'fm_step-v1'"),
+    (["tune", "rpem-forgeting"], "Did you mean 'rpem-forgetting'?"),
+    (["tradeoff", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
+    (["check", "relocte"], "Did you mean 'relocate'?"),
+    (["show", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
+    (["view", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
+    (["view", "ther.nc"], "Did you mean 'there.nc'?"),
+    (["list", "scenario"], "Did you mean 'scenarios'?"),
+    (["list", "--group", "step"], "Did you mean 'steps'?"),
+    (["list", "estimators", "--group", "steps"], "--group"),
+    (["study", "ther.toml"], "Did you mean 'there.toml'?"),
+    (["report", "nowhere"], "nowhere is not the folder"),
+    (["export", "nowhere", "--csv", "a.csv"], "nowhere is not the folder"),
+    (["import", "nothing.csv"], "nothing.csv"),
+    (["identify", "nothing.csv"], "nothing.csv"),
+    (["demo", "--estimator", "relocte"], "Did you mean 'relocate'?"),
+]
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("mine.py", "there.nc", "there.toml"):
+        (tmp_path / name).touch()
+
+
+@pytest.mark.parametrize(("words", "hint"), MISTAKES, ids=lambda x: " ".join(x)[:50])
+def test_a_mistake_is_told_with_what_was_meant(capsys, place, words, hint):
+    status, err = refused(capsys, *words)
+    assert status == 2 and hint in err
+
+
+def test_nothing_heavy_is_imported_before_a_mistake_is_told(place):
+    code = (
+        "import json, sys\n"
+        "from flexaxis.experiments.cli import main\n"
+        f"for words in {[words for words, _ in MISTAKES]!r}:\n"
+        "    try: assert main(words) == 2, words\n"
+        "    except SystemExit: pass\n"
+        f"    print(json.dumps([words, sorted({HEAVY!r} & set(sys.modules))]))"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    answers = [json.loads(line) for line in told.stdout.splitlines()]
+    assert len(answers) == len(MISTAKES)
+    assert [(words, heavy) for words, heavy in answers if heavy] == []
+
+
+def test_the_list_imports_nothing_heavy():
+    code = (
+        "import sys; from flexaxis.experiments.cli import main; main(['list']);"
+        f"print(sorted({HEAVY!r} & set(sys.modules)), file=sys.stderr)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert told.stderr.strip() == "[]"
+
+
+def listed(capsys, *words):
+    assert main(["list", *words, "--json"]) == 0
+    return {
+        kind: [row["name"] for row in rows]
+        for kind, rows in json.loads(capsys.readouterr().out).items()
+    }
+
+
+def test_the_list_is_filtered(capsys):
+    assert "fm_step-v1" in listed(capsys, "--group", "steps")["scenarios"]
+    assert set(listed(capsys, "--group", "steps")) == {"scenarios"}
+    found = listed(capsys, "--find", "KALMAN")
+    assert "ekf" in found["estimators"] and "frozen" not in found["estimators"]
+    assert main(["list", "--find", "no such thing"]) == 0
+    assert "nothing has 'no such thing'" in capsys.readouterr().out
+    assert main(["list", "--group", "wear"]) == 0
+    assert "one parameter jumps to and fro" not in capsys.readouterr().out
+
+
+def test_quiet_says_results_only(capsys, short_toml, tmp_path):
+    words = ["run", str(short_toml), "--estimator", "frozen", "--seeds", "1", "--jobs", "1"]
+    assert main([*words, "-o", str(tmp_path / "a"), "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert not err and "frozen" in out
+    assert main(["-q", "run", "fm_stp-v1"]) == 2
+    assert "Did you mean" in capsys.readouterr().err
+    assert main([*words, "-o", str(tmp_path / "b")]) == 0
+    assert "records simulated" in capsys.readouterr().err
+
+
+def test_verbose_says_with_what_and_how_long(capsys, tmp_path):
+    assert main(["show", "smoke", "-v"]) == 0
+    err = capsys.readouterr().err
+    assert "numpy" in err and "took" in err and str(tmp_path) in err
+
+
+def test_what_is_repeated_has_neither(capsys, short_toml, tmp_path):
+    words = ["run", str(short_toml), "--estimator", "frozen", "--seeds", "1", "--jobs", "1"]
+    assert main(["-v", *words, "-q", "-o", str(tmp_path / "out"), "--json"]) == 0
+    command = json.loads(capsys.readouterr().out)["command"]
+    assert "run" in command and " -q" not in command and " -v" not in command
+
+
+def test_no_colour_where_none_is_wanted(tmp_path):
+    environment = os.environ | {"FORCE_COLOR": "1", "NO_COLOR": "1"}
+    words = [sys.executable, "-m", "flexaxis.experiments", "check", "frozen"]
+    told = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+    assert "\x1b[3" not in told.stdout  # the colours; bold is none
+
+
+def completed(line, tmp_path):
+    """What the shell is told when Tab is pressed behind a line."""
+    answer = tmp_path / "answer"
+    environment = os.environ | {
+        "_ARGCOMPLETE": "1",
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(answer),
+        "_ARGCOMPLETE_IFS": "\n",
+        "COMP_LINE": line,
+        "COMP_POINT": str(len(line)),
+        "COMP_TYPE": "9",
+    }
+    words = [sys.executable, "-m", "flexaxis.experiments"]
+    subprocess.run(words, env=environment, cwd=tmp_path, check=False, capture_output=True)
+    return {word.strip() for word in answer.read_text().splitlines()}
+
+
+def test_words_are_completed(tmp_path):
+    (tmp_path / "fm_mine.toml").touch()
+    assert {"tune", "tradeoff", "track"} <= completed("flexaxis t", tmp_path)
+    assert {"fm_step-v1", "fm_mine.toml"} <= completed("flexaxis run fm_", tmp_path)
+    assert completed("flexaxis run smoke --estimator relo", tmp_path) == {
+        name for name in REGISTRY if name.startswith("relo")
+    }
+    assert "--estimator" in completed("flexaxis run --est", tmp_path)
+    assert completed("flexaxis list --group s", tmp_path) == {"steps", "several", "sensors"}
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_lines_of_a_shell_are_code_of_that_shell(capsys, tmp_path, shell):
+    assert main(["completion", shell]) == 0
+    path = tmp_path / "lines"
+    path.write_text(capsys.readouterr().out)
+    assert "flexaxis" in path.read_text()
+    if shutil.which(shell):
+        subprocess.run([shell, "-n", str(path)], check=True)

@@ -1,0 +1,255 @@
+"""The front door: quick, the same numbers as every other way, and it shows what it holds."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+import flexaxis as fx
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.case import run_case
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.simulate import simulate
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def no_window():
+    mpl.use("Agg")
+    yield
+    from matplotlib import pyplot
+
+    pyplot.close("all")
+
+
+class Still:
+    """Stays at nominal f_m."""
+
+    names = ("f_m",)
+    output = "speed"
+
+    def __init__(self, nominal, period, *, factor=1.0):
+        self.theta = [factor * nominal["f_m"]]
+
+    def step(self, u, y):
+        return self.theta
+
+
+def test_importing_it_imports_nothing_heavy():
+    code = (
+        "import sys, time; t = time.perf_counter(); import flexaxis; dir(flexaxis);"
+        "print(time.perf_counter() - t, *sys.modules)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    seconds, *modules = told.stdout.split()
+    assert float(seconds) < 0.2
+    assert not {"numpy", "scipy", "numba", "mujoco", "matplotlib"} & set(modules)
+
+
+def test_it_says_what_there_is():
+    assert set(dir(fx)) == set(fx.__all__)
+    for name in fx.__all__:
+        assert getattr(fx, name) is not None
+    assert fx.__version__.count(".") == 2
+    with pytest.raises(AttributeError, match="did you mean 'simulate'"):
+        fx.simulat  # noqa: B018
+
+
+def test_what_type_checkers_see_is_what_there_is():
+    import ast
+
+    tree = ast.parse((ROOT / "experiments/front/__init__.py").read_text(encoding="utf-8"))
+    seen = {
+        (alias.name, node.module.removeprefix("flexaxis."))
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("flexaxis._")
+        for alias in node.names
+    }
+    home = next(
+        ast.literal_eval(node.value)
+        for node in tree.body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "_HOME"
+    )
+    # `estimators` is the package, which lists itself, and is imported where it is called.
+    assert seen - {("estimators", "_lists")} == set(home.items())
+    assert set(home) | {"__version__", "estimators"} == set(fx.__all__)
+    modules = {f.name for f in (ROOT / "experiments/front").iterdir() if f.suffix == ".py"}
+    links = {f.name for f in (ROOT / ".typing/flexaxis").iterdir() if f.suffix == ".py"}
+    assert links == modules
+
+
+def test_the_package_of_estimators_lists_them_however_it_was_imported():
+    code = "; ".join(
+        [
+            "import flexaxis.estimators as package, flexaxis as fx",
+            "from flexaxis.estimators import RECOMMENDED",
+            "assert fx.estimators is package and RECOMMENDED in fx.estimators()",
+        ]
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert "ekf" in fx.estimators(find="KALMAN") and "frozen" not in fx.estimators(find="kalman")
+
+
+def test_scenarios_are_found_by_group_and_text():
+    steps = fx.scenarios(group="steps")
+    assert "fm_step-v1" in steps and "paper_nominal-v1" not in steps
+    assert set(fx.scenarios(find="stribeck")) < set(fx.scenarios())
+    assert "fm_step-v1" in repr(steps) and "<td>fm_step-v1</td>" in steps._repr_html_()
+    with pytest.raises(FlexaxisError, match="Did you mean 'steps'"):
+        fx.scenarios(group="step")
+
+
+def test_a_run_is_that_of_the_simulation(short):
+    shown, plain = fx.simulate(short, seed=3), simulate(short, [3])[0]
+    np.testing.assert_array_equal(shown.speed, plain.speed)
+    other = fx.simulate("fm_step-v1", **{"fault[0].factor": 2, "duration": 12.0})
+    assert other.true_parameters[-1, other.parameter_names.index("f_m")] == 0.1
+    with pytest.raises(FlexaxisError, match="Did you mean 'fm_step-v1'"):
+        fx.simulate("fm_stp-v1")
+    with pytest.raises(FlexaxisError, match="suite"):
+        fx.simulate("smoke")
+
+
+@pytest.mark.parametrize("estimator", ["rpem-forgetting", "relocate", Still])
+def test_scores_are_those_of_a_benchmark(short, estimator):
+    record = fx.simulate(short, seed=1000)
+    scores = fx.score(fx.estimate(record, estimator))
+    rows = list(fx.benchmark(estimator, scenarios=short, seeds=1).rows)
+    assert len(scores) == len(rows) > 0
+    for one, row in zip(scores, rows, strict=True):
+        shared = {"lag", "std", "bias", "cross_talk", "nees", "nis", "excess", "diverged"}
+        assert {key: one.get(key) for key in shared} == {key: row.get(key) for key in shared}
+
+
+def test_an_estimate_shows_itself(short):
+    record = fx.simulate(short)
+    found = fx.estimate(record, "rpem-forgetting", options={"forgetting": 0.99})
+    assert found.estimator == "rpem-forgetting[forgetting=0.99]"
+    case = run_case(short, simulate(short, [0])[0], parse(found.estimator), whole=True)
+    np.testing.assert_array_equal(found.theta, case.theta)
+    assert found.covariance.shape == (*found.theta.shape, len(found.names))
+    assert found.last["f_m"] == found.theta[-1, 2]
+    assert len(repr(found)) < 500 and "f_m" in found._repr_html_()
+    axes = found.plot()
+    again = fx.estimate(record, "frozen").plot(ax=axes)
+    assert [ax is other for ax, other in zip(axes, again, strict=True)] == [True] * 3
+    assert [line.get_label() for line in axes[2].lines].count("truth") == 1
+    with pytest.raises(FlexaxisError, match="give as many"):
+        found.plot(ax=axes[:2])
+    with pytest.raises(EstimatorError, match="Did you mean 'f_m'"):
+        found.plot("f_n")
+
+
+def test_an_own_class_and_an_instance_of_it_estimate(short):
+    record = fx.simulate(short)
+    assert fx.estimate(record, Still, options={"factor": 2.0}).last == {"f_m": 0.1}
+    assert fx.estimate(record, Still(short.nominal.as_dict(), 0.005)).last == {"f_m": 0.05}
+    with pytest.raises(EstimatorError, match="not an instance"):
+        fx.benchmark([Still(short.nominal.as_dict(), 0.005)], scenarios=short)
+
+
+def test_a_class_of_the_session_takes_part_under_its_name(short):
+    class Local(Still):
+        pass
+
+    found = fx.benchmark([Local, "frozen"], scenarios=short, seeds=range(2))
+    assert set(found.to_dataframe()["estimator"]) == {"Local", "frozen"}
+    with pytest.raises(EstimatorError, match="jobs=1"):
+        fx.benchmark(Local, scenarios=short, jobs=2)
+
+
+def test_a_record_shows_itself(short, tmp_path):
+    record = fx.simulate(short)
+    assert repr(record) == "Record short, seed 0: 1600 samples of 5 ms"
+    frame, cube = record.to_dataframe(), record.to_xarray()
+    np.testing.assert_array_equal(frame["speed"], record.speed)
+    assert frame["true_f_m"].iloc[-1] == pytest.approx(0.075)
+    np.testing.assert_array_equal(cube.true_parameters.sel(parameter="f_m"), frame["true_f_m"])
+    assert cube.torque.attrs["units"] == "N m"
+    assert len(record.plot()) == 2 and record.plot("angle").get_ylabel() == "angle [rad]"
+    loaded = fx.load(record.save(tmp_path / "r.nc"))
+    assert repr(loaded) == repr(record) and fx.estimate(tmp_path / "r.nc", "frozen").names
+
+
+def test_results_are_a_table_a_cube_and_a_figure(short, tmp_path):
+    found = fx.benchmark(["rpem-forgetting", "frozen"], scenarios=[short], seeds=2)
+    frame = found.to_dataframe()
+    assert {"estimator", "scenario", "seed", "parameter", "lag"} <= set(frame.columns)
+    assert found.to_xarray().lag.sel(estimator="frozen", parameter="f_m").sizes["seed"] == 2
+    assert found.plot().get_xscale() == "log"
+    line = next(x for x in found.scores() if x["lag"] and x["estimator"] == "frozen")
+    lags = frame[(frame.estimator == "frozen") & (frame.parameter == "f_m")].lag
+    assert line["lag"] == pytest.approx(lags.mean())
+    assert "4 cases" in repr(found) and "<table>" in found._repr_html_()
+    kept = fx.benchmark("frozen", scenarios=short, seeds=1, folder=tmp_path / "kept")
+    assert fx.load(tmp_path / "kept").cases == kept.cases == 1
+
+
+def test_rows_that_nobody_keeps_go_with_the_results(short):
+    found = fx.benchmark("frozen", scenarios=short, seeds=1)
+    folder = found.folder
+    part = found.select({"parameter": "f_m"})
+    del found
+    assert folder.is_dir() and len(part.rows) == 1
+    del part
+    assert not folder.exists()
+
+
+def test_a_study_is_that_of_the_command(short_toml, tmp_path, capsys):
+    content = {"scenario": str(short_toml), "estimators": ["frozen"], "seeds": 2}
+    content["sweep"] = {"fault[0].factor": [1.2, 2.0]}
+    found = fx.study(content)
+    lines = [f"{key} = {json.dumps(value)}" for key, value in content.items() if key != "sweep"]
+    lines += ["[sweep]", '"fault[0].factor" = [1.2, 2.0]']
+    path = tmp_path / "s.toml"
+    path.write_text("\n".join(lines))
+    assert main(["study", str(path), "-o", str(tmp_path / "out"), "--jobs", "1"]) == 0
+    capsys.readouterr()
+    other = fx.load(tmp_path / "out").to_dataframe()
+    mine = found.to_dataframe()
+    assert mine["lag"].equals(other["lag"]) and len(mine) == 12
+    assert found.plot().get_xlabel() == "fault[0].factor"
+    with pytest.raises(FlexaxisError, match="fault"):
+        found.plot("fault[0].factr")
+
+
+def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
+    noisy = short.override({"noise.torque": 0.01, "encoder.counts": 65536})
+    record, axis = fx.simulate(noisy, seed=2), fx.make_axis(noisy, seed=2)
+    for k, torque in enumerate(record.torque):
+        assert axis.sample.speed == record.speed[k] and axis.sample.angle == record.angle[k]
+        assert axis.sample.increment == record.increment[k]
+        if not axis.done:
+            axis.step(torque)
+    assert axis.done and axis.parameters["f_m"] == pytest.approx(0.075)
+    with pytest.raises(FlexaxisError, match="reset"):
+        axis.step(0.0)
+    assert axis.reset().speed == record.speed[0]
+    with pytest.raises(FlexaxisError, match="finite"):
+        axis.step(float("nan"))
+
+
+def test_what_is_not_installed_is_said(short, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(FlexaxisError, match="pip install pandas"):
+        fx.simulate(short).to_dataframe()
+
+
+def test_the_examples_of_the_documentation_run():
+    import re
+
+    held: dict[str, object] = {}
+    for name in ("README.md", "docs/python.md"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+            if "fx." in code:
+                exec(compile(code, name, "exec"), held)
+    assert {"relocate", "rpem-forgetting"} == set(held["frame"]["estimator"])
+    assert held["sample"].time == pytest.approx(11.995)

@@ -1,0 +1,98 @@
+"""Hostile logs are answered in words, with status 2; nothing is written, and nothing replaced."""
+
+from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+
+made = SimpleNamespace(**run_path(str(Path(__file__).with_name("hostile_logs.py"))))
+
+
+def answer(capsys, *words):
+    status = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    return status, out, err
+
+
+@pytest.mark.parametrize("case", made.HOSTILE)
+def test_hostile_logs(case, tmp_path, capsys):
+    hostile = made.HOSTILE[case]
+    log = tmp_path / hostile.name
+    hostile.write(log)
+    before = log.read_bytes() if log.is_file() else b""
+    status, _, err = answer(capsys, "import", log, *hostile.words, "-o", tmp_path / "rec.nc")
+    assert status == 2, err
+    for word in hostile.says:
+        assert word in err
+    assert len(err) < 2000
+    assert {path.name for path in tmp_path.iterdir()} == {hostile.name}
+    assert not log.is_file() or log.read_bytes() == before
+
+
+def test_a_good_one_is_imported(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    made.csv().write(log)
+    status, out, _ = answer(capsys, "import", log, *made.SIGNALS)
+    assert status == 0 and str(tmp_path / "log.nc") in out
+
+
+def test_a_missing_file(tmp_path, capsys):
+    status, _, err = answer(capsys, "import", tmp_path / "no.csv")
+    assert status == 2 and "no.csv" in err and "no such file" in err.lower()
+
+
+def raw_netcdf(path):
+    """A user's own log, which happens to be NetCDF-4."""
+    with h5py.File(path, "w") as file:
+        for name, values in made.signals().items():
+            file[name] = values
+
+
+def test_a_raw_netcdf_log_is_never_replaced(tmp_path, capsys):
+    log = tmp_path / "mylog.nc"
+    raw_netcdf(log)
+    before = log.read_bytes()
+    status, out, _ = answer(capsys, "import", log)
+    assert status == 0 and "mylog-imported.nc" in out
+    assert log.read_bytes() == before
+    status, _, err = answer(capsys, "import", log, "-o", log)
+    assert status == 2 and "would be overwritten" in err and log.read_bytes() == before
+
+
+def test_a_log_beside_the_log_is_never_replaced(tmp_path, capsys):
+    """log.csv and log.nc are two logs of one user."""
+    beside, log = tmp_path / "log.nc", tmp_path / "log.csv"
+    raw_netcdf(beside)
+    made.csv().write(log)
+    before = beside.read_bytes()
+    status, out, _ = answer(capsys, "import", log)
+    assert status == 0 and "log-imported.nc" in out and beside.read_bytes() == before
+    status, _, err = answer(capsys, "import", log, "-o", beside)
+    assert status == 2 and "not written by flexaxis" in err and beside.read_bytes() == before
+
+
+def test_a_page_of_somebody_else_is_never_replaced(tmp_path, capsys):
+    page, log = tmp_path / "log.html", tmp_path / "log.csv"
+    page.write_text("<!doctype html><title>Our lab</title>", encoding="utf-8")
+    made.csv().write(log)
+    status, _, err = answer(capsys, "import", log)
+    assert status == 2 and "log.html" in err and "Our lab" in page.read_text(encoding="utf-8")
+
+
+def test_its_own_record_and_page_are_made_anew(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    made.csv().write(log)
+    for _ in range(2):
+        status, out, _ = answer(capsys, "import", log)
+        assert status == 0 and str(tmp_path / "log.nc") in out
+    other = made.signals(seed=1)
+    log.write_text(made.text_of(other), encoding="utf-8")
+    assert answer(capsys, "import", log)[0] == 0
+    with h5py.File(tmp_path / "log.nc") as file:
+        np.testing.assert_allclose(file["torque"][:], other["torque"], rtol=1e-11)

@@ -1,0 +1,79 @@
+"""Whatever stands in a file, there is an answer in time, or an error that says what is wrong.
+
+Some seconds of it; `make fuzz` goes on for as long as one likes.
+"""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("hypothesis", reason="needs hypothesis, which pip install .[test] brings")
+pytest.importorskip("resource", reason="needs limits of memory, which this system has not")
+sys.path.insert(0, str(Path(__file__).parent))
+
+import run
+from targets import TARGETS, fault, prepare
+
+FOUND = sorted((Path(__file__).parent / "found").glob("*/*"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What commands want beside the file in question."""
+    place = tmp_path_factory.mktemp("fuzz")
+    prepare(place)
+    return place
+
+
+EXAMPLES = {"study": 12, "rows": 20, "told": 20, "summary": 20}  # each takes .1 s and more
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("kind", TARGETS)
+def test_bad_files_are_told_so(kind, folder):
+    tried, text, data = run.batch(kind, 20261122, EXAMPLES.get(kind, 60), folder)
+    assert not text, f"{text}\nby {data!r}"
+    assert tried >= EXAMPLES.get(kind, 60) // 2
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("path", FOUND, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_what_was_found_once_stays_mended(path, folder):
+    assert not run.attempt(path.parent.name, path.read_bytes(), folder)
+
+
+@pytest.mark.parametrize("kind", TARGETS)
+def test_the_good_ones_are_taken(kind, folder):
+    path = run.placed(kind, TARGETS[kind].good(folder)[0], folder)
+    assert TARGETS[kind].act(path) in {0, 1}
+
+
+def crash(path):
+    raise KeyError(path)
+
+
+def hang(path):
+    while True:
+        pass
+
+
+def grow(path):
+    bytearray(3 << 30)
+    return 0
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        (crash, "KeyError"),
+        (hang, "no answer"),
+        (grow, "MemoryError"),
+        (lambda path: 70, "status 70"),
+        (lambda path: 2, "without a word"),
+        (lambda path: print("x" * 5000, file=sys.stderr) or 1, "5001 characters"),
+    ],
+)
+def test_what_counts_as_a_fault(act, said, tmp_path, monkeypatch):
+    monkeypatch.setattr("targets.SECONDS", 0.2)
+    assert said in fault(act, tmp_path)
