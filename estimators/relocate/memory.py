@@ -6,7 +6,6 @@ all parameters, whatever the filter carried at the time.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from flexaxis.estimators.relocate.carried import AXES, Carried, narrowest
 from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
-from flexaxis.estimators.relocate.rows import OF_ALL, heard, words_of
+from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, words_of
 from flexaxis.estimators.relocate.taking import HANDED_ON, relearn
 
 Array = NDArray[np.float64]
@@ -26,37 +25,6 @@ Places = NDArray[np.int64]
 MEMORY = 5.12  # s
 SEARCHED = 4.0  # s of the past, that a search looks at …
 EVALUATIONS = 200  # … for so many samples at most, one evaluation in each
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """
-    A copy of what was known after each of N samples in a row; nothing changes it any more.
-
-    Attributes
-    ----------
-    first : int
-        The first sample, counted from the start of the filter.
-    rows : (N,) array of records
-        The filter after the measurement of each.
-    """
-
-    first: int
-    rows: Record
-
-    def at(self, sample: int) -> np.void:
-        """Return the filter after a sample."""
-        return self.rows[sample - self.first]
-
-    @property
-    def theta(self) -> Array:
-        """All parameters, (N, p)."""
-        return np.ascontiguousarray(self.rows["theta"])
-
-    @property
-    def x(self) -> Array:
-        """State, (N, n)."""
-        return np.ascontiguousarray(self.rows["X"][:, :-1, 0])
 
 
 class Memory:

@@ -5,6 +5,8 @@ A row of the ring is numbers of eight bytes. Those of the sample come first, at 
 whatever was carried.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,37 @@ OF_SAMPLE = (
 """Fields of a state that are remembered of a sample …"""
 OF_ALL = ("theta", "P", "claim", "X", "psi")
 """… and of every parameter."""
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """
+    A copy of what was known after each of N samples in a row; nothing changes it any more.
+
+    Attributes
+    ----------
+    first : int
+        The first sample, counted from the start of the filter.
+    rows : (N,) array of records
+        The filter after the measurement of each.
+    """
+
+    first: int
+    rows: Record
+
+    def at(self, sample: int) -> np.void:
+        """Return the filter after a sample."""
+        return self.rows[sample - self.first]
+
+    @property
+    def theta(self) -> Array:
+        """All parameters, (N, p)."""
+        return np.ascontiguousarray(self.rows["theta"])
+
+    @property
+    def x(self) -> Array:
+        """State, (N, n)."""
+        return np.ascontiguousarray(self.rows["X"][:, :-1, 0])
 
 
 def row_of(design: Design, state: Record) -> Record:
