@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.recursion.records import Record
+from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.relocate.carried import AXES, Carried, narrowest
 from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
 from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, words_of
-from flexaxis.estimators.relocate.taking import HANDED_ON, relearn
+from flexaxis.estimators.relocate.taking import HANDED_ON, HEARS, relearn
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -54,6 +54,7 @@ class Memory:
     ) -> None:
         self._choices, self._row, self._set, self._begin = carried, row, tuning, state
         self._heard, self._carried, self._theta = heard(row), carried[-1], row["theta"][0]
+        self._hears = record(**{name: tuning[name][0] for name in HEARS})
         self._kept = [name for name in state.dtype.names or () if name not in AXES]
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
@@ -256,7 +257,7 @@ class Memory:
         if self._states["guarded"][0]:  # what has diverged says nothing of how large y is
             rows["expected"] = replayed.X[:-1, 0, -1]
             rows["signal"] = self._states["signal"] = self._states["power"]
-        relearn(self._set, rows, replayed.spread, before)
+        relearn(self._hears, rows, replayed.spread, before)
         # what the other filter left out is left out for good, but for the last sample, of which it
         # is not known yet whether it is an outlier
         rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])

@@ -91,3 +91,8 @@ HANDED_ON = (
     "plain", "white", "correlation",
 )  # fmt: skip
 """Fields that `hand_on` copies."""
+HEARS = (
+    "memory", "known", "consistency", "threshold", "growth", "warm_up", "colour_memory",
+    "trial_memory",
+)  # fmt: skip
+"""Fields of a tuning that `relearn` reads."""
