@@ -29,7 +29,7 @@ from flexaxis.estimators.recursion.seen import (
 )
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -149,7 +149,7 @@ class Beginning:
         """Where the parameters may be."""
         return self.design.lower, self.design.upper
 
-    def drift(self, state: np.void, prior: Prior, walk: float) -> Array:
+    def drift(self, state: Present, prior: Prior, walk: float) -> Array:
         """
         Return Δ (p, p), what P gains in a sample.
 

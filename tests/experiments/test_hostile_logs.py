@@ -105,7 +105,7 @@ def test_a_poor_log_is_imported_even_if_a_model_cannot_be_guessed(tmp_path, caps
     noise = 1e-3 * np.random.default_rng(7).standard_normal(len(columns["time"]))
     made.csv(columns | {"angle": noise}).write(log)
     status, out, _ = answer(capsys, "import", log, "--model", "two_mass")
-    assert status == 0 and "is not known: the torque explains the motion" in out
+    assert status == 0 and "is not known: the torque explains" in out
     assert (tmp_path / "log.nc").exists()
 
 
