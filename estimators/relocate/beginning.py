@@ -153,15 +153,17 @@ class Beginning:
         """
         Return Δ (p, p), what P gains in a sample.
 
-        What is tracked walks, relative to what it is expected to be. The sum of speeds is an angle
+        What is tracked walks, relative to what it was expected to be, or to what dry friction, of
+        which little was expected, is found to be. The sum of speeds is an angle
         that wanders by T σ in a sample, and so does the phase of what depends on it:
         a sin Nφ + b cos Nφ by N T σ.
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
-        walks = np.zeros(len(theta))
+        walks, laws = np.zeros(len(theta)), np.array(design.model.additive, bool)
+        size = np.where(laws, np.maximum(abs(theta), abs(prior.theta)), abs(prior.theta))
         for i, name in enumerate(design.model.names[: self.roles.tracked]):
-            walks[i] = walk * WALKS.get(name, 1.0) * abs(prior.theta[i]) * in_use[i]
+            walks[i] = walk * WALKS.get(name, 1.0) * size[i] * in_use[i]
         drift = np.diag(walks**2 * T / prior.noise)
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
