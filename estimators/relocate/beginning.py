@@ -44,7 +44,7 @@ WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
-WALKS = {"f_m": 3.0, "f_c": 1.5}
+WALKS = {"f_m": 3.0, "f_c": 3.0}
 """How much faster than inertias these walk with temperature, for what they are expected to be."""
 ABSENT = (
     (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),

@@ -184,4 +184,4 @@ def test_dry_friction_walks_relative_to_what_it_is_found_to_be():
     memory, prior, scale = filter_._memory, filter_._commission._prior, filter_._design.scale
     walks = np.sqrt(np.diag(memory.drift) * prior.noise / T)[:4] * scale[:4]
     np.testing.assert_allclose(walks[:3], 2e-3 * np.array([1.0, 1.25, 3 * 0.05]), rtol=1e-9)
-    assert walks[3] == pytest.approx(2e-3 * 1.5 * 0.1, rel=0.05)  # of .1 N m, as it is
+    assert walks[3] == pytest.approx(2e-3 * 3.0 * 0.1, rel=0.05)  # of .1 N m, as it is
