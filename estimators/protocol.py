@@ -66,7 +66,11 @@ def run_estimator(
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
         return np.asarray(run(u, y, *missing), float)
-    estimates = np.empty((len(u), len(estimator.names)))
-    for k in range(len(u)):
-        estimates[k] = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
+    estimates, k = np.empty((len(u), len(estimator.names))), 0
+    try:
+        for k in range(len(u)):
+            estimates[k] = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
+    except BaseException as error:
+        error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was
+        raise
     return estimates

@@ -112,6 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         complete(top)
     args = top.parse_args(words)
     common = {TRACEBACK, *QUIET, *VERBOSE}
+    args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
     with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose):
         return _guarded(args)

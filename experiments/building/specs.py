@@ -9,15 +9,11 @@ command line goes through `flexaxis.experiments.building.consent` before it come
 
 from __future__ import annotations
 
-import importlib
 import inspect
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from importlib.metadata import entry_points
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,8 +22,11 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.crashes import crash, user_code
+from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.given import given
+from flexaxis.experiments.building.guest import hosted, is_guest
+from flexaxis.experiments.building.imports import imported, module_of
+from flexaxis.experiments.building.nominal import Nominal
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
@@ -104,14 +103,6 @@ def code_file(text: str) -> str:
     return file if file.endswith(".py") else ""
 
 
-def no_file(path: Path) -> EstimatorError:
-    """Return the error for a file of an estimator that is not there, with those that are."""
-    there = sorted(f.name for f in path.parent.glob("*.py")) if path.parent.is_dir() else []
-    return EstimatorError(
-        f"{path} cannot be imported: there is no such file.{did_you_mean(path.name, there)}"
-    )
-
-
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
@@ -141,7 +132,7 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     stored = _has_stored_prior(nominal, offered["identify"], scenario)
     if wanted and _has_laws(spec.make):  # friction is of the size of the torque
         offered["torque"] = design_torque(scenario)
-    elif wanted and not stored:
+    elif wanted and (is_guest(spec.text) or not stored):
         offered["torque"] = nominal_torque(scenario)
     estimator = made(spec, nominal, scenario.period, offered)
     _check_names(spec.text, estimator.names, scenario)
@@ -177,14 +168,18 @@ def made(
     """
     known = _keywords(spec.make)
     given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
-    try:
-        estimator = spec.make(nominal, period, **given)
-    except EstimatorError as error:
-        raise EstimatorError(f"{spec.text}: {error}") from error
-    except Exception as error:
-        if isinstance(error, TypeError | ValueError) and user_code(error) is None:
-            raise EstimatorError(f"{spec.text}: {error}") from error  # a shipped one refuses it
-        raise crash(spec.text, "when it was made", error) from error
+    refused: Exception | None = None
+    if is_guest(spec.text) and isinstance(nominal, Mapping):
+        nominal = Nominal(nominal)
+    with hosted(spec.text, "when it was made"):
+        try:
+            estimator = spec.make(nominal, period, **given)
+        except (EstimatorError, TypeError, ValueError) as error:
+            if not isinstance(error, EstimatorError) and user_code(error) is not None:
+                raise
+            refused = error  # it refuses an option, as a shipped one does
+    if refused is not None:
+        raise EstimatorError(f"{spec.text}: {refused}") from refused
     for attribute in ("names", "output", "step"):
         if not hasattr(estimator, attribute):
             raise EstimatorError(f"{spec.text}: an estimator needs `{attribute}`, this has none")
@@ -262,44 +257,14 @@ def _find(name: str) -> Callable[..., Estimator]:
         return held
     module, colon, attribute = name.rpartition(":")
     if colon:
-        found = getattr(_module(module), attribute, None)
+        found = getattr(module_of(module), attribute, None)
         if found is None:
             raise EstimatorError(f"{name}: {module} has no {attribute!r}")
         return found
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
-        return _imported(name, installed[name].load)
+        return imported(name, installed[name].load)
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
     )
-
-
-def _module(name: str) -> Any:
-    if name.endswith(".py"):
-        if not Path(name).is_file():
-            raise no_file(Path(name))
-        return _imported(name, lambda: _file(Path(name).resolve()))
-    return _imported(name, lambda: importlib.import_module(name))
-
-
-def _imported(name: str, load: Callable[[], Any]) -> Any:
-    """Import a user's code; whatever goes wrong in it is the user's to read, in one line."""
-    try:
-        return load()
-    except Exception as error:
-        raise EstimatorError(
-            f"{name} cannot be imported: {type(error).__name__}: {error}"
-        ) from error
-
-
-@lru_cache
-def _file(path: Path) -> Any:
-    if str(path.parent) not in sys.path:  # so that it can import its neighbours
-        sys.path.insert(0, str(path.parent))
-    spec = spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None  # a .py file always has both
-    module = module_from_spec(spec)
-    sys.modules.setdefault(path.stem, module)
-    spec.loader.exec_module(module)
-    return module

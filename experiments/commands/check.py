@@ -14,6 +14,9 @@ example:
 from __future__ import annotations
 
 import argparse
+import time
+
+from flexaxis.experiments.commands import options
 
 HELP = "check that an estimator keeps the rules"
 GROUP = "judge"
@@ -22,7 +25,24 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
+    options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+class _Slow:
+    """Says which rule is looked at, once it takes long: code may take minutes for a run."""
+
+    PATIENCE = 2.0  # s
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+
+    def __call__(self, rule: str) -> None:
+        from flexaxis.experiments.running.told import remark
+
+        seconds = time.monotonic() - self._start
+        if seconds > self.PATIENCE:
+            remark(f"checking: {rule} … ({seconds:.0f} s so far)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -33,23 +53,31 @@ def main(args: argparse.Namespace) -> int:
     from rich.markup import escape
     from rich.table import Table
 
+    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.files import dumps
 
-    found = check(parse(args.estimator), store=default_cache())
+    with limited(args.time_limit):
+        found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         content = {"estimator": args.estimator, "status": status}
         print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
         return status
-    table = Table("rule", "", "what was seen", box=None, pad_edge=False)
+    table = Table("rule", "", box=None, pad_edge=False)
+    table.add_column("what was seen", overflow="fold")  # a path is of no use without its end
+    told: set[str] = set()
     words = {True: "holds", False: "[red]BROKEN[/]", None: "not applicable"}
     for finding in found:
-        table.add_row(finding.rule, words[finding.holds], escape(finding.seen))
+        seen = finding.seen
+        if finding.raised and seen in told:
+            seen = "the same"
+        told.add(finding.seen)
+        table.add_row(finding.rule, words[finding.holds], escape(seen))
     Console().print(table)
     for finding in found:
-        if finding.holds is False:
+        if finding.holds is False and not finding.raised:  # what was raised says itself what to do
             print(f"\n{finding.rule}: {finding.reason}\n  hint: {finding.hint}")
     return status

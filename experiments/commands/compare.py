@@ -61,6 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
     parser.add_argument("--json", action="store_true", help="print JSON")
 

@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from flexaxis.experiments.building.guest import Remark
     from flexaxis.experiments.running.engine import Means
 
 RESUME = "--resume"
@@ -24,6 +25,14 @@ def add_jobs(parser: Any, *, what: str = "the scores do") -> None:
         metavar="N",
         help=f"processes (default: one a core); {what} not depend on it",
     )
+
+
+def add_time_limit(parser: argparse.ArgumentParser) -> None:
+    """Declare --time-limit."""
+    parser.add_argument(
+        "--time-limit", type=float, metavar="S",
+        help="how long code of your own may take for one run [s] (default 600)",
+    )  # fmt: skip
 
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +51,7 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
         "--shard", metavar="I/N", help="run only the I-th of N shares, to a file of rows of its own"
     )
     add_resume(parser)
+    add_time_limit(parser)
 
 
 def whole(args: argparse.Namespace) -> list[str]:
@@ -125,6 +135,7 @@ def working(
     callable
         To be called with what is done besides cases.
     """
+    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.running.progress import progress
@@ -132,12 +143,14 @@ def working(
 
     check_jobs(args)
     elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
-    done = 0
-    with progress(what, total or 1) as advance:
+    done, remarks = 0, getattr(args, "remarks", [])
+    limit = getattr(args, "time_limit", None)
+    with limited(limit), telling(remarks), progress(what, total or 1) as advance:
 
         def landed(outcome: Any) -> None:
             nonlocal done
             done += outcome.cases
+            remarks.extend(outcome.remarks)
             if by_case:
                 advance(outcome.cases)
 
@@ -156,6 +169,19 @@ def working(
             if done:
                 raise FlexaxisError(f"{error}\n{go_on(args, done)}") from error
             raise
+
+
+@contextmanager
+def telling(remarks: Sequence[Remark]) -> Iterator[None]:
+    """Say on stderr, in the end, what there is to be known of users' code."""
+    from flexaxis.experiments.building.guest import in_words
+    from flexaxis.experiments.cli import say
+
+    try:
+        yield
+    finally:
+        for text in in_words(remarks):
+            say(text)
 
 
 def go_on(args: argparse.Namespace, done: int) -> str:
@@ -190,9 +216,14 @@ def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
         say(f"{cases} could not be run: `error` in the rows says why")
 
 
-def failed(failures: Sequence[Mapping[str, Any]]) -> int:
-    """Return the exit status where some cases could not be run: 70 if code crashed, else 1."""
+def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[Remark] = ()) -> int:
+    """Return the exit status where some cases could not be run: 70 if code crashed, else 1.
+
+    It is 1 as well where a user's estimator returned what is not finite.
+    """
+    from flexaxis.experiments.building.guest import NOT_FINITE
     from flexaxis.experiments.cli import CRASH, FINDING
 
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
-    return CRASH if crashed else FINDING if failures else 0
+    found = failures or any(remark.what == NOT_FINITE for remark in remarks)
+    return CRASH if crashed else FINDING if found else 0

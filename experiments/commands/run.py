@@ -21,11 +21,15 @@ example:
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.catalogue.find import Selection
 
 HELP = "run estimators on scenarios, score them, write a report"
 GROUP = "run"
@@ -101,15 +105,12 @@ def _wanted(args: argparse.Namespace) -> Any:
     chosen = select(args.names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
     swept = list(dict.fromkeys([REFERENCE, *estimators]))
-    # Those of suites are all ours, and read whatever the suite has.
-    given = args.estimator or []
-    kept = options.leave_out(chosen.scenarios, given) if given else chosen.scenarios
-    names = {scenario.name for scenario in kept}
+    names = _readable(chosen, args.estimator or ())
     title = " ".join(args.names)
     return Benchmark(
         study=Study(
             name=title,
-            scenarios=tuple(kept),
+            scenarios=tuple(s for s in chosen.scenarios if s.name in names),
             estimators=tuple(estimators),
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
@@ -118,6 +119,19 @@ def _wanted(args: argparse.Namespace) -> Any:
         swept_scenarios=[s for s in chosen.swept_scenarios if s.name in names],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
+
+
+def _readable(chosen: Selection, estimators: Sequence[str]) -> set[str]:
+    """Return the names of the scenarios that all estimators can read which were typed.
+
+    Those of a suite read whatever it has. Where nothing is left to run, all are, so that it is
+    told why they cannot be.
+    """
+    both = {s.name: s for s in [*chosen.scenarios, *chosen.swept_scenarios]}
+    if not estimators:
+        return set(both)
+    kept = {s.name for s in options.leave_out(list(both.values()), estimators)}
+    return kept if kept & {s.name for s in chosen.scenarios} else set(both)
 
 
 def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) -> int:
@@ -129,7 +143,7 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
     options.tell_failures(failures)
     told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
     print(dumps(told) if args.json else folder)
-    return options.failed(failures)
+    return options.failed(failures, args.remarks)
 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
@@ -146,4 +160,4 @@ def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     options.tell_failures(failures)
     if not args.json:
         print(folder / REPORT)
-    return options.failed(failures)
+    return options.failed(failures, args.remarks)

@@ -155,8 +155,8 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     if args.json:
         told = {"folder": str(folder), "report": str(path), "cases": counted, "of": total}
         print(dumps(told | {"run": run, "failed": len(failures)}))
-        return options.failed(failures)
+        return options.failed(failures, args.remarks)
     print(f"{counted} of {total} cases done, {run} of them just now")
     options.tell_failures(failures)
     print(path)
-    return options.failed(failures)
+    return options.failed(failures, args.remarks)

@@ -29,6 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", default="16", metavar="N or A:B", help="default: 16")
     options.add_jobs(parser, what="the lags do")
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 

@@ -60,6 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="where its runs are kept (default: results/tune/ESTIMATOR)",
     )  # fmt: skip
     options.add_resume(parser)
+    options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
@@ -70,10 +71,11 @@ def main(args: argparse.Namespace) -> int:
 
     tasks = _tasks(args)
     path = _file(args.save)
+    _check_own(args)
     found: list[dict[str, Any]] = []
     missed: list[str] = []
     scenarios = _scenarios(tasks)
-    folder = args.output or Path("results") / "tune" / (args.estimator or "all")
+    folder = args.output or Path("results") / "tune" / _folder(args.estimator or "all")
     how = {"resume": args.resume, "replace": True}
     # How many cases it takes is not known: the progress is that of the settings found.
     what = f"{len(tasks)} to tune"
@@ -144,6 +146,23 @@ def _file(given: Path | bool | None) -> Path | None:
     path = given if isinstance(given, Path) else own
     _can_be_saved(path)
     return path
+
+
+def _check_own(args: argparse.Namespace) -> None:
+    """Refuse to write an estimator of a user to the file of the registry."""
+    from flexaxis.experiments.building.guest import is_guest
+    from flexaxis.sim.errors import FlexaxisError
+
+    if args.save is True and args.estimator and is_guest(args.estimator):
+        raise FlexaxisError(
+            "--save without a file writes to that of the registry, which your estimator is not "
+            "in: give a file, --save mine.toml"
+        )
+
+
+def _folder(estimator: str) -> str:
+    """Return a name for a folder: path/file.py:Class holds what a folder's name may not."""
+    return "".join(c if c.isalnum() or c in "-_.=," else "-" for c in estimator)
 
 
 def _can_be_saved(path: Path) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.conformance.requirements import RULES, Rule, Subject
+from flexaxis.experiments.conformance.requirements import RULES, Rule
+from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
 
 DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
@@ -15,17 +19,23 @@ DURATION = 12.0  # s, 2400 samples; the fault is at 10 s
 
 @dataclass(frozen=True)
 class RuleResult:
-    """What a rule found; `holds` is None where it does not apply."""
+    """What a rule found; `holds` is None where it does not apply, `raised` where code failed."""
 
     rule: str
     holds: bool | None
     seen: str
     reason: str
     hint: str
+    raised: bool = False
 
 
-def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
-    """Return what every rule finds about an estimator.
+def check(
+    spec: Spec,
+    *,
+    store: RecordCache | None = None,
+    begun: Callable[[str], object] = lambda rule: None,
+) -> list[RuleResult]:
+    """Return what every rule finds about an estimator; `begun` is told each rule before it.
 
     Raises
     ------
@@ -33,7 +43,11 @@ def check(spec: Spec, *, store: RecordCache | None = None) -> list[RuleResult]:
         If it cannot be built at all.
     """
     subject = _subject(spec, store)
-    return [_result(rule, subject) for rule in RULES]
+    found = []
+    for rule in RULES:
+        begun(rule.name)
+        found.append(_result(rule, subject))
+    return found
 
 
 def _subject(spec: Spec, store: RecordCache | None) -> Subject:
@@ -51,7 +65,9 @@ def _subject(spec: Spec, store: RecordCache | None) -> Subject:
 
 def _result(rule: Rule, subject: Subject) -> RuleResult:
     try:
-        holds, seen = rule.look(subject)
-    except Exception as error:  # a user's code may raise anything
-        holds, seen = False, f"it raised {type(error).__name__}: {error}"
+        with hosted(subject.spec.text, "on the record of the check"):
+            holds, seen = rule.look(subject)
+    except EstimatorCrash as error:
+        seen = str(error).partition(" crashed ")[2]
+        return RuleResult(rule.name, False, f"it crashed {seen}", rule.reason, rule.hint, True)
     return RuleResult(rule.name, holds, seen, rule.reason, rule.hint)

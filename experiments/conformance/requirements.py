@@ -7,25 +7,21 @@ not (False) or does not apply (None), with what was seen.
 from __future__ import annotations
 
 import inspect
-import time
+import io
 from collections.abc import Callable, Sequence
+from contextlib import redirect_stdout
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.protocol import Estimator, run_estimator
-from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.conformance.futures import futures
-from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
-from flexaxis.sim.record import Record
-from flexaxis.sim.scenario import Scenario
+from flexaxis.experiments.conformance.subject import Subject, step
 
 Array = NDArray[np.float64]
 Seen = tuple[bool | None, str]
 
-BEFORE_FAULT = slice(1000, 2000)
 GAP = slice(1200, 1300)
 CUTS = (700, 1400, 2100)
 MOVES = 1e-9  # share of nominal; an estimator that moves less than this is frozen
@@ -41,75 +37,25 @@ class Rule:
     look: Callable[[Subject], Seen]
 
 
-class Subject:
-    """An estimator under test, and the record that it is tested on."""
-
-    def __init__(self, spec: Spec, scenario: Scenario, record: Record) -> None:
-        self.spec, self.scenario = spec, scenario
-        self.u = record.torque
-        self.y: Array = getattr(record, scenario.output)
-        self.names = tuple(self.make().names)
-        known = known_names(scenario, self.names)
-        self.known = [self.names.index(name) for name in known]
-        self.truth = theta_over_time(scenario, known)
-
-    def make(self) -> Estimator:
-        """Return a fresh estimator."""
-        return build(self.spec, self.scenario)
-
-    def run(self, u: Array | None = None, y: Array | None = None) -> Array:
-        """Return the estimates (N, p) of a fresh estimator; its inputs are copies."""
-        u, y = (self.u if u is None else u), (self.y if y is None else y)
-        return run_estimator(self.make(), u.copy(), y.copy())
-
-    @cached_property
-    def theta(self) -> Array:
-        """Estimates on the record as it is."""
-        return self.run()
-
-    @cached_property
-    def nominal(self) -> Array:
-        """Sizes (p,) of the parameters; what has no truth has that of its largest estimate."""
-        sizes = np.abs(self.theta).max(axis=0)
-        sizes[~(np.isfinite(sizes) & (sizes > 0))] = 1.0
-        names = [self.names[i] for i in self.known]
-        sizes[self.known] = np.abs(nominal_theta(self.scenario, names))
-        return sizes
-
-    @cached_property
-    def stepped(self) -> tuple[Array, float]:
-        """Estimates step by step, and the time of a step [s]."""
-        estimator = self.make()
-        step(estimator, self.u[:2], self.y[:2])  # what is compiled, is compiled now
-        estimator = self.make()
-        start = time.perf_counter()
-        theta = step(estimator, self.u, self.y)
-        return theta, (time.perf_counter() - start) / len(self.u)
-
-    def apart(self, one: Array, other: Array) -> float:
-        """Return the largest difference of two runs, as a share of nominal."""
-        with np.errstate(invalid="ignore", over="ignore"):
-            gap = np.abs(one - other) / self.nominal
-        return float(np.max(np.where(one == other, 0.0, gap), initial=0.0))
-
-    def error(self, theta: Array) -> float:
-        """Return the rms error before the fault, as a share of nominal, over all parameters.
-
-        Those without a truth, as of a friction that is not there, have no part in it.
-        """
-        with np.errstate(invalid="ignore", over="ignore"):
-            errors = (theta[:, self.known] - self.truth) / self.nominal[self.known]
-            found = np.sqrt(np.mean(errors[BEFORE_FAULT] ** 2))
-        return float(found) if np.isfinite(found) else np.inf
+def _batch_is_run(subject: Subject) -> Seen:
+    estimator = subject.make()
+    if not hasattr(estimator, "run_batch"):
+        return None, "it has no run_batch"
+    u, y = np.stack([subject.u, subject.u[::-1]]), np.stack([subject.y, subject.y[::-1]])
+    found = np.asarray(estimator.run_batch(u.copy(), y.copy()), float)  # type: ignore[attr-defined]
+    alone = [subject.run(*pair) for pair in zip(u, y, strict=True)]
+    if found.shape != np.shape(alone):
+        return False, f"it gives {found.shape}, {np.shape(alone)} is needed"
+    gap = max(subject.apart(a, b) for a, b in zip(found, alone, strict=True))
+    return gap < 1e-9, f"they differ by {gap:.2g} of nominal"
 
 
-def step(estimator: Estimator, u: Array, y: Array, gap: slice = slice(0)) -> Array:
-    """Return the estimates (N, p) step by step, without y in the gap."""
-    values: list[float | None] = [float(value) for value in y]
-    values[gap] = [None] * len(values[gap])
-    return np.array(
-        [np.array(estimator.step(float(a), b), float) for a, b in zip(u, values, strict=True)]
-    )
+def _prints_nothing(subject: Subject) -> Seen:
+    text = io.StringIO()
+    with redirect_stdout(text):
+        subject.run()
+    lines = text.getvalue().splitlines()
+    return not lines, f"{len(lines)} lines in {len(subject.u)} samples" if lines else "nothing"
 
 
 def _shapes(subject: Subject) -> Seen:
@@ -270,6 +216,12 @@ RULES: Sequence[Rule] = (
         _step_is_run,
     ),
     Rule(
+        "run_batch equals run",
+        "the benchmark scores run_batch where there is one, a robot uses step",
+        "let run_batch(u, y) with u, y (R, N) give (R, N, p), each row as run on a fresh estimator",
+        _batch_is_run,
+    ),
+    Rule(
         "no look-ahead",
         "θ[k] may use y up to k only; an estimator that sees the future has no lag",
         "no smoothing, centred filter or statistics of the whole record in run",
@@ -298,6 +250,12 @@ RULES: Sequence[Rule] = (
         "one wrong sample must not end a run",
         "bound the estimates, or clip the residual",
         _spike,
+    ),
+    Rule(
+        "prints nothing",
+        "what is printed at every sample hides results, and takes longer than the estimates",
+        "print nothing in step and run; keep what you want to see in attributes",
+        _prints_nothing,
     ),
     Rule(
         "cost",

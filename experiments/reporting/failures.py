@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+_SAMPLE = re.compile(r", sample \d+( \([^)]*\))?")
 ALIKE = 60  # characters by which two reasons are told apart
 
 
@@ -19,6 +21,9 @@ def in_words(failures: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
     told: dict[tuple[str, str], list[str]] = {}
     for row in failures:
         where = f"{row['scenario']}, seed {row['seed']}"
-        alike = row["estimator"], row["error"].replace(where, "")[:ALIKE]
-        told.setdefault(alike, []).append(f"{row['estimator']} failed on {where}: {row['error']}")
+        text = row["error"].partition(": ")[2]
+        if not text.startswith(row["estimator"]):  # else it says itself of whom and where
+            text = f"{row['estimator']} failed on {where}: {row['error']}"
+        alike = row["estimator"], _SAMPLE.sub("", row["error"].replace(where, ""))[:ALIKE]
+        told.setdefault(alike, []).append(text)
     return [(texts[0], len(texts)) for texts in told.values()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
@@ -86,7 +86,21 @@ def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> l
     if not swept:
         return []
     words = {name: happens(scenario) for name, scenario in scenarios.items()}
-    return ranking.answers(swept["matched"], swept["faults"] | words)
+    found = ranking.answers(swept["matched"], swept["faults"] | words)
+    return found + _not_compared(swept, summary["estimators"])
+
+
+def _not_compared(swept: Mapping[str, Any], estimators: Iterable[str]) -> list[str]:
+    """Return a sentence on those that were run, and are in no row at equal noise."""
+    unable = set(swept["left_out"])
+    there = {row["estimator"] for row in swept["matched"]} | unable | set(ranking.CONTROLS)
+    blind = [name for name in estimators if name not in there]
+    found = [f"Not compared at equal noise, for none of what changes here is estimated by them: "
+             f"{', '.join(blind)}."] if blind else []  # fmt: skip
+    if unable:
+        names = ", ".join(name for name in swept["left_out"])
+        found.append(f"Not compared at equal noise, for some of these runs failed: {names}.")
+    return found
 
 
 def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.crashes import crash
+from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
@@ -35,8 +35,63 @@ def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
     return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
 
 
-def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = False) -> Case:
+def has_batch(spec: Spec) -> bool:
+    """Whether an estimator takes all records of a task at once."""
+    return hasattr(spec.make, "run_batch")
+
+
+def run_batch(
+    scenario: Scenario, records: Sequence[Record], spec: Spec
+) -> tuple[NDArray[np.float64], float]:
+    """Run an estimator that takes R records at once, by its ``run_batch(u, y)``.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    records : sequence of Record
+        Of one scenario, without gaps.
+    spec : Spec
+
+    Returns
+    -------
+    theta : ndarray (R, N, p)
+    seconds : float
+        Time for one record.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator raises, or returns another shape.
+    """
+    estimator: Any = build(spec, scenario)
+    u = np.stack([record.torque for record in records])
+    y = np.stack([getattr(record, scenario.output) for record in records])
+    where = f"on {len(records)} records of {scenario.name}"
+    start = time.perf_counter()
+    with hosted(spec.text, where):
+        theta = np.asarray(estimator.run_batch(u, y), float)
+    seconds = (time.perf_counter() - start) / len(records)
+    wanted = (*u.shape, len(estimator.names))
+    if theta.shape != wanted:
+        raise EstimatorError(
+            f"{spec.text}: run_batch returned the shape {theta.shape} {where}; {wanted} is needed"
+        )
+    for record, own in zip(records, theta, strict=True):
+        _tell_not_finite(spec.text, own, f"{scenario.name}, seed {record.seed}")
+    return theta, seconds
+
+
+def run_case(
+    scenario: Scenario,
+    record: Record,
+    spec: Spec,
+    *,
+    whole: bool = False,
+    batch: tuple[NDArray[np.float64], float] | None = None,
+) -> Case:
     """Run an estimator on a record and score it; `whole` keeps all estimates.
+
+    With `batch`, the estimates of this record and the time they took, nothing is run.
 
     Raises
     ------
@@ -44,9 +99,13 @@ def run_case(scenario: Scenario, record: Record, spec: Spec, *, whole: bool = Fa
         If the estimator raises, or returns what it may not.
     """
     estimator = build(spec, scenario)
-    start = time.perf_counter()
-    theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
-    seconds = time.perf_counter() - start
+    claimed = innovations = None
+    if batch is None:
+        start = time.perf_counter()
+        theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
+        seconds = time.perf_counter() - start
+    else:
+        theta, seconds = batch
     findings = getattr(estimator, "findings", None)
     names = tuple(estimator.names)
     track = track_of(scenario, record, names, theta, claimed, innovations, findings)
@@ -148,7 +207,8 @@ def followed(
         if part.start < samples:
             gaps = None if valid is None else valid[part]
             u = record.torque[part]
-            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where))
+            at: dict[str, Any] = {"first": part.start, "period": scenario.period}
+            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where, **at))
             innovations.append(_innovations(text, estimator, len(u), where=where))
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
@@ -180,16 +240,30 @@ def _innovations(
 
 
 def _estimates(
-    text: str, estimator: Any, u: Any, y: Any, valid: Any, *, where: str
+    text: str,
+    estimator: Any,
+    u: Any,
+    y: Any,
+    valid: Any,
+    *,
+    where: str,
+    first: int = 0,
+    period: float | None = None,
 ) -> NDArray[np.float64]:
-    """Run an estimator; what a user's code raises is said with its name and the record's."""
-    try:
+    """Run an estimator; what a user's code raises is said with its name and the sample."""
+    with hosted(text, f"on {where}", first=first, period=period):
         theta = run_estimator(estimator, u, y, valid)
-    except Exception as error:
-        raise crash(text, f"on {where}", error) from error
     if theta.shape != (len(u), len(estimator.names)):
         raise EstimatorError(
             f"{text} returned estimates of the shape {theta.shape} on {where}; "
             f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
         )
+    _tell_not_finite(text, theta, where, first=first)
     return theta
+
+
+def _tell_not_finite(text: str, theta: NDArray[np.float64], where: str, *, first: int = 0) -> None:
+    """Note where a user's estimator returned what is not finite; scores count it as diverged."""
+    finite = np.isfinite(theta).all(axis=1)
+    if is_guest(text) and not finite.all():
+        note(text, NOT_FINITE, 1, f"on {where}, sample {first + int(np.argmin(finite))}")

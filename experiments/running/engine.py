@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.guest import time_limit
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.dispatch import spread
@@ -72,7 +73,9 @@ class Means:
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False
     ) -> Generator[Outcome, None, None]:
         """Yield the outcomes of what is missing of a plan."""
-        work = self.work or partial(run_unit, store=self.store, whole=whole, traced=traced)
+        work = self.work or partial(
+            run_unit, store=self.store, whole=whole, traced=traced, time_limit=time_limit()
+        )
         return spread(
             plan.units(done), work, jobs=self.jobs, executor=self.executor,
             in_flight=self.in_flight,

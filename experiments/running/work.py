@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -17,8 +17,9 @@ from threadpoolctl import threadpool_limits
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest, own_digest
+from flexaxis.experiments.building.guest import Remark, limited, noted
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.case import case_id, has_batch, run_batch, run_case, warm
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
@@ -63,6 +64,8 @@ class Outcome:
         Records that were not in the cache.
     simulating, estimating : float
         Time taken [s].
+    remarks : tuple of Remark
+        What is to be known of users' code.
     """
 
     lines: bytes
@@ -73,6 +76,7 @@ class Outcome:
     simulated: int = 0
     simulating: float = 0.0
     estimating: float = 0.0
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclass
@@ -85,7 +89,11 @@ class _Done:
 
 
 def run_unit(
-    unit: Unit, store: RecordCache | None = None, whole: bool = False, traced: bool = False
+    unit: Unit,
+    store: RecordCache | None = None,
+    whole: bool = False,
+    traced: bool = False,
+    time_limit: float | None = None,
 ) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
 
@@ -98,9 +106,12 @@ def run_unit(
         Whether to give back the estimates themselves too.
     traced : bool
         Whether to give back what trajectories are drawn from.
+    time_limit : float, optional
+        How long a user's estimator may take for a run [s].
     """
-    with threadpool_limits(1):  # wherever it is run, to the last bit the same
-        return _run(unit, store, whole, traced)
+    # One thread: wherever it is run, to the last bit the same.
+    with threadpool_limits(1), limited(time_limit), noted() as remarks:
+        return replace(_run(unit, store, whole, traced), remarks=tuple(remarks))
 
 
 def _run(unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> Outcome:
@@ -154,18 +165,22 @@ def _cases(
     variant: Variant, scenario: Scenario, entry: Entry, found: Sequence[Record]
 ) -> Iterator[tuple[list[Row], Case | None]]:
     """Yield the rows of each record, and what was scored; None for what could not be run."""
-    spec, problem = None, None
+    spec, problem, batch = None, None, None
     try:
         spec = specs.parse(entry.text)
-        warm(spec, scenario)
+        if has_batch(spec) and found and all(record.valid is None for record in found):
+            batch = run_batch(scenario, found, spec)
+        else:
+            warm(spec, scenario)
     except EstimatorError as error:
         problem = error
     columns = _columns(variant, entry)
-    for record in found:
+    for place, record in enumerate(found):
+        own = None if batch is None else (batch[0][place], batch[1])
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec, whole=True)
+                case = run_case(scenario, record, spec, whole=True, batch=own)
             except EstimatorError as error:
                 failure = error
         if case is None:

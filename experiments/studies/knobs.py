@@ -21,7 +21,7 @@ def with_knob(name: str, factor: float) -> str | None:
     >>> with_knob("rpem-forgetting", 2.0)
     'rpem-forgetting[forgetting=0.99]'
     """
-    knob, value = _knob(name)
+    knob, value = knob_of(name)
     if knob is None:
         return name
     turned = 1 - (1 - value) * factor if knob == "forgetting" else value * factor
@@ -30,8 +30,19 @@ def with_knob(name: str, factor: float) -> str | None:
 
 def with_value(name: str, value: float) -> str:
     """Return an estimator with its knob at a value."""
-    knob, _ = _knob(name)
+    knob, _ = knob_of(name)
     return f"{name}[{knob}={value:.12g}]"
+
+
+def numbers_of(name: str) -> dict[str, float]:
+    """Return the options of an estimator whose defaults are numbers above 0."""
+    if name in REGISTRY:
+        options = dict(REGISTRY[name].options)
+    else:
+        found = inspect.signature(parse(name).make).parameters.values()
+        options = {p.name: p.default for p in list(found)[2:]}
+    plain = {k: v for k, v in options.items() if isinstance(v, int | float)}
+    return {k: float(v) for k, v in plain.items() if not isinstance(v, bool) and v > 0}
 
 
 def usual_value(name: str) -> float:
@@ -40,8 +51,14 @@ def usual_value(name: str) -> float:
     return float(entry.options[entry.knob]) if entry.knob else 0.0
 
 
-def _knob(name: str) -> tuple[str | None, float]:
-    """Return the name of the option that is the knob, and its usual value."""
+def knob_of(name: str) -> tuple[str | None, float]:
+    """Return the name of the option that is the knob, and its usual value.
+
+    Raises
+    ------
+    EstimatorError
+        If there is no such estimator, or what its class calls its knob is no number.
+    """
     spec = parse(name)
     if spec.options:
         return None, 0.0

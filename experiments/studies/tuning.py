@@ -12,13 +12,12 @@ from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE
-from flexaxis.experiments.studies.knobs import usual_value
+from flexaxis.experiments.studies.knobs import knob_of, numbers_of
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.reading import read_toml
@@ -121,7 +120,7 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, float] | None =
     Parameters
     ----------
     name : str
-        A registered estimator with a knob.
+        An estimator with a knob.
     trials : Trials
     options : mapping, optional
         Other options of the estimator, as they are to be.
@@ -170,7 +169,7 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Tri
     Parameters
     ----------
     name : str
-        A registered estimator with a knob.
+        An estimator with a knob.
     options : sequence of str
         The options to turn, besides the knob.
     scenario : Scenario
@@ -182,11 +181,7 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Tri
     FlexaxisError
         If there is no such option, or no setting that matches and keeps every run.
     """
-    known = {
-        key: float(value)
-        for key, value in _entry(name).options.items()
-        if isinstance(value, int | float) and not isinstance(value, bool) and value > 0
-    }
+    known = numbers_of(name)
     for option in options:
         if option not in known:
             raise FlexaxisError(f"{name} has no option {option!r}.{did_you_mean(option, known)}")
@@ -258,23 +253,19 @@ def _others(path: Path, name: str, scenario: str | None) -> list[dict[str, Any]]
 
 
 def _write(path: Path, tables: list[dict[str, Any]]) -> None:
-    tables.sort(key=lambda t: (list(REGISTRY).index(t["estimator"]), t.get("scenario", "")))
+    rank = {name: place for place, name in enumerate(REGISTRY)}
+    tables.sort(key=lambda t: (rank.get(t["estimator"], len(rank)), t.get("scenario", "")))
     text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
     write_text(path, text)
 
 
-def _entry(name: str):
-    parse(name)  # says what is known, if there is no such estimator
-    if name not in REGISTRY or REGISTRY[name].knob is None:
-        raise FlexaxisError(f"{name} has no knob to turn")
-    return REGISTRY[name]
-
-
 def _knob(name: str) -> tuple[str, float]:
     """Return the knob and its default, as what it gives of speed: 1−λ of a forgetting factor."""
-    entry = _entry(name)
-    value = usual_value(name)
-    return entry.knob, 1 - value if entry.knob == "forgetting" else value
+    knob, value = knob_of(name)
+    if knob is None:
+        own = "" if name in REGISTRY else '; name the option in its class: knob = "forgetting"'
+        raise FlexaxisError(f"{name} has no knob to turn{own}")
+    return knob, 1 - value if knob == "forgetting" else value
 
 
 def _minimum(of, default: float) -> float:

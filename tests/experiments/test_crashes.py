@@ -137,7 +137,8 @@ def test_names_that_this_scenario_makes_impossible(capsys, short, tmp_path, chan
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(
     ("name", "what", "line"),
-    [("Key", "KeyError: 'f_q'", 16), ("Value", "ValueError: invalid literal", 21),
+    [("Key", "nominal has no 'f_q'. Did you mean 'f_m'?", 16),
+     ("Value", "ValueError: invalid literal", 21),
      ("Ends", "SystemExit: 1", 26)],
 )  # fmt: skip
 def test_a_constructor_that_raises(capsys, command, name, what, line):

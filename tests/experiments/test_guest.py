@@ -1,0 +1,273 @@
+"""A user's code is a guest: it is told where it fails, ends in time, and says nothing on stdout."""
+
+import json
+
+import pytest
+
+from flexaxis.experiments.building.guest import hosted, limited
+from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.cli import CRASH, FINDING, main
+
+OWN = """\
+import sys
+
+
+class Base:
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.theta, self.k = nominal["f_m"], 0
+
+    def step(self, u, y):
+        self.k += 1
+        return [self.go()]
+
+    def go(self):
+        return self.theta
+
+
+class Raises(Base):
+    def go(self):
+        return self.theta if self.k < 1501 else {}["oh"]  # line 20
+
+
+class Exits(Base):
+    def go(self):
+        return self.theta if self.k < 1501 else sys.exit(3)  # line 25
+
+
+class Loops(Base):
+    def go(self):
+        while True:
+            try:
+                pass
+            except Exception:
+                pass
+
+
+class Prints(Base):
+    def go(self):
+        print("here")
+        return self.theta
+
+
+class Nan(Base):
+    def go(self):
+        return self.theta if self.k < 1501 else float("nan")
+
+
+class Torque(Base):
+    def __init__(self, nominal, period, *, torque=None):
+        super().__init__(nominal, period)
+        self.torque = torque
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch, short_toml):
+    (tmp_path / "guests.py").write_text(OWN)
+    monkeypatch.chdir(tmp_path)
+
+
+def ran(capsys, name, *words, jobs=1):
+    line = ["run", "short.toml", "--estimator", f"guests.py:{name}", "--seeds", "2"]
+    status = main([*line, "--jobs", str(jobs), "-o", "out", *words])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    return status, out, err
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "what"), [("Raises", "KeyError: 'oh'"), ("Exits", "SystemExit: 3")]
+)
+def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, jobs):
+    status, _, err = ran(capsys, name, jobs=jobs)
+    told = [line for line in err.splitlines() if "crashed" in line]
+    assert status == CRASH and len(told) == 1 and "(and 1 like it)" in told[0]
+    line = {"Raises": 20, "Exits": 25}[name]
+    assert f"sample 1500 (7.5 s): {what}" in told[0] and f"guests.py:{line})" in told[0]
+    assert "short, seed 100" in told[0]
+
+
+def test_what_never_ends_is_stopped(capsys):
+    status, _, err = ran(capsys, "Loops", "--time-limit", "0.5")
+    assert status == CRASH and "no end within 0.5 s" in err and "--time-limit" in err
+
+
+def test_check_ends_too(capsys):
+    assert main(["check", "guests.py:Loops", "--time-limit", "0.2"]) == FINDING
+    assert "no end within 0.2 s" in " ".join(capsys.readouterr().out.split())
+
+
+def test_the_limit_is_of_one_run_and_put_back(short):
+    import signal
+
+    with limited(5.0), hosted("guests.py:Base", "in a test"):
+        assert 3.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+        build(parse("guests.py:Base"), short)  # inside another it has the time of that
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+    with limited(5.0), hosted("frozen", "in a test"):
+        assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
+
+
+def test_results_alone_go_to_stdout(capsys):
+    status, out, err = ran(capsys, "Prints", "--json")
+    assert status == 0 and json.loads(out)["rows"]
+    assert err.count("here") <= 4 * 3  # warm-up and two parts of two runs
+    assert "guests.py:Prints printed 320" in err
+    main(["check", "guests.py:Prints", "--json"])
+    rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
+    assert rules["prints nothing"]["holds"] is False and rules["finite"]["holds"]
+
+
+def test_what_is_not_finite_is_told_and_a_finding(capsys):
+    status, _, err = ran(capsys, "Nan")
+    assert status == FINDING
+    assert "not finite 2 times, first on short, seed 1000, sample 1500" in err
+
+
+def test_check_tells_each_failure_once(capsys):
+    assert main(["check", "guests.py:Raises"]) == FINDING
+    out = "".join(capsys.readouterr().out.split())  # a narrow table breaks words
+    assert out.count("sample1500") == 1 and "thesame" in out and "guests.py:20)" in out
+    assert "hint:boundtheestimates" not in out
+
+
+def test_a_wrong_name_of_a_parameter_is_told_with_the_right_one(short):
+    nominal = build(parse("guests.py:Base"), short).__init__.__self__
+    assert nominal.theta == 0.05
+    with pytest.raises(KeyError, match="Did you mean 'f_m'"):
+        from flexaxis.experiments.building.nominal import Nominal
+
+        Nominal(f_m=1.0)["fm"]
+
+
+def test_torque_is_given_to_whoever_asks_for_it(short):
+    """Also where a prior is stored, which only the shipped ones look up."""
+    assert build(parse("guests.py:Torque"), short).torque.size > 1000
+
+
+def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
+    (tmp_path / "helper.py").write_text("VALUE = 0.07\n")
+    (tmp_path / "wave.py").write_text("raise RuntimeError('the wrong one')\n")
+    head = "import wave, helper\nassert wave.Wave_read\n"
+    (tmp_path / "near.py").write_text(head + OWN.replace('nominal["f_m"]', "helper.VALUE"))
+    assert build(parse("near.py:Base"), short).theta == 0.07
+    (tmp_path / "wants.py").write_text("from wave import mine\n")
+    with pytest.raises(ValueError, match=r"wave\.py beside it cannot be imported"):
+        parse("wants.py:Base")
+
+
+def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
+    other = short.override({"name": "encoder", "output": "increment"})
+    (tmp_path / "encoder.toml").write_text(other.to_toml())
+    words = ["run", "short.toml", "encoder.toml", "--seeds", "2", "--jobs", "1", "--json"]
+    status = main([*words, "--estimator", "guests.py:Base", "-o", "out"])
+    out, err = capsys.readouterr()
+    assert status == 0 and "encoder is left out: guests.py:Base reads 'speed'" in err
+    assert {row["scenario"] for row in json.loads(out)["rows"]} == {"short"}
+    words = ["compare", "short.toml", "encoder.toml", "--base", "frozen", "--seeds", "2"]
+    main([*words, "--candidate", "guests.py:Base", "--jobs", "1", "--json"])
+    out, err = capsys.readouterr()
+    assert "encoder is left out" in err and {r["scenario"] for r in json.loads(out)["rows"]} <= {
+        "short", "all"}  # fmt: skip
+    words = ["run", "encoder.toml", "--estimator", "guests.py:Base", "--seeds", "1"]
+    assert main(words) == 2 and "leave the scenario out" in capsys.readouterr().err
+
+
+BATCH = """\
+import numpy as np
+from guests import Base
+
+
+class Alone(Base):
+    def __init__(self, nominal, period, *, gain=0.01):
+        super().__init__(nominal, period)
+        self.gain = gain
+
+    def step(self, u, y):
+        self.theta += 1e-3 * self.gain * ((0.0 if y is None else y) * 0.05 - self.theta)
+        return [self.theta]
+
+
+class Gain(Alone):
+    calls = []
+
+    def run_batch(self, u, y):
+        Gain.calls.append(u.shape)
+        theta, found = np.full(len(u), self.theta), np.empty((*u.shape, 1))
+        for k in range(u.shape[1]):
+            theta = theta + 1e-3 * self.gain * (y[:, k] * 0.05 - theta)
+            found[:, k, 0] = theta
+        return found
+
+
+class Wrong(Gain):
+    def run_batch(self, u, y):
+        return super().run_batch(u, y)[:, 1:]
+
+
+class Drifts(Gain):
+    def run_batch(self, u, y):
+        return super().run_batch(u, y) * 1.01
+"""
+
+
+def test_a_batch_is_asked_for_once_a_task_and_scored_as_runs_are(capsys, tmp_path, short):
+    from flexaxis.experiments.running.study import Study
+    from flexaxis.experiments.running.work import run_unit
+
+    (tmp_path / "batch.py").write_text(BATCH)
+    made = parse("batch.py:Gain").make
+    rows = {}
+    for name in ("Gain", "Alone", "Wrong"):
+        study = Study("s", (short,), (f"batch.py:{name}",), (0, 1, 2))
+        lines = run_unit(_whole(study)).lines.splitlines()
+        rows[name] = [json.loads(line) for line in lines]
+    assert made.calls == [(3, short.samples)] * 2  # of Gain, and of Wrong
+    for one, other in zip(rows["Gain"], rows["Alone"], strict=True):
+        assert one["lag"] == pytest.approx(other["lag"], rel=1e-12) and one["error"] is None
+    assert all("run_batch returned the shape" in row["error"] for row in rows["Wrong"])
+
+
+def _whole(study):
+    """One task with all seeds, whatever the number of processes would be."""
+    from dataclasses import replace
+
+    from flexaxis.experiments.running.plan import make_plan
+
+    first, *_ = make_plan(study, run_code=True).units()
+    return replace(first, seeds=study.seeds)
+
+
+@pytest.mark.parametrize(("name", "holds"), [("Gain", True), ("Alone", None), ("Drifts", False)])
+def test_check_compares_a_batch_with_runs(capsys, tmp_path, name, holds):
+    (tmp_path / "batch.py").write_text(BATCH)
+    main(["check", f"batch.py:{name}", "--json"])
+    rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
+    assert rules["run_batch equals run"]["holds"] is holds
+
+
+def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
+    """The template, to the noise of the reference in the parameter that it estimates."""
+    main(["new", "mine.py"])
+    words = ["tune", "mine.py:Mine", "--match", "f_m", "--seeds", "0:2", "--jobs", "1", "--json"]
+    capsys.readouterr()
+    assert main(words) == 0
+    (found,) = [json.loads(capsys.readouterr().out)]
+    assert found["knob"] == "forgetting" and found["ratio"] == pytest.approx(1.0, abs=0.01)
+    assert (tmp_path / "results" / "tune" / "mine.py-Mine").is_dir()
+    assert main([*words, "--save"]) == 2 and "give a file" in capsys.readouterr().err
+    assert main(["tune", "guests.py:Base"]) == 2
+    assert "no knob to turn" in capsys.readouterr().err
+
+
+def test_who_is_in_no_row_at_equal_noise_is_named():
+    from flexaxis.experiments.reporting.run_page import _not_compared
+
+    swept = {"matched": [{"estimator": "ekf"}], "left_out": ["mine.py:Breaks"]}
+    told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
+    assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
+    assert not any("ekf" in text or "frozen" in text for text in told)
