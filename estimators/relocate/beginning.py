@@ -29,7 +29,7 @@ from flexaxis.estimators.recursion.seen import (
 )
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -149,7 +149,7 @@ class Beginning:
         """Where the parameters may be."""
         return self.design.lower, self.design.upper
 
-    def drift(self, state: np.void, prior: Prior, walk: float) -> Array:
+    def drift(self, state: Present, prior: Prior, walk: float) -> Array:
         """
         Return Δ (p, p), what P gains in a sample.
 
@@ -180,6 +180,8 @@ class Beginning:
         if not np.isfinite(whole.square):
             return None
         left = self._left(memory, whole)
+        if not left.explained:  # something is far from what was told, and all may be that
+            return Fitted(whole.theta, every, prior.noise, {})
         noise = max(left.variance * left.repeated, self.design.noise**2)
         if abs(np.log(noise / prior.noise)) > OTHER:  # what a white residual of it would tell
             prior = prior._replace(noise=noise)

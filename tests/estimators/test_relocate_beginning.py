@@ -46,6 +46,11 @@ def test_what_is_left_tells_as_much_as_its_correlation_allows():
     signals = np.zeros((N, 2)), noise, present
     left = remainder(terms, model.theta, np.zeros(terms.n), signals, 3)
     assert left.variance == pytest.approx(0.01 / (1 - rho**2), rel=0.03)
+    assert left.share == pytest.approx(1.0) and not left.explained  # the model is at rest
+    white = remainder(
+        terms, model.theta, np.zeros(terms.n), (signals[0], rng.standard_normal(N), present), 3
+    )
+    assert white.repeated == pytest.approx(1.0, abs=0.05) and white.explained  # all may be noise
     seen_rho = 0.9 * rho  # a tenth of the neighbours is missing
     assert left.repeated == pytest.approx((1 + seen_rho) / (1 - seen_rho), rel=0.05)
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from flexaxis.experiments.building.guest import limited
+from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
@@ -103,8 +103,12 @@ def test_check_ends_too(capsys):
 def test_the_limit_is_of_one_run_and_put_back(short):
     import signal
 
-    with limited(5.0):
-        build(parse("guests.py:Base"), short)
+    with limited(5.0), hosted("guests.py:Base", "in a test"):
+        assert 3.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+        build(parse("guests.py:Base"), short)  # inside another it has the time of that
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+    with limited(5.0), hosted("frozen", "in a test"):
+        assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
@@ -147,12 +151,12 @@ def test_torque_is_given_to_whoever_asks_for_it(short):
 
 def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
     (tmp_path / "helper.py").write_text("VALUE = 0.07\n")
-    (tmp_path / "string.py").write_text("raise RuntimeError('the wrong one')\n")
-    head = "import string, helper\nassert string.ascii_letters\n"
+    (tmp_path / "wave.py").write_text("raise RuntimeError('the wrong one')\n")
+    head = "import wave, helper\nassert wave.Wave_read\n"
     (tmp_path / "near.py").write_text(head + OWN.replace('nominal["f_m"]', "helper.VALUE"))
     assert build(parse("near.py:Base"), short).theta == 0.07
-    (tmp_path / "wants.py").write_text("from string import mine\n")
-    with pytest.raises(ValueError, match=r"string\.py beside it cannot be imported"):
+    (tmp_path / "wants.py").write_text("from wave import mine\n")
+    with pytest.raises(ValueError, match=r"wave\.py beside it cannot be imported"):
         parse("wants.py:Base")
 
 
