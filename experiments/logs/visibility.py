@@ -11,9 +11,9 @@ from scipy.signal import medfilt
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.offline.frequency import information, line_spectrum
+from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
-from flexaxis.experiments.logs.doubts.evidence import of_record
+from flexaxis.experiments.logs.doubts.evidence import Spectra, of_record
 from flexaxis.experiments.logs.doubts.reversals import reversals_of
 from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
 from flexaxis.sim.record import Record
@@ -73,9 +73,10 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     names = [name for name in linear.parameters if linear.nominal[name]]
     model = increment(linear, period) if output == "increment" else linear
     chosen = model.parametrize(names)
-    omega, power = line_spectrum(record.torque[ok], period=period)
-    lines = (power > 1e-9 * power.max()) & (omega > 0)
-    omega, power = omega[lines], power[lines] / _noise(record, omega[lines])
+    spectra = of_record(record).spectra
+    lines = (spectra.torque > 1e-9 * spectra.torque.max()) & (spectra.frequency > 0)
+    omega = 2 * np.pi * spectra.frequency[lines]
+    power = spectra.torque[lines] * spectra.frequency[1] / _noise(spectra, period)[lines]
     Q = information(chosen, chosen.theta, omega, power, period=period)
     Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
     found = _deviations(Q, names)
@@ -130,10 +131,8 @@ def _of_law(record: Record) -> Seen:
     return Seen(None, None, "", words)
 
 
-def _noise(record: Record, omega: Array) -> Array:
+def _noise(spectra: Spectra, period: float) -> Array:
     """Return the variance of white noise as strong as what the torque does not explain (M,)."""
-    s = of_record(record).spectra
-    rest = medfilt(s.speed * (1 - s.coherence), SMOOTHED)
-    floor = float(np.percentile(s.speed[1:], FLOOR))
-    at = np.interp(omega / (2 * np.pi), s.frequency, np.maximum(rest, floor))
-    return np.asarray(at / (2 * record.period))
+    rest = medfilt(spectra.speed * (1 - spectra.coherence), SMOOTHED)
+    floor = float(np.percentile(spectra.speed[1:], FLOOR))
+    return np.asarray(np.maximum(rest, floor) / (2 * period))
