@@ -38,8 +38,11 @@ class Table(Protocol):
 
 
 Values = Annotated[dict[str, float], AfterValidator(Frozen)]
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+LARGEST = 1e9
+"""No quantity of an axis, its loop or a run is larger in SI: that is a slip of the unit."""
+
+Positive = Annotated[float, Field(gt=0, le=LARGEST)]
+NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 
 
 def kinds(union: Any) -> dict[str, type[BaseModel]]:

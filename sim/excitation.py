@@ -41,7 +41,7 @@ class Multisine(Config):
     kind: Literal["multisine"] = "multisine"
     low: NotNegative = 0.1
     high: Positive = 30.0
-    period: Positive = 10.0
+    period: Annotated[float, Field(gt=0, le=3600)] = 10.0  # all of it lies in memory
     rms: Annotated[float, Field(gt=0, le=10)] = 0.0511
     pause: Annotated[tuple[Interval, ...], Field(strict=False)] = ()
 

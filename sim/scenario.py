@@ -93,7 +93,7 @@ class Scenario(Config):
     preset: str = "n1"
     parameters: Values = Field(default_factory=Frozen)
     identify: Annotated[tuple[str, ...], Tuple, Field(min_length=1)] = DEFAULT_IDENTIFY
-    start: Positive = 1.0
+    start: Annotated[float, Field(ge=0.01, le=100)] = 1.0
     told: Annotated[dict[str, Positive], Field(min_length=1), AfterValidator(Frozen)] | None = None
     output: Literal["speed", "increment"] = "speed"
     burn_in: NotNegative = 5.0

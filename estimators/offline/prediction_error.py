@@ -23,7 +23,7 @@ Flags = NDArray[np.bool_]
 
 HIGHEST_ORDER = 60  # of the model of the noise
 ROUNDS = 6
-EVALUATIONS = 12  # in a round
+EVALUATIONS = 8  # in a round
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
 CONVERGED = 0.2  # standard deviations: a step below that ends the rounds
 GAINED = 1e-4  # of the sum of squares: a step of less ends a search
@@ -199,9 +199,7 @@ class Problem:
         for _ in range(len(at.z)):
             step = np.zeros(len(at.z))
             step[free] = damped_step(at.H[np.ix_(free, free)], at.g[free], damping)
-            out = free & (
-                ((at.z <= self.lower) & (step < 0)) | ((at.z >= self.upper) & (step > 0))
-            )
+            out = free & (((at.z <= self.lower) & (step < 0)) | ((at.z >= self.upper) & (step > 0)))
             if not out.any():
                 break
             free &= ~out

@@ -11,8 +11,8 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
-from flexaxis.estimators.sampling.prepared import prepare, travel
 from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
+from flexaxis.estimators.sampling.prepared import prepare, travel
 from flexaxis.estimators.sampling.sampled import Terms, planned, terms
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ from flexaxis.estimators.recursion.seen import (
 )
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -39,7 +39,7 @@ from flexaxis.estimators.sampling.sampled import Terms
 Array = NDArray[np.float64]
 
 STARTED = 1.0  # s of motion that say how large it is, and what the noise
-LESS = 0.8  # of the noise reckoned with, that a fit leaves: then that was no noise
+OTHER = 0.2  # of the logarithm of a variance: then that of the noise is another than was thought
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
@@ -149,7 +149,7 @@ class Beginning:
         """Where the parameters may be."""
         return self.design.lower, self.design.upper
 
-    def drift(self, state: np.void, prior: Prior, walk: float) -> Array:
+    def drift(self, state: Present, prior: Prior, walk: float) -> Array:
         """
         Return Δ (p, p), what P gains in a sample.
 
@@ -180,9 +180,12 @@ class Beginning:
         if not np.isfinite(whole.square):
             return None
         left = self._left(memory, whole)
-        if not self.design.noise and left.variance < LESS * prior.noise:
-            prior = prior._replace(noise=left.variance)
-            whole = self._descend(memory, prior, every, (whole.theta,))
+        if not left.explained:  # something is far from what was told, and all may be that
+            return Fitted(whole.theta, every, prior.noise, {})
+        noise = max(left.variance * left.repeated, self.design.noise**2)
+        if abs(np.log(noise / prior.noise)) > OTHER:  # what a white residual of it would tell
+            prior = prior._replace(noise=noise)
+            whole = self._descend(memory, prior, every, (whole.theta, first.theta))
             left = self._left(memory, whole)
         return self._reduced(memory, prior, (first, whole), left)
 
@@ -198,17 +201,22 @@ class Beginning:
     ) -> Fitted:
         """Return a fit with less parameters than the whole, or that if less explain much less."""
         first, whole = fits
-        known, questions = self.roles.known, self._questions(prior)
+        known, unit = self.roles.known, prior.deviation  # in these units no matrix is singular
+        questions = [q._replace(told=q.told / unit[q.places]) for q in self._questions(prior)]
         worth = max(left.variance * left.repeated / prior.noise, 1.0)
-        P0 = np.diag(prior.deviation**-2)
-        posterior = Posterior(np.arange(known), whole.theta[:known], (whole.H - P0) / worth + P0)
-        mean, deviation = prior.theta[:known], prior.deviation
-        unseen = self._unseen(posterior, questions, deviation)
-        active, fixed = needed(posterior, questions, mean=mean, deviation=deviation, unseen=unseen)
+        data = whole.H * np.outer(unit, unit) - np.eye(known)
+        posterior = Posterior(
+            np.arange(known), whole.theta[:known] / unit, data / worth + np.eye(known)
+        )
+        unseen = self._unseen(posterior, questions)
+        mean = prior.theta[:known] / unit
+        active, fixed = needed(
+            posterior, questions, mean=mean, deviation=np.ones(known), unseen=unseen
+        )
         theta, start = prior.theta.copy(), first.theta.copy()
-        theta[active.active] = active.theta
+        theta[active.active] = active.theta * unit[active.active]
         for places, told in fixed:
-            theta[places] = start[places] = told
+            theta[places] = start[places] = told * unit[places]
         starts = np.clip(theta, *self.box), np.clip(start, *self.box)
         found = self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
@@ -243,11 +251,9 @@ class Beginning:
             found[name] = words[not stated]
         return found
 
-    def _unseen(
-        self, posterior: Posterior, questions: Sequence[Question], deviation: Array
-    ) -> list[Question]:
+    def _unseen(self, posterior: Posterior, questions: Sequence[Question]) -> list[Question]:
         """Return the questions about what the excitation does not show."""
-        known = seen(np.diag(np.linalg.inv(posterior.H)), deviation**2)
+        known = seen(np.diag(np.linalg.inv(posterior.H)), np.ones(len(posterior.H)))
         names = self.design.model.names
         hidden = [i for i, name in enumerate(names[: len(known)]) if name in FIXABLE]
         return [

@@ -19,8 +19,10 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
+    from flexaxis.experiments.logs.axis_file import Axis
     from flexaxis.experiments.logs.doubts.doubt import Doubt
     from flexaxis.experiments.logs.visibility import Seen
+    from flexaxis.sim.record import Record
 
 HELP = "make a record of your own log, with a plausibility report"
 GROUP = "your own axis"
@@ -49,7 +51,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.importing import import_log
     from flexaxis.experiments.logs.log_page import write_page
     from flexaxis.experiments.logs.own import record_beside, spare_foreign
-    from flexaxis.experiments.logs.visibility import visible
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
@@ -60,18 +61,33 @@ def main(args: argparse.Namespace) -> int:
     spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
     found = import_log(args.log, tables_of(args), **treatment(args))
-    seen = visible(found.record, axis) if axis else {}
+    seen, hidden = _visible(found.record, axis) if axis else ({}, "")
     found.record.save(path)
     write_page(import_page(found, seen, args.log, command_line(args.words)), report)
     if args.json:
         checks = [check.told() for check in found.checks]
         told = {name: vars(one) for name, one in seen.items()}
-        print(dumps({"record": str(path), "checks": checks, "seen": told, "report": str(report)}))
+        answer = {"record": str(path), "checks": checks, "seen": told, "hidden": hidden}
+        print(dumps(answer | {"report": str(report)}))
     else:
         _print(found.checks, seen)
+        if hidden:
+            print(f"what the excitation can see is not known: {hidden}")
         print(path)
         print(report)
     return int(args.strict and any(check.verdict == "problem" for check in found.checks))
+
+
+def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
+    """Return what can be seen of an axis, or why that is not known: the record is good without."""
+    from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.visibility import visible
+
+    try:
+        return visible(record, axis), ""
+    except (LogError, EstimatorError) as error:
+        return {}, str(error)
 
 
 def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:

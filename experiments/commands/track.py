@@ -6,7 +6,8 @@ angle and compared. Status 1 if a change was found.
 
 example:
   flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
-  flexaxis track rec.nc --model axis.toml --identify f_m --estimator rpem-forgetting
+  flexaxis track rec.nc --model axis.toml --identify k --estimator rpem-forgetting --forgetting 1s
+  flexaxis track rec.nc --model axis.toml --identify f_m --estimator relocate-friction
   flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
 """
 
@@ -36,7 +37,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="parameter to track, or its inverse, such as 1/J_l; repeat for several",
     )
-    parser.add_argument("--estimator", default="ekf", metavar="E", help="default: ekf")
+    parser.add_argument(
+        "--estimator",
+        metavar="E",
+        help="default: ekf, or relocate-friction where the axis has laws",
+    )
+    parser.add_argument(
+        "--forgetting", metavar="TIME|λ", help="of the estimator: such as '1 s', or 0.995"
+    )
     parser.add_argument(
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
@@ -51,13 +59,18 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.importing import read_any
-    from flexaxis.experiments.logs.track import save, track
+    from flexaxis.experiments.logs.track import (
+        default_estimator,
+        save,
+        track,
+        with_forgetting,
+    )
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
-    spare((args.log, args.map, args.model, code_file(args.estimator)), path, report)
+    spare((args.log, args.map, args.model, code_file(args.estimator or "")), path, report)
     if not args.start > 0:
         raise LogError(f"--start {args.start}: give a factor above 0")
     axis = find_axis(args.model)
@@ -68,10 +81,12 @@ def main(args: argparse.Namespace) -> int:
         )
     record = read_any(args.log, tables_of(args), **treatment(args))
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
-    spec = parse(args.estimator)
+    spec = parse(args.estimator or default_estimator(axis))
+    if args.forgetting is not None:
+        spec = with_forgetting(spec, args.forgetting, record.period)
     found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
-    _write_page(found, record.period, report, args)
+    _write_page(found, record.period, report, args, spec.text)
     if args.json:
         print(dumps(_content(found) | {"estimates": str(path), "report": str(report)}))
     else:
@@ -123,7 +138,9 @@ def _print(found: Tracked) -> None:
     print("\n".join(_in_words(found)))
 
 
-def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namespace) -> None:
+def _write_page(
+    found: Tracked, period: float, path: Path, args: argparse.Namespace, estimator: str
+) -> None:
     from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
     from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
@@ -131,7 +148,7 @@ def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namesp
     figures = [
         (
             "Estimates",
-            estimates_figure(found, args.estimator),
+            estimates_figure(found, estimator),
             "Over nominal, with what the estimator claims as ±2σ; a thin line is a change.",
         ),
         (
@@ -148,7 +165,7 @@ def _write_page(found: Tracked, period: float, path: Path, args: argparse.Namesp
         for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True)
     ]
     page = LogPage(
-        title=f"{args.estimator} on {args.log.name}",
+        title=f"{estimator} on {args.log.name}",
         command=command_line(args.words),
         remarks=[("note" if found.changes else "ok", text) for text in _in_words(found)],
         tables=[("Estimates", ("parameter", "last", "nominal", "over nominal"), rows)],

@@ -76,12 +76,12 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.trend import (
-        Plan,
+        Source,
         check_folder,
         estimate_all,
         find_logs,
+        plan_for,
         tasks,
-        what_is_seen,
     )
     from flexaxis.experiments.running.progress import progress
 
@@ -93,9 +93,7 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
     axis.having(dict.fromkeys(args.free, 1.0))  # raises for unknown names
     check_folder(args.output, args.logs)
     logs = find_logs(args.logs)
-    tables, how = tables_of(args), treatment(args)
-    names = tuple(dict.fromkeys(args.free)) or what_is_seen(logs, axis, tables, how)
-    plan = Plan(axis, names, tables, how)
+    plan = plan_for(logs, axis, Source(tables_of(args), treatment(args)), args.free)
     with progress(f"{len(logs)} logs", len(logs)) as advance:
         try:
             return estimate_all(

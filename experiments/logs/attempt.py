@@ -50,6 +50,22 @@ class Log:
     smooth: bool
     resting: bool
 
+    def part(self, most: int) -> Log:
+        """Return the liveliest stretch of that many samples, or all."""
+        if len(self.u) <= most:
+            return self
+        energy = np.cumsum(np.where(self.ok, self.u, 0.0) ** 2)
+        begins = np.linspace(0, len(self.u) - most, 9).astype(int)
+        begin = int(begins[np.argmax(energy[begins + most - 1] - energy[begins])])
+        chosen = slice(begin, begin + most)
+        return replace(
+            self,
+            u=self.u[chosen],
+            y=self.y[chosen],
+            ok=self.ok[chosen],
+            resting=self.resting and begin == 0,
+        )
+
     def smoothed(self) -> Log:
         """Return the log with its torque taken as samples of a smooth one: means of a spline."""
         times = np.arange(len(self.u) + 1.0)

@@ -28,6 +28,7 @@ EDGE = 3  # logs that a step or a ramp must have on each side
 MOST = 6  # changes and logs out of line in a sequence
 PLACES = 150  # that are scanned of a long sequence
 CURVED = 20  # logs from which on the effect of a covariate may be curved
+ALONGSIDE = 2  # changes beside which the scatter is estimated: one can hide another
 LOOK, DRAWS = 500, 10_000  # simulated sequences: at a time, and at most
 SURE = 3.84  # 95 % point of χ² with one degree of freedom, for the place of a change
 
@@ -170,11 +171,13 @@ class _Scan:
         """Return the likeliest further change, None if its like is seen too often without one."""
         if len(self.x) - self.design.shape[1] <= EDGE:
             return None
-        for _ in range(2):
-            # with the change, or it would be taken for scatter and hide itself
-            top = int(np.argmax(self._ratios()[0]))
-            self.noise.fit(self.x, np.column_stack([self.design, self.courses[:, top]]))
-        ratio, gain = self._ratios()
+        whole = self.design
+        for _ in range(ALONGSIDE):
+            # with what changes, or it would be taken for scatter and hide itself
+            top = int(np.argmax(self._ratios(whole)[0]))
+            whole = np.column_stack([whole, self.courses[:, top]])
+            self.noise.fit(self.x, whole)
+        ratio, gain = self._ratios(self.design)
         top = int(np.argmax(ratio))
         # where there is no scatter besides, estimates scatter by what they claim, however alike
         # they are by chance
@@ -190,16 +193,21 @@ class _Scan:
         ]  # fmt: skip
         return Change(shape, place, min(near), max(near), chance)
 
-    def _ratios(self) -> tuple[Array, Array]:
+    def _ratios(self, design: Array) -> tuple[Array, Array]:
         white = self.noise.white
-        return ratios(white(self.x), white(self.design), white(self.courses))
+        return ratios(white(self.x), white(design), white(self.courses))
 
     def solved(self) -> tuple[Array, Array]:
         """Return the coefficients of the design, and their covariance."""
         Z, y = self.noise.white(self.design), self.noise.white(self.x)
         norm = np.linalg.norm(Z, axis=0)
         inverse = np.linalg.pinv(Z / norm)
-        return inverse @ y / norm, inverse @ inverse.T / np.outer(norm, norm)
+        beta = inverse @ y
+        left = y - Z @ (beta / norm)
+        # the sizes of scatter that are tried are some way apart; logs claim no more than they do
+        variance = float(left @ left) / (len(y) - len(beta))
+        variance = variance if self.noise.size else max(variance, 1.0)
+        return beta / norm, variance * inverse @ inverse.T / np.outer(norm, norm)
 
     def sized(self) -> list[Change]:
         """Return the changes with their sizes."""

@@ -133,15 +133,17 @@ def rubbing(model: Model, kind: str, sizes: Sizes, level: float) -> tuple[Model,
         )
     choice = CHOICES[kind]
     units = {role: float(_UNITS[role](sizes)) for role in (*choice.start, *choice.numbers)}
-    names = {role: str(choice.law.parameters[role]) for role in choice.start}
+    names: dict[str, str | float] = {
+        role: str(choice.law.parameters[role]) for role in choice.start
+    }
     numbers = {role: value * units[role] for role, value in choice.numbers.items()}
     law = replace(choice.law, parameters=names | numbers)
-    start = {names[role]: value * units[role] for role, value in choice.start.items()}
+    start = {str(names[role]): value * units[role] for role, value in choice.start.items()}
     start["f_c"] = max(level, 0.01 * sizes.torque)
     box = Box(
         start,
-        {names[r]: choice.lower.get(r, 0.0) * units[r] for r in choice.start},
-        {names[r]: choice.upper[r] * units[r] for r in choice.start},
+        {str(names[r]): choice.lower.get(r, 0.0) * units[r] for r in choice.start},
+        {str(names[r]): choice.upper[r] * units[r] for r in choice.start},
     )
     # names first, so that the model has its parameters when it is made
     grown = replace(model, laws=(law,), nominal=dict(model.nominal) | start)

@@ -9,9 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import Fitted, noise_model, settled
+from flexaxis.estimators.offline.prediction_error import (
+    HIGHEST_ORDER,
+    Fitted,
+    noise_model,
+    settled,
+)
 from flexaxis.experiments.logs.attempt import Attempt, log_of
-from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import names_of
 from flexaxis.experiments.logs.laws import Tried, choose
@@ -21,7 +26,7 @@ from flexaxis.experiments.logs.starts import Starts, linear_fit
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
-__all__ = ["Identification", "identify", "noise_model", "settled"]
+__all__ = ["HIGHEST_ORDER", "Identification", "identify", "noise_model", "settled"]
 
 Array = NDArray[np.float64]
 
@@ -86,7 +91,7 @@ class Identification:
 
     @property
     def residual(self) -> Array:
-        """y − ŷ (N,) of the simulation."""
+        """Y − ŷ (N,) of the simulation."""
         return self.fitted.residual
 
     @property
@@ -160,15 +165,23 @@ def identify(
         highpass=axis.highpass if highpass is None else highpass,
         tell=tell,
     )
+    whole = attempt.highpass is None and "highpass" not in record.versions
+    if not whole and friction not in {"auto", "none"}:
+        raise LogError(
+            f"--friction {friction} needs the motion as it was, and slow motion was filtered away: "
+            "leave --highpass out, here and at the import"
+        )
     if quick:
-        fitted, tried, word, response = attempt.solve(lag=axis.delay), (), "as told", None
-    else:
-        starts = Starts(attempt, known=axis.known)
-        attempt, fitted = linear_fit(starts) if not own else starts.search(attempt)
-        attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free, fix)
-        response = starts.seen_by(attempt, fitted)
-    check_rate(attempt.having(attempt.values(fitted)).model, log.period)
-    return _found(axis, attempt, fitted, tried, word if attempt.model.laws else "none", response)
+        fitted = attempt.solve(lag=axis.delay)
+        return _found(axis, record, attempt, fitted, word="as told" if own else "none")
+    starts = Starts(attempt, known=axis.known, whole=whole)
+    attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
+    attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free=free, fix=fix)
+    found = _found(
+        axis, record, attempt, fitted, tried=tried, word=word, seen=starts.seen_by(attempt, fitted)
+    )
+    check_rate(found.axis.model, log.period)
+    return found
 
 
 def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
@@ -200,11 +213,13 @@ def check_rate(model: Model, period: float) -> None:
 
 def _found(
     axis: Axis,
+    record: Record,
     attempt: Attempt,
     fitted: Fitted,
-    tried: tuple[Tried, ...],
+    *,
     word: str,
-    response: Response | None,
+    tried: tuple[Tried, ...] = (),
+    seen: Response | None = None,
 ) -> Identification:
     log, p = attempt.log, len(attempt.names)
     noise, pieces = fitted.deviations, spread(fitted)
@@ -235,9 +250,17 @@ def _found(
         offset_deviation=float(honest[-2]),
         fit=100 * float(1 - np.std(fitted.residual[ok]) / np.std(log.y[ok])),
         fitted=fitted,
-        response=response,
+        response=seen,
         output=log.output,
         friction=word,
         tried=tried,
-        verdict=judge(attempt, fitted, honest, response, tried, word),
+        verdict=judge(
+            attempt,
+            fitted,
+            honest,
+            seen=seen,
+            tried=tried,
+            word=word,
+            smooth=is_smooth(record),
+        ),
     )

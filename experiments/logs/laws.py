@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, best
@@ -14,6 +15,11 @@ from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+MOST = 20_000  # samples that laws are compared on
+OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
 ORDER = ("coulomb", "lugre", "static")
 
 
@@ -40,8 +46,9 @@ def choose(
     linear: Attempt,
     fitted: Fitted,
     wanted: str,
-    free: Sequence[str],
-    fix: Sequence[str],
+    *,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
 ) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
     """Return the attempt with the law that is wanted, or with the one that the log asks for.
 
@@ -55,15 +62,23 @@ def choose(
     free, fix : sequence of str
         As for `flexaxis.experiments.logs.identify.identify`.
     """
-    if wanted == "none" or linear.model.laws or "speed_motor" not in linear.model.states:
+    if linear.model.laws:
         return linear, fitted, (), "as told"
-    if "J_m" not in linear.model.parameters and wanted == "auto":
+    able = "speed_motor" in linear.model.states and "J_m" in linear.model.parameters
+    if wanted in OPEN and not (able and starts.whole):
         return linear, fitted, (), "none"
-    bench = _Bench(starts, linear, fitted, tuple(free), tuple(fix), starts.level())
-    if wanted != "auto":
-        attempt, found = bench.fit(wanted)
-        return attempt, found, (), wanted
-    return bench.compared()
+    short = replace(linear, log=linear.log.part(MOST))
+    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), starts.level())
+    begun, tried = bench.compared(wanted) if wanted in OPEN else (bench.started(wanted, None), ())
+    if begun is None or wanted == "none":
+        return linear, fitted, tried, "none"
+    begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
+    return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+
+def tried_word(tried: Sequence[Tried]) -> str:
+    """Return the word of the last law that was taken."""
+    return next((t.name for t in reversed(tried) if t.taken), "")
 
 
 @dataclass(frozen=True)
@@ -75,21 +90,18 @@ class _Bench:
     fix: tuple[str, ...]
     level: float
 
-    def fit(self, kind: str, *, final: bool = True) -> tuple[Attempt, Fitted]:
-        """Fit a law from the linear model's values, and from a response without the friction."""
+    def started(self, kind: str, simple: Begun | None) -> Begun:
+        """Return a law about where it fits: from the linear model's values, or a simpler law's."""
         attempt = self.attempt(kind)
         level = self.level or LEAST_LEVEL * float(np.std(self.linear.log.u))
-        if kind == "coulomb":
-            places = [*self.starts.places(attempt, level), self._here(attempt)]
+        if kind != "coulomb":
+            simple = simple or self.started("coulomb", None)
+            attempt = attempt.having(simple.attempt.values(simple.fitted))
+            places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
-            simple, found = self.fit("coulomb", final=False)
-            values = simple.values(found)
-            attempt = attempt.having(values)
-            places = [(attempt.model.parametrize(attempt.names).theta, float(found.z[-1]))]
-        tries = [attempt.solve(theta, lag, rounds=2, fine=False) for theta, lag in places]
-        first = best(tries)
-        p = len(attempt.names)
-        return attempt, attempt.solve(first.z[:p], float(first.z[-1]), fine=final)
+            places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
+        tries = [attempt.solve(*place, rounds=2, fine=False) for place in places]
+        return Begun(attempt, best(tries))
 
     def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""
@@ -106,35 +118,50 @@ class _Bench:
             linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
         )
 
-    def _here(self, attempt: Attempt) -> tuple[np.ndarray, float]:
-        return attempt.model.parametrize(attempt.names).theta, float(self.fitted.z[-1])
+    @property
+    def _lag(self) -> float:
+        return float(self.fitted.z[-1])
 
-    def compared(self) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
-        """Return the simplest law that predicts best what is held out."""
-        without = held_out(self.linear.log.ok)
-        word, attempt, full = "none", self.linear, self.fitted
-        part = self._again(attempt, full, without)
+    def compared(self, wanted: str) -> tuple[Begun | None, tuple[Tried, ...]]:
+        """Return the simplest law that predicts best what is held out, None for no law at all."""
+        ok = self.linear.log.ok
+        without, word = held_out(ok), "none"
+        begun, part = None, Begun(self.linear, self.fitted).fitted_without(without)
         tried: list[Tried] = []
-        for kind in ORDER:
-            other, found = self.fit(kind, final=False)
-            other_part = self._again(other, found, without)
-            comparison = compare(part, other_part, without, self.linear.log.ok)
+        for kind in ORDER if wanted == "auto" else ORDER[:1]:
+            other = self.started(kind, begun)
+            other_part = other.fitted_without(without)
+            comparison = compare(part, other_part, without, ok)
             tried.append(Tried(kind, word, comparison, comparison.better))
             if comparison.better:
-                word, attempt, full, part = kind, other, found, other_part
+                word, begun, part = kind, Begun(other.attempt, other_part), other_part
             elif kind == "coulomb":
                 break
-        if word != "none":
-            p = len(attempt.names)
-            full = attempt.solve(full.z[:p], float(full.z[-1]), rounds=3)
-        return attempt, full, tuple(tried), word
+        return begun, tuple(tried)
 
-    @staticmethod
-    def _again(attempt: Attempt, fitted: Fitted, without: np.ndarray) -> Fitted:
-        p = len(attempt.names)
-        return attempt.solve(
-            fitted.z[:p], float(fitted.z[-1]), without=without, rounds=2, fine=False
-        )
+
+@dataclass(frozen=True)
+class Begun:
+    """An attempt, and about what comes of it."""
+
+    attempt: Attempt
+    fitted: Fitted
+
+    def fitted_without(self, without: Flags) -> Fitted:
+        """Return the fit to the rest of the log."""
+        z = self.fitted.z
+        theta = z[: len(self.attempt.names)]
+        return self.attempt.solve(theta, float(z[-1]), without=without, rounds=2, fine=False)
+
+    def finished(self) -> Fitted:
+        """Return the fit to all of the log."""
+        z = self.fitted.z
+        return self.attempt.solve(z[: len(self.attempt.names)], float(z[-1]), rounds=4)
+
+
+def theta_of(attempt: Attempt) -> Array:
+    """Return the nominal values of what is identified."""
+    return attempt.model.parametrize(attempt.names).theta
 
 
 def _sizes(log: Log, attempt: Attempt, fitted: Fitted) -> Sizes:

@@ -13,6 +13,7 @@ from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.friction import linear_part
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.logs.visibility import Seen
@@ -75,12 +76,13 @@ def visibility_figure(seen: Mapping[str, Seen]) -> Figure:
 
 def bode_figure(found: Identification, period: float) -> Figure:
     """Draw the measured frequency response and that of the identified model."""
-    model = found.axis.model
+    assert found.response is not None
+    model = linear_part(found.axis.model)
     chosen = (increment(model, period) if found.output == "increment" else model).parametrize(
-        found.names
+        model.parameters
     )
     omega = found.response.omega
-    gain = frequency_response(chosen, found.theta, omega, period=period)[0]
+    gain = frequency_response(chosen, chosen.theta, omega, period=period)[0]
     gain = gain * np.exp(-1j * omega * found.delay)
     fig = Figure(figsize=(8.0, 5.0), layout="constrained")
     magnitude, phase = fig.subplots(2, 1, sharex=True)

@@ -82,9 +82,7 @@ def compare(first: Fitted, second: Fitted, without: Flags, used: Flags) -> Compa
     """
     both = without & used & first.colour.settled(used) & second.colour.settled(used)
     e, f = first.white[both], second.white[both]
-    gain = 0.5 * (
-        np.log(first.square / second.square) + e**2 / first.square - f**2 / second.square
-    )
+    gain = 0.5 * (np.log(first.square / second.square) + e**2 / first.square - f**2 / second.square)
     means = np.array([part.mean() for part in np.array_split(gain, 3 * PIECES)])
     return Comparison(
         before=float(np.sqrt(np.mean(e**2))),

@@ -18,7 +18,7 @@ from scipy.linalg import cholesky, solve_triangular
 Array = NDArray[np.float64]
 
 CORRELATIONS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75)
-SCATTERS = np.geomspace(0.1, 30.0, 14)  # τ over the median deviation
+SCATTERS = np.geomspace(0.1, 30.0, 20)  # τ over the median deviation
 LONG = 300  # logs, of which every other of these is tried
 LEAN = 0.25
 """Log-likelihood that may be lost for more memory, since the estimate of it is too low."""

@@ -1,4 +1,4 @@
-"""Where to start a fit: the frequency response of a log, several times, judged by the fit itself."""
+"""Where to start a fit: frequency responses of a log, several, judged by the fit itself."""
 
 from __future__ import annotations
 
@@ -35,10 +35,13 @@ class Starts:
         As the axis was given.
     known : bool
         Whether its nominal values are somebody's, and not a rough guess of their size.
+    whole : bool
+        Whether the signals are as they were, so that friction can be looked for: no high-pass.
     """
 
     attempt: Attempt
     known: bool
+    whole: bool = True
 
     @property
     def log(self) -> Log:
@@ -67,7 +70,9 @@ class Starts:
         except LogError:
             return None
 
-    def search(self, attempt: Attempt, level: float = 0.0, rounds: int = 6) -> tuple[Attempt, Fitted]:
+    def search(
+        self, attempt: Attempt, level: float = 0.0, rounds: int = 6
+    ) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
         tries = [
             attempt.solve(theta, lag, rounds=2, fine=False)
@@ -81,7 +86,7 @@ class Starts:
             )
         first = best(tries)
         p = len(attempt.names)
-        return attempt, attempt.solve(first.z[:p], float(first.z[-1]), rounds=rounds)
+        return attempt, attempt.solve(first.z[:p], float(first.z[-1]))
 
     def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
         """Return parameters and delays [s] to start from."""

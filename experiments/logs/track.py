@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,19 +10,21 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
+from flexaxis.estimators import RECOMMENDED
+from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.offline.delay import delayed
+from flexaxis.estimators.offline.prediction_error import colourless
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import Spec, made
-from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.building.specs import Spec, made, parse
+from flexaxis.experiments.logs.attempt import log_of
+from flexaxis.experiments.logs.axis_file import Axis, usable
 from flexaxis.experiments.logs.changes import Change, find_changes
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import settled
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
 
@@ -137,41 +140,96 @@ def track(
     ------
     LogError, EstimatorError
         If a name is unknown, or the estimator cannot be built or run.
+
+    Notes
+    -----
+    Of an axis with laws the estimator is given the signals as they are, as a law does not hold for
+    filtered ones.
     """
-    output, period, ok = output_of(record), record.period, usable(record)
-    nominal = axis.model.parametrize(identify).theta  # refuses unknown names
-    torque = delayed(record.torque, axis.delay / period, smooth=is_smooth(record))
-    u, y = (lfilter(axis.whitening, 1.0, x) for x in (torque, getattr(record, output)))
-    there = np.ones(len(u), bool) if record.valid is None else record.valid
-    valid = settled(there, len(axis.whitening))
+    log, lawful = log_of(record, axis), bool(axis.model.laws)
+    output, period, ok = log.output, log.period, log.ok
+    nominal = axis.model.parametrize(identify)  # refuses unknown names
+    lag = axis.delay if log.smooth else max(axis.delay, 0.0)
+    torque = delayed(log.u, lag / period, smooth=log.smooth) + axis.offset
+    measured = log.y
+    there = np.ones(len(torque), bool) if record.valid is None else record.valid
+    colour = replace(colourless(axis.highpass, period), inverse=np.array(axis.whitening))
+    # a law holds for the signals as they are, so that only residuals can be made white
+    u, y = (torque, measured) if lawful else (colour.white(torque), colour.white(measured))
+    valid = there if lawful else colour.settled(there)
     estimator = _build(spec, axis, identify, start, period=period, output=output, torque=u)
-    filtered = replace(record, torque=u, valid=valid, **{output: y})
-    theta, claimed, alarms = run_on(estimator, filtered)
-    model = increment(axis.model, period) if output == "increment" else axis.model
-    good = settled(ok, len(axis.whitening))
+    changed: dict[str, Any] = {output: y}
+    theta, claimed, alarms = run_on(estimator, replace(record, torque=u, valid=valid, **changed))
+    names = tuple(estimator.names)
+    nominal = axis.model.parametrize(names)
+    model = (increment(axis.model, period) if output == "increment" else axis.model).parametrize(
+        names
+    )
+    good = colour.settled(ok)
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
-    simulated, _ = predict(model.parametrize(identify), last, torque, period=period)
-    white, psi = predict(model.parametrize(identify), last, u, period=period)
-    measured = getattr(record, output)
-    changes = find_changes(record.time[good], (y - white)[good], psi[good], last, tuple(identify))
-    correlation = _correlation((y - white)[good])
+    simulated, psi = predict(model, last, torque, period=period)
+    residual, psi = colour.white(measured - simulated), colour.white(psi.T).T
+    changes = find_changes(record.time[good], residual[good], psi[good], last, names)
+    correlation = _correlation(residual[good])
     return Tracked(
-        names=tuple(estimator.names),
+        names=names,
         time=record.time,
         theta=theta,
         deviations=None if claimed is None else _deviations(claimed),
-        nominal=nominal,
+        nominal=nominal.theta,
         usable=good,
         fit=100 * float(1 - np.std((measured - simulated)[ok]) / np.std(measured[ok])),
-        residual=y - white,
+        residual=residual,
         correlation=correlation,
         white=abs(correlation) < 0.1,
         alarms=record.time[alarms],
         changes=changes,
-        load=_load(record, axis, dict(zip(identify, last.tolist(), strict=True))),
+        load=_load(record, axis, dict(zip(names, last.tolist(), strict=True))),
     )
+
+
+def default_estimator(axis: Axis) -> str:
+    """Return the estimator that is recommended for an axis, by whether it has laws."""
+    return RECOMMENDED if axis.model.laws else "ekf"
+
+
+def with_forgetting(spec: Spec, text: str, period: float) -> Spec:
+    """Return an estimator with a forgetting factor, given as λ or as a time constant.
+
+    Parameters
+    ----------
+    spec : Spec
+    text : str
+        ``"0.995"``, or a time such as ``"1 s"`` or ``"500 ms"``: λ = 1 − T/τ, the memory of
+        samples T apart fades by 1/e in τ.
+    period : float
+        [s].
+
+    Raises
+    ------
+    LogError
+        If it is neither, or not possible.
+    EstimatorError
+        If the estimator forgets in no such way.
+    """
+    match = _FORGETTING.fullmatch(text)
+    value = float(match["value"]) if match else np.nan
+    unit = match["unit"] if match else None
+    if unit:
+        value = 1 - period / (value * _SECONDS[unit]) if value else np.nan
+    if not 0 < value < 1:
+        raise LogError(
+            f"--forgetting {text!r}: give a time such as '1 s', longer than the sampling period of "
+            f"{1e3 * period:g} ms, or a factor between 0 and 1 such as 0.995"
+        )
+    parse(f"{spec.text.partition('[')[0]}[forgetting={value!r}]")  # refuses who has no such option
+    return replace(spec, options=dict(spec.options) | {"forgetting": value})
+
+
+_FORGETTING = re.compile(r"\s*(?P<value>[0-9.]+(e-?[0-9]+)?)\s*(?P<unit>ms|s|min)?\s*")
+_SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0}
 
 
 def _build(
@@ -190,17 +248,34 @@ def _build(
         parameter = name.removeprefix("1/")
         values[parameter] *= start ** (-1.0 if name.startswith("1/") else 1.0)
     offered: dict[str, Any] = {"identify": tuple(identify), "output": output, "torque": torque}
-    if axis.noise is not None:
+    entry = next((e for e in REGISTRY.values() if e.factory is spec.make), None)
+    shipped = entry is not None
+    if axis.model.laws:
+        _refuse_linear(spec, entry)
+        if axis.deviation:
+            offered["deviations"] = dict(axis.deviation)
+    elif axis.noise is not None:
         offered["noise"] = axis.noise
-    shipped = spec.make in [entry.factory for entry in REGISTRY.values()]
     first = replace(axis.model, nominal=values) if shipped else values
     estimator = made(spec, first, period, offered)
-    if estimator.output != output or tuple(estimator.names) != tuple(identify):
+    mine = tuple(estimator.names)
+    if axis.model.laws:  # who knows laws may track their parameters besides
+        mine = mine[: len(identify)]
+    if estimator.output != output or mine != tuple(identify):
         raise EstimatorError(
             f"{spec.text} estimates {', '.join(estimator.names)} from {estimator.output!r}; asked "
             f"were {', '.join(identify)} from {output!r}"
         )
     return estimator
+
+
+def _refuse_linear(spec: Spec, entry: Entry | None) -> None:
+    if entry is not None and not entry.laws:
+        able = [name for name, e in REGISTRY.items() if e.laws]
+        raise LogError(
+            f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
+            f"use --estimator {RECOMMENDED} (or {', '.join(n for n in able if n != RECOMMENDED)})"
+        )
 
 
 def _deviations(claimed: Array) -> Array:

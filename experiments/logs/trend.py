@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -28,6 +28,7 @@ from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, REPORT
 from flexaxis.experiments.running.rows import RowFile, read, scan
 from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.record import Record
 
 ROWS, RESULT = "rows.jsonl", "trend.json"
 SUFFIXES = (
@@ -39,6 +40,31 @@ METHOD = 1  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
+class Source:
+    """How logs are read.
+
+    Attributes
+    ----------
+    tables, treatment : mapping
+        As for `flexaxis.experiments.logs.importing.read_any`.
+    torque : {"", "held", "smooth"}
+        What the torque of all logs is, where the tables do not say it: a guess from each log
+        might be another one from day to day.
+    """
+
+    tables: Mapping[str, Any]
+    treatment: Mapping[str, Any]
+    torque: str = ""
+
+    def read(self, path: Path) -> Record:
+        """Return a log as a record; errors as from `read_any`."""
+        tables = dict(self.tables)
+        if self.torque and (tables or path.suffix != ".nc"):  # a record says it itself
+            tables = {"torque_is": self.torque} | tables
+        return read_any(path, tables, **self.treatment)
+
+
+@dataclass(frozen=True)
 class Plan:
     """What is done to each log.
 
@@ -47,14 +73,12 @@ class Plan:
     axis : Axis
     names : tuple of str
         Parameters to estimate.
-    tables, treatment : mapping
-        As for `flexaxis.experiments.logs.importing.read_any`.
+    source : Source
     """
 
     axis: Axis
     names: tuple[str, ...]
-    tables: Mapping[str, Any]
-    treatment: Mapping[str, Any]
+    source: Source
 
     @property
     def text(self) -> str:
@@ -65,7 +89,7 @@ class Plan:
             "delay": self.axis.delay,
         }
         return json.dumps(
-            [METHOD, version("flexaxis"), axis, self.names, self.tables, self.treatment],
+            [METHOD, version("flexaxis"), axis, self.names, *vars(self.source).values()],
             sort_keys=True,
             default=str,
         )
@@ -112,21 +136,29 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(t or -1), "") if t.isdigit() else (-1, t) for t in re.split(r"(\d+)", path.name)]
 
 
-def what_is_seen(
-    logs: Sequence[Path], axis: Axis, tables: Mapping[str, Any], treatment: Mapping[str, Any]
-) -> tuple[str, ...]:
-    """Return the parameters that the first readable log tells; see `refit.seen`.
+def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[str] = ()) -> Plan:
+    """Return what is to be done to each log, as the first one that can be read shows it.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+    axis : Axis
+    source : Source
+    names : sequence of str
+        Parameters to estimate; by default those that this log tells, see `refit.seen`.
 
     Raises
     ------
     LogError
-        If none of the first `TRIES` can be read, as of the last of them.
+        If none of the first `TRIES` can be used, as of the last of them.
     """
     candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
     problem: FlexaxisError | EstimatorError | None = None
     for path in logs[:TRIES]:
         try:
-            return seen(read_any(path, tables, **treatment), axis, candidates)
+            record = source.read(path)
+            chosen = tuple(dict.fromkeys(names)) or seen(record, axis, candidates)
+            return Plan(axis, chosen, replace(source, torque=record.versions.get("torque", "")))
         except (FlexaxisError, EstimatorError) as error:
             problem = error
     assert problem is not None
@@ -202,7 +234,7 @@ def row_of(plan: Plan, task: Task) -> bytes:
 
 
 def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
-    record = read_any(path, plan.tables, **plan.treatment)
+    record = plan.source.read(path)
     with np.errstate(all="ignore"):
         found = refit(record, plan.axis, plan.names)
     numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset])

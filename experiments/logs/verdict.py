@@ -13,6 +13,7 @@ from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
+from flexaxis.experiments.logs.laws import Tried
 from flexaxis.experiments.logs.spectrum import Response
 
 Array = NDArray[np.float64]
@@ -56,9 +57,11 @@ def judge(
     attempt: Attempt,
     fitted: Fitted,
     deviations: Array,
-    response: Response | None,
-    tried: Sequence,
+    *,
+    seen: Response | None,
+    tried: Sequence[Tried],
     word: str,
+    smooth: bool = False,
 ) -> Verdict:
     """Return the verdict on a fit.
 
@@ -67,23 +70,26 @@ def judge(
     attempt, fitted
     deviations : ndarray (q,)
         Of the unknowns.
-    response : Response or None
+    seen : Response or None
     tried : sequence of Tried
     word : str
         Of the law that was taken.
+    smooth : bool
+        Whether the record has its torque as a smooth one.
     """
-    correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, response)
+    correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
     warnings = [
-        *_blind(attempt, fitted, deviations, response),
+        *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
         *_late(attempt, fitted, deviations),
         *_coloured(correlation, fitted),
         *_apart(misfit),
+        *_rubs(tried, word),
     ]
     return Verdict(
         tuple(warnings),
-        tuple([*_torque(attempt), *_laws(tried, word)]),
+        tuple([*_torque(attempt, smooth), *_laws(tried)]),
         correlation,
         condition,
         weakest,
@@ -132,9 +138,7 @@ def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
     )
 
 
-def _blind(
-    attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response | None
-) -> list[str]:
+def _blind(attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response | None) -> list[str]:
     band = ""
     if seen is not None:
         low, high = seen.omega[[0, -1]] / (2 * np.pi)
@@ -214,16 +218,35 @@ def _apart(misfit: float) -> list[str]:
     ]
 
 
-def _torque(attempt: Attempt) -> list[str]:
-    return ["the torque is a smooth one"] if attempt.log.smooth else []
+def _rubs(tried: Sequence[Tried], word: str) -> list[str]:
+    """Return what a law that was asked not to be there would have explained."""
+    if word != "none":
+        return []
+    return [
+        f"there is dry friction, which a linear model takes for viscous friction: with {t.name} "
+        f"friction the error of a prediction of held-out pieces is {t.comparison.after:.4g} and "
+        f"not {t.comparison.before:.4g}; use --friction auto"
+        for t in tried
+        if t.taken
+    ]
 
 
-def _laws(tried: Sequence, word: str) -> list[str]:
+def _torque(attempt: Attempt, stated: bool) -> list[str]:
+    if not attempt.log.smooth or stated:
+        return []
+    return [
+        "the torque is a smooth, measured one, though the record has it as held: it would act "
+        "before it is set; it was taken as smooth, as with --torque-is smooth at import"
+    ]
+
+
+def _laws(tried: Sequence[Tried]) -> list[str]:
     lines = []
     for t in tried:
         c = t.comparison
         lines.append(
             f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
-            f"{c.before:.4g} → {c.after:.4g}, {'taken' if t.taken else 'not better'}"
+            f"{c.before:.4g} → {c.after:.4g} ({100 * (c.after / c.before - 1):+.2g} %), "
+            f"{'better' if t.taken else 'not better beyond chance'}"
         )
     return lines

@@ -53,6 +53,9 @@ def _panel(ax: Any, points: Sequence[Mapping[str, Any]]) -> None:
         bound = next((p[key] for p in points if p[key]), None)
         if bound:
             ax.axhline(bound, color="k", ls=dashes, lw=1, label=label)
+    if not any(p["std"] and p["lag"] for p in points):  # a logarithm wants something to show
+        ax.set(xlim=(0.1, 10))
+        ax.text(0.5, 0.5, "no spread, or never settled", transform=ax.transAxes, ha="center")
     ax.set(xscale="log", yscale="log", xlabel="std before the fault [% of nominal]")
     ax.set_ylabel("lag after the fault [s]")
     for axis in (ax.xaxis, ax.yaxis):

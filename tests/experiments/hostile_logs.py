@@ -18,7 +18,8 @@ def signals(seconds=N / RATE, seed=0):
     rng = np.random.default_rng(seed)
     count = round(seconds * RATE)
     torque = rng.standard_normal(count)
-    angle = np.cumsum(np.cumsum(torque)) * 1e-5
+    speed = np.concatenate([[0], np.cumsum(torque)[:-1]])  # held, so it acts until the next
+    angle = np.concatenate([[0], np.cumsum(speed[:-1] + torque[:-1] / 2)]) * 1e-5
     return {"time": np.arange(count) / RATE, "torque": torque, "angle": angle}
 
 

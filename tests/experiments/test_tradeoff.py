@@ -230,6 +230,14 @@ def test_the_figure_holds_every_estimator_and_the_bounds():
     ]  # fmt: skip
 
 
+def test_a_panel_on_which_nothing_can_be_shown():
+    one = {"scenario": "s", "parameter": "f_m", "estimator": "frozen", "lag": None, "std": 0.0,
+           "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05}  # fmt: skip
+    drawn = figure([one])
+    drawn.canvas.draw()  # ticks are looked for
+    assert [text.get_text() for text in drawn.axes[0].texts] == ["no spread, or never settled"]
+
+
 def test_the_command(tmp_path, capsys):
     words = ["tradeoff", "kt_step-v1", "--estimator", "rpem-forgetting", "--seeds", "2",
              "--jobs", "1", "-o", str(tmp_path)]  # fmt: skip

@@ -16,7 +16,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle
 from flexaxis.experiments.logs.covariates import clock, covariates_of
 from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults, write_day
-from flexaxis.experiments.logs.trend import Plan, estimate_all, tasks, what_is_seen
+from flexaxis.experiments.logs.trend import Source, estimate_all, plan_for, tasks
 from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdict, verdicts
 
 STYLE = LogStyle(counts=65536)
@@ -60,12 +60,11 @@ def main():
     scenario = without_faults(find_scenario(args.scenario), args.duration)
     axis = known_axis(scenario)
     first, last = map(int, args.seeds.split(":"))
-    names = None
+    plan = None
     for seed in range(first, last):
         for wear in map(float, args.wear.split(",")):
             logs = logs_of(args.folder, scenario, wear, seed)
-            names = names or what_is_seen(logs, axis, {}, {})
-            plan = Plan(axis, names, {}, {})
+            plan = plan or plan_for(logs, axis, Source({}, {}))
             rows = estimate_all(plan, list(tasks(plan, logs)), args.folder)
             bad = [row["problem"] for row in rows if row["problem"]]
             for covariates in (["temp"], []):

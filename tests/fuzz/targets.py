@@ -99,16 +99,16 @@ def prepare(folder: Path) -> None:
         main(["run", str(folder / "short.toml"), *words, "-o", str(folder / "run")])
 
 
-def fault(act: Callable[[Path], int], path: Path) -> str:
+def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> str:
     """Let a command read a file; return what is wrong with how it answers, or nothing."""
     out, err = io.StringIO(), io.StringIO()
     try:
-        with limited(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with limited(seconds), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             status = act(path)
     except SystemExit as error:  # argparse
         status = error.code
     except TimeoutError:
-        return f"no answer in {SECONDS:g} s"
+        return f"no answer in {seconds:g} s"
     except Exception as error:
         return f"{type(error).__name__}: {error}"[:600]
     said = err.getvalue()
@@ -123,7 +123,7 @@ def fault(act: Callable[[Path], int], path: Path) -> str:
 
 
 @contextlib.contextmanager
-def limited() -> Iterator[None]:
+def limited(seconds: float) -> Iterator[None]:
     """Let it take so long, and so much memory."""
 
     def over(*_: object) -> None:
@@ -134,7 +134,7 @@ def limited() -> Iterator[None]:
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if sys.platform == "linux" else 0
     if pages:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, hard))
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:

@@ -48,6 +48,10 @@ def _look(e: Evidence) -> Doubt | None:
     every = {name: updates_every(v) for name, v in signals.items() if v is not None}
     name, motion = "clocks", {n: k for n, k in every.items() if n != "torque"}
     slowest = max(motion.values())
+    if e.raw.joined:
+        text = f"{e.raw.joined}: signals of two topics, of which the delay is not known"
+        command = "flexaxis identify, without --delay"
+        return Doubt(name, None, "samples", "note", text, command)
     if slowest == 1 and every["torque"] == 1:
         return Doubt(name, 1.0, "samples", "ok", "all signals are updated at each sample")
     text = ", ".join(f"{n} at every {'' if k == 1 else f'{k}. '}sample" for n, k in every.items())

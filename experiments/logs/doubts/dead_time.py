@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 SHIFTED = 0.75  # samples
 SMALL = 0.25  # samples
+NEAR_WRAP = 2.0  # rad, from which on a phase may be one turn further
 FAST = 0.5  # rad that the fastest excitation turns by in a sample: below, a lead tells nothing
 NAME = "dead time from torque to angle"
 
@@ -53,15 +54,21 @@ def lag_of(e: Evidence, part: slice = slice(None)) -> Lag | None:
     low, high = e.band
     tenth = 0.1 * (high - low)
     top = (frequency > high - tenth) & (frequency <= high)
-    bottom = (frequency >= low) & (frequency < low + tenth)
+    bottom = (frequency >= low) & (frequency < low + tenth) & (frequency > 0)
     if not top.any() or not bottom.any():
         return None
-    centre = 2 * np.pi * float(np.mean(frequency[top]))
+    turn = 2 * np.pi * float(np.mean(frequency[top])) * e.period
+    phase = float(np.angle(cross[top].sum()))
+    if abs(phase) > NEAR_WRAP:  # half the frequency has half the phase, which tells the turn
+        middle = (frequency > high / 2 - tenth) & (frequency <= high / 2) & (frequency >= low)
+        double = 2 * float(np.angle(cross[middle].sum()))
+        phase += 2 * np.pi * round((double - phase) / (2 * np.pi))
     # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
     # means over a sample, half a sample later
     late = 0.5 if e.incremental else 0.0
-    lag = -float(np.angle(cross[top].sum())) / centre / e.period - late
-    return Lag(lag, centre * e.period, bool(cross[bottom].sum().real < 0))
+    # at low frequencies an axis is inertia and friction: its acceleration leads by 0 to 90°
+    opposite = float((cross[bottom] * np.exp(-0.25j * np.pi)).sum().real) < 0
+    return Lag(-phase / turn - late, turn, opposite)
 
 
 def _look(e: Evidence) -> Doubt:

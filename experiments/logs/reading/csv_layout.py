@@ -82,8 +82,8 @@ def layout_of(path: Path) -> Layout:
     if head + 1 < start:
         number, row = rows[head + 1]
         raise LogError(
-            f"{path}: line {number + 1} has {len(row)} cells, but most have {width}: decimal commas "
-            "between commas? Write the log with points, or with semicolons between the columns"
+            f"{path}: line {number + 1} has {len(row)} cells, but most have {width}: decimal "
+            "commas between commas? Write it with points, or with semicolons between the columns"
         )
     names, units = _head(path, [row for _, row in rows[:start]], lines[:first], width, separator)
     comment = next((mark for mark in COMMENTS for line in lines if line.startswith(mark)), None)

@@ -1,0 +1,124 @@
+"""What is said of an identification: as text, as JSON, and as a page."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from flexaxis.experiments.logs.identify import Identification
+from flexaxis.experiments.logs.log_figures import bode_figure
+from flexaxis.experiments.logs.log_page import LogPage
+from flexaxis.experiments.logs.validate import Validation, validation_figure
+
+Row = tuple[str, float, float, float, float]
+
+
+def rows(found: Identification) -> list[Row]:
+    """Return name, estimate, and its standard deviations: the larger, of noise, over pieces."""
+    columns = (found.theta, found.deviations, found.noise_deviations, found.spread)
+    values = zip(found.names, *(column.tolist() for column in columns), strict=True)
+    more = [
+        ("delay", found.delay, found.delay_deviation),
+        ("offset", found.offset, found.offset_deviation),
+    ]
+    return [*values, *((name, value, sd, sd, sd) for name, value, sd in more)]
+
+
+def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    told: dict[str, Any] = {
+        "estimates": {
+            name: {"value": v, "sd": sd, "sd_noise": noise, "sd_pieces": pieces}
+            for name, v, sd, noise, pieces in rows(found)
+        },
+        "fit": found.fit,
+        "friction": found.friction,
+        "compared": [
+            {"law": t.name, "against": t.against, "taken": t.taken} | vars(t.comparison)
+            for t in found.tried
+        ],
+        "condition": found.verdict.condition,
+        "identifiability": found.verdict.weakest,
+        "residual": {
+            "std": found.axis.noise,
+            "correlation": found.verdict.correlation,
+            "noise_order": len(found.axis.whitening) - 1,
+        },
+        "warnings": list(found.warnings),
+        "remarks": list(found.remarks),
+    }
+    if tried is not None:
+        told["validation"] = {"simulation": tried.simulation, "prediction": tried.prediction}
+    return told
+
+
+def _facts(found: Identification, tried: Validation | None) -> list[tuple[str, str]]:
+    facts = [
+        ("law of friction", found.friction),
+        ("fit of a simulation from the torque alone", f"{found.fit:.1f} %"),
+        ("order of the noise model", str(len(found.axis.whitening) - 1)),
+        ("correlation of white residuals", f"{found.verdict.correlation:.3f}"),
+        ("condition", f"{found.verdict.condition:.3g}"),
+        ("identifiability", found.verdict.weakest),
+    ]
+    if tried is not None:
+        facts += [
+            ("on the other log, fit of a simulation", f"{tried.simulation:.1f} %"),
+            ("on the other log, fit of a prediction over one sample", f"{tried.prediction:.1f} %"),
+        ]
+    return facts
+
+
+def print_identification(found: Identification, tried: Validation | None) -> None:
+    """Print it."""
+    table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
+    for name, value, sd, *_ in rows(found):
+        share = f"{100 * sd / abs(value):.2g}" if value else ""
+        table.add_row(name, f"{value:.5g}", f"{sd:.2g}", share)
+    console = Console()
+    console.print(table)
+    for name, text in _facts(found, tried):
+        print(f"{name}: {text}")
+    for text in found.remarks:
+        print(f"- {text}")
+    for text in found.warnings:
+        console.print(f"! {text}", style="yellow", markup=False, soft_wrap=True)
+
+
+def identification_page(
+    found: Identification, period: float, tried: Validation | None, title: str, command: str
+) -> LogPage:
+    """Return the page of it."""
+    estimates = [
+        (name, f"{value:.5g}", f"{sd:.2g}", f"{noise:.2g}", f"{pieces:.2g}")
+        for name, value, sd, noise, pieces in rows(found)
+    ]
+    figures = []
+    if found.response is not None:
+        text = (
+            "Dots: what the log shows without a model, but for the dry friction that was found. "
+            "Where the line leaves them, the model does not describe the axis."
+        )
+        figures.append(("Frequency response", bode_figure(found, period), text))
+    if tried is not None:
+        text = (
+            "The liveliest piece of the log that was not used. The simulation is given the torque "
+            "alone, the prediction the motion up to the sample before as well."
+        )
+        figures.append(("On another log", validation_figure(tried), text))
+    head = ("parameter", "estimate (SI)", "standard deviation", "of noise alone", "over pieces")
+    return LogPage(
+        title=title,
+        command=command,
+        remarks=[
+            *(("problem", text) for text in found.warnings),
+            *(("ok", text) for text in found.remarks),
+        ],
+        tables=[
+            ("Estimates", head, estimates),
+            ("How far to trust them", ("", ""), _facts(found, tried)),
+        ],
+        figures=figures,
+    )

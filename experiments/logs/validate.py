@@ -1,0 +1,119 @@
+"""An identified axis on a log that it was not identified from: simulation and prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flexaxis.estimators.offline.prediction_error import Colour, colourless, finished
+from flexaxis.experiments.logs.attempt import Attempt, log_of
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.sim.record import Record
+
+Array = NDArray[np.float64]
+
+PIECE = 2.0  # s of the log that the figure shows, the liveliest
+BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
+POOR = 10.0  # points of fit: worse than on its own log by more than that is worth a word
+
+
+@dataclass(frozen=True)
+class Validation:
+    """What an axis says of another log.
+
+    Attributes
+    ----------
+    time, measured, simulated, predicted : ndarray (N,)
+        [s], and the output [rad/s]: as logged, simulated from the torque alone, and predicted over
+        one sample from the past of both.
+    ok : ndarray (N,) of bool
+        Where it counts.
+    simulation, prediction : float
+        100 (1 − |y − ŷ|/|y − mean y|) of both.
+    """
+
+    time: Array
+    measured: Array
+    simulated: Array
+    predicted: Array
+    ok: NDArray[np.bool_]
+    simulation: float
+    prediction: float
+
+
+def validate(record: Record, axis: Axis) -> Validation:
+    """Simulate and predict a record, with nothing fitted to it but the state that it begins in.
+
+    Raises
+    ------
+    LogError
+        If the log has another rate than the one that the axis was identified at.
+    """
+    log = log_of(record, axis)
+    names = tuple(axis.model.parameters[:1])
+    attempt = Attempt(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
+    problem = attempt.problem()
+    held = np.ones(problem.course.q, bool)
+    held[len(names) : -2] = False  # the state that it begins in
+    problem = replace(problem, held=held)
+    plain = colourless(axis.highpass, log.period)
+    colour: Colour = replace(plain, inverse=np.array(axis.whitening))
+    z = np.zeros(problem.course.q)
+    z[: len(names)] = axis.model.parametrize(names).theta
+    z[-2:] = axis.offset, axis.delay
+    z = problem.descend(problem.at(z, colour), colour, 6).z
+    found = finished(problem, z, colour)
+    if not np.isfinite(found.residual).all():
+        raise LogError("the axis cannot be simulated over this log: is it the same axis?")
+    y, ok = log.y, found.good
+    return Validation(
+        record.time,
+        y,
+        y - found.residual,
+        y - found.white,
+        ok,
+        _fit(y[ok], found.residual[ok]),
+        _fit(y[ok], found.white[ok]),
+    )
+
+
+def _fit(y: Array, error: Array) -> float:
+    return 100 * float(1 - np.std(error) / np.std(y))
+
+
+def validation_figure(found: Validation) -> Figure:
+    """Draw the liveliest piece of the log with simulation and prediction over it, and errors."""
+    time, ok = found.time, found.ok
+    length = max(round(PIECE / (time[1] - time[0])), 20)
+    power = np.convolve(np.where(ok, found.measured, 0.0) ** 2, np.ones(length), "valid")
+    begin = int(np.argmax(power))
+    piece = slice(begin, begin + length)
+    fig = Figure(figsize=(8.0, 5.0), layout="constrained")
+    upper, lower = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    upper.plot(time[piece], found.measured[piece], "k--", lw=1.0, label="log", zorder=3)
+    upper.plot(
+        time[piece],
+        found.simulated[piece],
+        color=ORANGE,
+        lw=1.3,
+        label=f"simulation from the torque alone, fit {found.simulation:.1f} %",
+    )
+    upper.plot(
+        time[piece],
+        found.predicted[piece],
+        color=BLUE,
+        lw=0.8,
+        label=f"prediction over one sample, fit {found.prediction:.1f} %",
+    )
+    for values, shade in ((found.simulated, ORANGE), (found.predicted, BLUE)):
+        lower.plot(time[piece], (found.measured - values)[piece], color=shade, lw=0.8)
+    upper.set_ylabel("speed [rad/s]")
+    lower.set(xlabel="time [s]", ylabel="error [rad/s]")
+    for ax in (upper, lower):
+        ax.grid(alpha=0.25)
+    upper.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    return fig

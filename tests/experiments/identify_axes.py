@@ -1,0 +1,122 @@
+"""
+Logs of one and two masses with dry friction, by an integrator of their own.
+
+The linear part is exact over steps of a fortieth of a sample, and Coulomb friction is the torque
+that stops the motor in a step, or all that there is of it: neither bristles nor the sampled models
+of the estimators. The motor angle is controlled, by the paper's controller.
+"""
+
+import numpy as np
+from numba import njit
+from scipy.linalg import expm
+
+from flexaxis.sim.record import Record
+
+VALUES = {
+    1: {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3},
+    2: {"k_T": 1.0, "J_m": 4e-3, "J_l": 6e-3, "k": 60.0, "d": 0.05, "f_m": 0.02, "f_l": 0.005},
+}
+NAMES = {1: "one_mass", 2: "two_mass"}
+STEPS = 40  # of a sample
+
+
+def log(
+    masses: int,
+    ratio: float,
+    motion: str,
+    *,
+    seed: int,
+    seconds: float = 60.0,
+    period: float = 0.002,
+    noise: float = 0.05,
+    offset: float = 0.0,
+) -> Record:
+    """
+    Return a log from rest.
+
+    Parameters
+    ----------
+    masses : {1, 2}
+    ratio : float
+        f_c/f_m [rad/s].
+    motion : {"multisine", "moves"}
+        A multisine of .1 to 30 Hz, or moves of .4 s and rests of .2 s; faster the more dry friction
+        there is.
+    seed : int
+    seconds, period : float
+        [s].
+    noise : float
+        Of the speed [rad/s].
+    offset : float
+        Torque that acts besides [N m].
+    """
+    values, N = VALUES[masses], round(seconds / period)
+    A, B, motor = _matrices(masses, values)
+    n, h = len(A), period / STEPS
+    step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * h)
+    gain = step[:n, n].copy()
+    rng = np.random.default_rng([seed, masses, round(ratio)])
+    speed = float(np.clip(ratio, 5, 60))
+    reference = {"multisine": _multisine, "moves": _moves}[motion](N, period, speed, rng)
+    stiffness = 60 * sum(value for name, value in values.items() if name.startswith("J"))
+    f_c = ratio * values["f_m"]
+    system = step[:n, :n].copy(), gain, -gain / values["k_T"], motor
+    u, v, angle = _run(system, reference, stiffness, period, f_c, offset)
+    return Record(
+        time=period * np.arange(N),
+        torque=u,
+        speed=v + noise * rng.standard_normal(N),
+        angle=angle,
+    )
+
+
+def _matrices(masses, q):
+    """Return A and B, the angle of the motor last, and the place of its speed."""
+    if masses == 1:
+        A = np.array([[-q["f_m"] / q["J_m"], 0.0], [1.0, 0.0]])
+        return A, np.array([q["k_T"] / q["J_m"], 0.0]), 0
+    A = np.zeros((4, 4))
+    A[0, 1:3] = 1.0, -1.0
+    A[1] = np.array([-q["k"], -q["d"] - q["f_m"], q["d"], 0.0]) / q["J_m"]
+    A[2] = np.array([q["k"], q["d"], -q["d"] - q["f_l"], 0.0]) / q["J_l"]
+    A[3, 1] = 1.0
+    return A, np.array([0.0, q["k_T"] / q["J_m"], 0.0, 0.0]), 1
+
+
+def _multisine(N, period, speed, rng):
+    samples = round(10.0 / period)
+    lines = np.zeros(samples // 2 + 1, complex)
+    lines[1:301] = np.exp(2j * np.pi * rng.random(300))
+    one = np.fft.irfft(lines, samples)
+    return np.resize(one * speed / np.std(np.gradient(one, period)), N)
+
+
+def _moves(N, period, speed, rng):
+    length, cycle = round(0.4 / period), round(0.6 / period)
+    number, since = np.divmod(np.arange(N), cycle)
+    part = np.minimum(since / length, 1.0)
+    reach = 0.5 * speed
+    targets = np.r_[0.0, rng.uniform(-reach, reach, number.max() + 1)]
+    share = part**3 * (10 - 15 * part + 6 * part**2)
+    return (1 - share) * targets[number] + share * targets[number + 1]
+
+
+@njit
+def _run(system, reference, stiffness, period, f_c, offset):
+    Phi, gain, friction, motor = system
+    N, x = len(reference), np.zeros(len(Phi))
+    u, v, angle = np.zeros(N), np.zeros(N), np.zeros(N)
+    integral, before, slope, memory = 0.0, 0.0, 0.0, np.exp(-period / 5e-4)
+    for k in range(N):
+        v[k], angle[k] = x[motor], x[-1]
+        error = reference[k] - x[-1]
+        slope = memory * slope + (1 - memory) * (error - before) / period
+        before = error
+        s = 4.0 * error + slope
+        integral += period * 2.0 * s
+        u[k] = stiffness * (s + integral)
+        for _ in range(STEPS):
+            x = Phi @ x + gain * (u[k] + offset)
+            stopping = -x[motor] / friction[motor]
+            x = x + friction * min(max(stopping, -f_c), f_c)
+    return u, v, angle

@@ -1,0 +1,136 @@
+"""Logs of simulated runs: as a robot writes them, and as import reads them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.as_log import LONGEST_GAP, LogStyle, logged, write_log
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.days import Days, calendar, without_faults
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.importing import import_log
+from flexaxis.sim.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def record():
+    scenario = find_scenario("fm_step-v1").override({"duration": 11.0})
+    return simulate(scenario, [0])[0]
+
+
+def round_trip(record, style, path, tables):
+    write_log(path, logged(record, style, np.random.default_rng(0)), style, date="2026-03-01T06:30")
+    return import_log(path, {"torque_is": "held"} | tables, burn_in=0.0).record
+
+
+@pytest.mark.parametrize(
+    ("suffix", "tables"),
+    [("csv", {}), ("h5", {}), ("mat", {"unit": {"time": "ms", "angle": "deg", "speed": "rpm"}})],
+)
+def test_round_trip_within_the_resolution(record, tmp_path, suffix, tables):
+    style = LogStyle(
+        units=("ms", "deg", "rpm", "A"), counts=65536, torque_step=0.01, scale={"torque": 0.5}
+    )
+    tables = tables | {"scale": {"torque": 0.5}}
+    back = round_trip(record, style, tmp_path / f"log.{suffix}", tables)
+    np.testing.assert_allclose(back.time, record.time, atol=1e-9)
+    assert np.max(abs(back.angle - record.angle)) <= np.pi / 65536 + 1e-8
+    assert np.max(abs(back.torque - record.torque)) <= 0.005 + 1e-8
+    np.testing.assert_allclose(back.speed, record.speed, atol=1e-6)
+
+
+def test_jitter_gaps_and_offset(record, tmp_path):
+    style = LogStyle(jitter=2e-5, gaps=3, offset={"torque": 0.2})
+    back = round_trip(record, style, tmp_path / "log.csv", {})
+    missing = ~back.valid
+    assert 3 <= missing.sum() <= 3 * (LONGEST_GAP + 1)
+    assert back.period == pytest.approx(record.period, rel=1e-4)
+    there = back.valid
+    np.testing.assert_allclose(back.torque[there], record.torque[there] + 0.2, atol=1e-8)
+    assert np.max(abs(back.angle - record.angle)[there]) < 1e-8  # stamps are off, samples are not
+
+
+def test_decimal_commas(record, tmp_path):
+    path = tmp_path / "log.csv"
+    back = round_trip(record, LogStyle(decimal_comma=True), path, {})
+    assert ";" in path.read_text().splitlines()[1]
+    np.testing.assert_allclose(back.torque, record.torque, atol=1e-8)
+
+
+@pytest.mark.parametrize("suffix", ["mat", "h5"])
+def test_without_names(record, tmp_path, suffix):
+    columns = {"time": "data[0]", "torque": "data[1]", "angle": "data[2]", "speed": "data[3]"}
+    back = round_trip(record, LogStyle(header=False), tmp_path / f"log.{suffix}", columns)
+    np.testing.assert_allclose(back.angle, record.angle, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"units": ("degg",)}, "deg"),
+        ({"scale": {"torqe": 1.0}}, "torque"),
+        ({"scale": {"torque": 0.0}}, "other than 0"),
+        ({"gaps": -1}, "gaps"),
+    ],
+)
+def test_wrong_styles_are_refused(given, word):
+    with pytest.raises(LogError, match=word):
+        LogStyle(**given)
+
+
+def test_command(tmp_path, capsys):
+    scenario = tmp_path / "short.toml"
+    text = find_scenario("fm_step-v1").override({"duration": 11.0, "name": "short"}).to_toml()
+    scenario.write_text(text)
+    words = ["simulate", str(scenario), "--as-log", "csv", "--units", "deg,A", "--gaps", "2"]
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    for path in (one, other):
+        assert main([*words, "-o", str(path), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out.splitlines()[0])
+    assert said["import"].startswith("flexaxis import")
+    assert one.read_bytes() == other.read_bytes()
+    assert one.read_text().startswith("time [s],torque [A],angle [deg],speed [rad/s]\n")
+    assert main([*words, "-o", str(tmp_path / "wrong.mat")]) == 2
+    assert main(["simulate", str(scenario), "--gaps", "2", "-o", str(one)]) == 2
+    assert "--as-log" in capsys.readouterr().err
+
+
+def test_days_follow_temperature_and_wear():
+    scenario = without_faults(find_scenario("wg_fc_step-v1"), 5.0)
+    days = Days(days=60, wear={"f_c": 0.2}, from_day=30, warm={"f_c": -0.01}, scatter=0.0)
+    plan = calendar(scenario, days, 3)
+    assert plan == calendar(scenario, days, 3)
+    temperature = np.array([day.temperature for day in plan])
+    assert np.ptp(temperature) == pytest.approx(25)
+    assert (plan[0].date, plan[-1].date) == ("2026-01-01T06:00", "2026-03-01T06:00")
+    factor = np.array([day.factors["f_c"] for day in plan]) / 0.99 ** (temperature - 25)
+    np.testing.assert_allclose(factor[:30], 1.0)
+    np.testing.assert_allclose(np.diff(factor[29:]), 0.2 / 30)
+    same = calendar(scenario, Days(days=60, warm={"f_c": -0.01}, scatter=0.0), 3)
+    assert same[:30] == plan[:30]  # so that sets with and without wear share their beginning
+
+
+def test_days_are_logs_of_the_axis(tmp_path, capsys):
+    folder = tmp_path / "days"
+    words = ["days", "--days", "3", "--from-day", "1", "--wear", "f_c=+30%", "--duration", "2"]
+    assert main([*words, "-o", str(folder), "--json"]) == 0
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "2026-01-01.csv", "2026-01-02.csv", "2026-01-03.csv", "axis.toml", "truth.json",
+    ]  # fmt: skip
+    text = (folder / "2026-01-02.csv").read_text().splitlines()
+    assert text[0] == "# date: 2026-01-02T06:00"
+    assert text[1].endswith(",temp")
+    truth = json.loads((folder / "truth.json").read_text())["days"]
+    temperatures = [float(line.rpartition(",")[2]) for line in text[2:]]
+    assert np.mean(temperatures) == pytest.approx(truth[1]["temperature"] + 0.15, abs=0.05)
+    axis = find_axis(str(folder / "axis.toml"))
+    assert axis.known
+    assert axis.model.nominal["f_c"] == pytest.approx(0.74302635727901)
+    capsys.readouterr()
+    assert main(["days", "--wear", "f_q=+12%", "-o", str(tmp_path / "x")]) == 2
+    assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
+    assert "percentage" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()

@@ -1,0 +1,152 @@
+"""Steps and ramps in sequences of estimates: found, placed, sized, and not made up."""
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.logs.change_points import Series, explain, ratios, size_of
+from flexaxis.experiments.logs.scatter import Scatter
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
+
+N = 60
+DAYS = np.arange(float(N))
+
+
+def noise(rng, n=N, scatter=0.01, memory=0.0):
+    e = np.empty(n)
+    e[0] = rng.standard_normal()
+    for k in range(1, n):
+        e[k] = memory * e[k - 1] + np.sqrt(1 - memory**2) * rng.standard_normal()
+    return scatter * e
+
+
+def series(value, deviation=0.003, covariates=None):
+    n = len(value)
+    given = np.empty((n, 0)) if covariates is None else np.atleast_2d(covariates.T).T
+    return Series(np.arange(float(n)), value, np.full(n, deviation), given)
+
+
+def ramp(size, begin=30):
+    return size * np.maximum(DAYS - begin, 0) / (N - 1 - begin)
+
+
+def test_a_ramp_is_found_with_its_size_and_place():
+    rng = np.random.default_rng(1)
+    found = explain(series(ramp(0.12) + noise(rng)))
+    (change,) = found.changes
+    assert change.shape == "ramp"
+    assert change.earliest <= 30 <= change.latest
+    assert abs(change.size - 0.12) < 3 * change.deviation
+    assert 0.002 < change.deviation < 0.02  # 1 % over 30 logs on each side
+    assert 0.006 < found.scatter < 0.015  # of 60 logs, in steps of a third
+
+
+def test_a_step_is_no_ramp():
+    rng = np.random.default_rng(2)
+    (change,) = explain(series(0.05 * (DAYS >= 40) + noise(rng))).changes
+    assert (change.shape, change.place) == ("step", 40)
+
+
+def test_wear_and_repair_are_two_changes():
+    rng = np.random.default_rng(3)
+    value = 0.2 * np.maximum(DAYS - 15, 0) / 30 * (DAYS < 45) + noise(rng)
+    wear, repair = explain(series(value)).changes[:2]
+    assert (wear.shape, repair.shape) == ("ramp", "step")
+    assert wear.earliest <= 15 <= wear.latest + 1
+    assert repair.place == 45
+    assert abs(repair.size + 0.2) < 3 * repair.deviation
+
+
+def test_one_log_out_of_line_is_no_change():
+    rng = np.random.default_rng(4)
+    value = noise(rng)
+    value[25] += 0.2
+    found = explain(series(value))
+    assert not found.changes
+    assert [c.place for c in found.outliers] == [25]
+
+
+def test_noise_smaller_than_claimed_shows_nothing():
+    """Estimates that are alike by a common error do not make a small change a large one."""
+    rng = np.random.default_rng(5)
+    value = ramp(0.003) + noise(rng, scatter=0.0003)
+    assert not explain(series(value, deviation=0.003)).changes
+    assert explain(series(value, deviation=0.0003)).changes
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.3])
+def test_false_alarms_are_as_rare_as_said(memory):
+    """200 sequences at 5 %: 10, and 19 with a chance of 1 in 300 (binomial)."""
+    rng = np.random.default_rng(6)
+    alarms = 0
+    for _ in range(200):
+        temperature = np.cumsum(rng.standard_normal(40))
+        value = noise(rng, 40, 0.01, memory) + 0.001 * temperature
+        alarms += bool(explain(series(value, covariates=temperature), false_alarms=0.05).changes)
+    assert alarms <= 19
+
+
+def test_ratios_are_those_of_two_fits():
+    """Against residual sums of squares by numpy's least squares."""
+    rng = np.random.default_rng(7)
+    x, Z, h = rng.standard_normal(30), rng.standard_normal((30, 3)), rng.standard_normal((30, 2))
+
+    def rest(design):
+        return np.linalg.lstsq(design, x)[1][0]
+
+    found, gain = ratios(x, Z, h)
+    for j in range(2):
+        more = rest(np.column_stack([Z, h[:, j]]))
+        assert gain[j] == pytest.approx(rest(Z) - more)
+        assert found[j] == pytest.approx((rest(Z) - more) / (more / 26))
+
+
+def test_scatter_and_memory_are_those_of_the_sequence():
+    rng = np.random.default_rng(8)
+    scatter = Scatter(np.arange(250.0), np.ones(250))
+    x = rng.standard_normal(250) + noise(rng, 250, 4.0, 0.6)
+    scatter.fit(x, np.ones((250, 1)))
+    assert 2.5 < scatter.size < 6
+    assert 0.45 <= scatter.memory <= 0.75
+    assert 0.9 < np.std(scatter.white(x - x.mean())) < 1.1
+
+
+def temperature(rng):
+    return 12 * np.sin(2 * np.pi * DAYS / N) + rng.standard_normal(N)
+
+
+def judged(value, covariates):
+    deviation = np.full(N, 0.003) * value
+    return verdict("f_c", DAYS, value, deviation, covariates, false_alarms=0.01)
+
+
+def test_wear_is_told_from_warmth():
+    rng = np.random.default_rng(9)
+    warm = temperature(rng)
+    friction = np.exp(-0.01 * warm + noise(rng))
+    none = np.empty((N, 0))
+    assert judged(friction, none).kind == CHANGED  # of whatever cause
+    alone = judged(friction, warm[:, None])
+    assert alone.kind == EXPLAINED
+    assert alone.found.slopes[0] == pytest.approx(-0.01, rel=0.1)
+    worn = judged(friction * (1 + ramp(0.12)), warm[:, None])
+    assert worn.kind == CHANGED
+    (change,) = worn.found.changes
+    assert float(worn.percent(change.size)) == pytest.approx(12, abs=3)
+    assert judged(np.exp(noise(rng)), warm[:, None]).kind == STEADY
+
+
+def test_what_moves_together_stays_open():
+    rng = np.random.default_rng(10)
+    warm = ramp(10.0) + 0.1 * rng.standard_normal(N)
+    found = judged(np.exp(ramp(0.12) + noise(rng)), warm[:, None])
+    assert found.kind == OPEN
+    assert found.change.deviation > 0.05
+
+
+def test_the_size_beside_a_covariate():
+    rng = np.random.default_rng(11)
+    warm = temperature(rng)
+    given = series(0.01 * warm + noise(rng), covariates=warm)
+    bare = explain(series(given.value)).changes[0]
+    beside = size_of(given, bare)
+    assert abs(beside.size) < 3 * beside.deviation < abs(bare.size)

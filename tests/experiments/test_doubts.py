@@ -1,0 +1,346 @@
+"""What import sees in logs of an axis that is known, each with one thing wrong with it."""
+
+import h5py
+import numpy as np
+import pytest
+from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt, sosfiltfilt
+
+from flexaxis.experiments.logs.doubts.clocks import updates_every
+from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
+from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
+from flexaxis.experiments.logs.importing import import_log, read_any
+from flexaxis.experiments.logs.prepare import unwrapped
+from flexaxis.experiments.logs.remedies import remedied
+from flexaxis.sim.record import Record
+
+T, FINE = 1e-3, 20  # s, steps of the simulation a sample
+J, F = 0.01, 0.05  # kg m², N m s/rad
+
+
+def shaken(seconds=20.0, *, seed=0, low=2.0, high=120.0):
+    """Return a torque [N m] with power between two frequencies [Hz], of rms 1."""
+    rng = np.random.default_rng(seed)
+    sos = butter(4, [2 * low * T, 2 * high * T], "bandpass", output="sos")
+    u = sosfilt(sos, rng.standard_normal(round(seconds / T)))
+    return u / u.std()
+
+
+def moved(u, *, coulomb=0.0, between=None):
+    """Return angles [rad] of a mass under a torque, held or as given at FINE points a sample."""
+    fine = np.repeat(u, FINE) if between is None else between
+    h, v, phi = T / FINE, 0.0, 0.0
+    angle = np.empty(len(u))
+    for k in range(len(fine)):
+        if k % FINE == 0:
+            angle[k // FINE] = phi
+        push = fine[k] - F * v
+        # the friction of a step is what would stop the mass, and no more than there is
+        stick = np.clip(push + J * v / h, -coulomb, coulomb)
+        v += h / J * (push - stick)
+        phi += h * v
+    return angle
+
+
+def log(u, angle, **more):
+    return {"time": T * np.arange(len(u)), "torque": u, "angle": angle} | more
+
+
+def imported(folder, columns, tables=None, **treatment):
+    with h5py.File(folder / "log.h5", "w") as file:
+        for name, values in columns.items():
+            file[name] = values
+    return import_log(folder / "log.h5", tables or {}, **treatment)
+
+
+def seen(found, name):
+    (doubt,) = [check for check in found.checks if check.name == name]
+    return doubt
+
+
+@pytest.fixture(scope="module")
+def clean():
+    u = shaken()
+    return log(u, moved(u))
+
+
+def test_nothing_is_doubted_of_a_clean_log(clean, tmp_path):
+    found = imported(tmp_path, clean)
+    assert [c.name for c in found.checks if c.verdict != "ok"] == []
+    assert len({check.name for check in found.checks}) == len(looks())
+
+
+def test_all_that_a_record_tells_is_told_of_it_alone(clean, tmp_path):
+    found = imported(tmp_path, clean | {"torque": clean["torque"] + 0.3})
+    path = found.record.save(tmp_path / "rec.nc")
+    told = {doubt.name: doubt for doubt in doubts_of(read_any(path, {}))}
+    for check in found.checks:
+        if check.name in told and check.name != "clipping of the torque":
+            assert told[check.name].told() == check.told()
+    assert told["offset of the torque"].verdict == "problem"
+
+
+def test_an_offset_that_the_motion_does_not_show(clean, tmp_path):
+    found = imported(tmp_path, clean | {"torque": clean["torque"] + 0.02})
+    doubt = seen(found, "offset of the torque")
+    assert doubt.verdict == "problem" and doubt.remedy == {"highpass": doubt.remedy["highpass"]}
+    assert doubt.command == f"--highpass {doubt.remedy['highpass']:g}"
+    cured = remedied(found.record, doubt.remedy)
+    assert {d.name: d for d in doubts_of(cured)}["offset of the torque"].verdict == "ok"
+    # one that the motion shows is none: the axis turns at u/f
+    u = shaken() + 0.2
+    angle = moved(u)
+    assert seen(imported(tmp_path, log(u, angle)), "offset of the torque").verdict == "ok"
+
+
+def test_a_drift_that_the_torque_does_not_explain(clean, tmp_path):
+    rng = np.random.default_rng(1)
+    slow = sosfiltfilt(
+        butter(2, 2 * 0.3 * T, output="sos"), rng.standard_normal(len(clean["time"]))
+    )
+    angle = clean["angle"] + 1.5 * slow / slow.std()
+    columns = log(shaken(low=8.0), moved(shaken(low=8.0)) + angle - clean["angle"])
+    doubt = seen(imported(tmp_path, columns), "drift of the motion")
+    assert doubt.verdict == "note" and 0 < doubt.remedy["highpass"] < 8.0
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "name"),
+    [(0.05, "dry friction"), (0.2, "dry friction"), (0.6, "standing under torque")],
+)
+def test_dry_friction(coulomb, name, tmp_path):
+    u = shaken(10.0)
+    angle = moved(u, coulomb=coulomb) + 1e-6 * np.random.default_rng(2).standard_normal(len(u))
+    doubt = seen(imported(tmp_path, log(u, angle)), name)
+    assert doubt.verdict == "problem" and doubt.remedy == {"friction": "auto"}
+
+
+def test_a_flexible_axis_is_not_dry():
+    """Two masses and a spring, lightly damped, through both of whose modes the torque goes."""
+    k, d = 400.0, 0.02
+    A = np.array([[0, 1, -1], [-k / J, -(d + F) / J, d / J], [k / J, d / J, -(d + F) / J]])
+    B, C, D = np.array([[0], [1 / J], [0]]), np.array([[0, 1, 0]]), np.zeros((1, 1))
+    u = shaken(10.0)
+    _, speed, _ = dlsim(cont2discrete((A, B, C, D), T), u)
+    noise = 1e-2 * np.random.default_rng(0).standard_normal(len(u))
+    record = Record(time=T * np.arange(len(u)), torque=u, speed=speed[:, 0] + noise)
+    told = {doubt.name: doubt for doubt in doubts_of(record)}
+    assert told["dry friction"].value < 2 and told["dry friction"].verdict == "ok"
+
+
+def test_viscous_friction_is_not_dry(tmp_path):
+    u = shaken(10.0)
+    for seed in range(5):
+        noise = 1e-6 * np.random.default_rng(seed).standard_normal(len(u))
+        doubt = seen(imported(tmp_path, log(u, moved(u) + noise)), "dry friction")
+        assert doubt.verdict == "ok"
+
+
+def current(u, *, noise, seed=3):
+    """Return a smooth torque at FINE points a sample, and what its sensor makes of it."""
+    sos = butter(2, 2 * 300.0 * T / FINE, output="sos")
+    between = sosfilt(sos, np.repeat(u, FINE))
+    rng = np.random.default_rng(seed)
+    return between, between[::FINE] + noise * rng.standard_normal(len(u))
+
+
+def test_a_measured_current_is_told_from_a_command(tmp_path):
+    u = shaken(10.0)
+    between, measured = current(u, noise=0.02)
+    found = imported(tmp_path, log(measured, moved(u, between=between)))
+    assert found.record.versions["torque"] == "smooth"
+    assert "noise of a sensor" in seen(found, "torque between samples").text
+    # the same as a command: noise and all moves the motor
+    held = u + 0.02 * np.random.default_rng(4).standard_normal(len(u))
+    found = imported(tmp_path, log(held, moved(held)))
+    assert found.record.versions["torque"] == "held"
+    assert "move the motor" in seen(found, "torque between samples").text
+
+
+def test_what_is_stated_of_a_torque_is_believed_but_doubted(tmp_path):
+    u = shaken(10.0)
+    between, measured = current(u, noise=0.02)
+    columns = log(measured, moved(u, between=between))
+    found = imported(tmp_path, columns, {"torque_is": "held"})
+    doubt = seen(found, "torque between samples")
+    assert found.record.versions["torque"] == "held"
+    assert doubt.verdict == "problem" and doubt.remedy == {"torque_is": "smooth"}
+    smooth = remedied(found.record, doubt.remedy)
+    wanted = imported(tmp_path, columns, {"torque_is": "smooth"}).record
+    np.testing.assert_allclose(smooth.torque, wanted.torque, atol=1e-12)
+    assert smooth.versions["torque"] == "smooth"
+
+
+def test_remedies_are_what_import_would_have_made(clean, tmp_path):
+    columns = clean | {"angle": clean["angle"] + 1.0}
+    record = imported(tmp_path, columns, {"torque_is": "held"}).record
+    wanted = imported(tmp_path, columns, {"torque_is": "held"}, highpass=3.0).record
+    given = remedied(record, {"highpass": 3.0, "friction": "auto"})
+    for name in ("torque", "angle", "increment"):
+        np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-9)
+    assert given.versions["highpass"] == wanted.versions["highpass"]
+
+
+@pytest.mark.parametrize(
+    ("torque", "name", "kind"),
+    [
+        (np.repeat(np.random.default_rng(0).standard_normal(500), 4), "", "held"),
+        (np.repeat(shaken(8.0, high=10.0)[::8], 8), "iq_meas", "held"),
+        (np.sign(np.random.default_rng(0).standard_normal(2000)), "iq_meas", "held"),
+        (shaken(5.0), "iq_meas", "held"),  # without any noise: computed
+    ],
+)
+def test_kinds_that_the_torque_alone_tells(torque, name, kind):
+    assert torque_kind(torque, T, name=name)[0] == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("iq_ref", "held"), ("iq_actual", "smooth"), ("torque", "held")]
+)
+def test_names_are_believed_where_the_samples_do_not_tell(name, kind):
+    u = shaken(5.0) + 0.01 * np.random.default_rng(0).standard_normal(5000)
+    told = torque_kind(u, T, name=name)
+    assert told[0] == kind and "do not tell" in told[1]
+
+
+def test_wrapped_angles_are_unwrapped_and_fast_ones_are_not():
+    turning = np.cumsum(np.full(3000, 0.4)) + 0.1 * np.sin(np.arange(3000))
+    for low in (0.0, -np.pi):
+        wrapped = (turning - low) % (2 * np.pi) + low
+        free, wrap = unwrapped(wrapped)
+        np.testing.assert_allclose(free - free[0], turning - turning[0], atol=1e-9)
+        assert wrap.jumps == len(np.flatnonzero(abs(np.diff(wrapped)) > np.pi))
+    # a counter of ten turns
+    free, wrap = unwrapped(turning % (20 * np.pi))
+    np.testing.assert_allclose(free - free[0], turning - turning[0], atol=1e-9)
+    assert wrap.turn == pytest.approx(20 * np.pi) and wrap.fastest < 0.02
+    # a fast spindle, more than half a turn in a sample, is left as it was logged
+    fast = np.cumsum(4.0 + 0.5 * np.sin(np.arange(3000) / 50))
+    free, wrap = unwrapped(fast)
+    np.testing.assert_array_equal(free, fast)
+    assert wrap.turn == 0
+    # and so is one that goes to and fro by many turns at once
+    fro = np.tile([0.0, 30.0, 60.0, 0.0], 100)
+    np.testing.assert_array_equal(unwrapped(fro)[0], fro)
+
+
+def test_a_wrapped_angle_too_fast_to_unwrap_is_a_problem(tmp_path):
+    u = shaken(5.0)
+    fast = moved(u) + 2.9 * np.arange(len(u))
+    columns = log(u, fast % (2 * np.pi))
+    doubt = seen(imported(tmp_path, columns, {"unit": {"angle": "rad"}}), "wrapping of the angle")
+    assert doubt.verdict == "problem" and "--speed" in doubt.command
+
+
+def test_two_clocks(clean, tmp_path):
+    angle = np.repeat(clean["angle"][::5], 5)
+    doubt = seen(imported(tmp_path, clean | {"angle": angle}), "clocks")
+    assert doubt.verdict == "problem" and doubt.value == 5 and doubt.command == "--resample 200"
+    coarse = np.round(clean["angle"] / 2e-3) * 2e-3  # which repeats its values as well
+    assert seen(imported(tmp_path, clean | {"angle": coarse}), "clocks").verdict == "ok"
+    ramp = np.repeat(np.arange(300.0), 4)  # one step of an encoder in every fourth sample
+    assert updates_every(ramp) == 1
+    assert updates_every(np.repeat(clean["angle"][:300], 4)) == 4
+
+
+def test_a_delay_that_drifts(clean, tmp_path):
+    time = clean["time"]
+    late = time - 3 * T * time / time[-1]  # the clock of the angle loses three samples
+    angle = np.interp(late, time, clean["angle"])
+    doubt = seen(imported(tmp_path, clean | {"angle": angle}), "drift of the dead time")
+    assert doubt.verdict == "problem" and doubt.value == pytest.approx(3.0, abs=0.3)
+    late = np.interp(time - 3 * T, time, clean["angle"])
+    fixed = imported(tmp_path, clean | {"angle": late})
+    assert seen(fixed, "drift of the dead time").verdict == "ok"
+    assert seen(fixed, "dead time from torque to angle").value == pytest.approx(3.0, abs=0.2)
+
+
+@pytest.mark.parametrize("shift", [0, 1, 2, -1])
+def test_dead_time_of_angles_and_of_speeds(clean, tmp_path, shift):
+    angle = np.roll(clean["angle"], shift)
+    doubt = seen(imported(tmp_path, clean | {"angle": angle}), "dead time from torque to angle")
+    assert doubt.value == pytest.approx(shift, abs=0.15)
+    assert (doubt.verdict == "problem") == (shift != 0)
+    speed = lfilter([0, T / J], [1, -(1 - F * T / J)], clean["torque"])
+    columns = {"time": clean["time"], "torque": clean["torque"], "speed": np.roll(speed, shift)}
+    doubt = seen(imported(tmp_path, columns), "dead time from torque to angle")
+    assert doubt.value == pytest.approx(shift, abs=0.15)
+
+
+def test_opposite_signs(clean, tmp_path):
+    found = imported(tmp_path, clean | {"angle": -clean["angle"]})
+    doubt = seen(found, "dead time from torque to angle")
+    assert doubt.verdict == "problem" and doubt.command == "--scale torque=-1"
+
+
+def test_clipping(clean, tmp_path):
+    u = np.clip(clean["torque"], -1.5, 1.5)
+    doubt = seen(imported(tmp_path, log(u, moved(u))), "clipping of the torque")
+    assert doubt.verdict == "problem" and doubt.value > 5
+
+
+def test_a_coarse_encoder(clean, tmp_path):
+    step = 2 * np.pi / 4096
+    angle = np.round(clean["angle"] / step) * step
+    doubt = seen(imported(tmp_path, clean | {"angle": angle}), "encoder resolution")
+    assert doubt.value == pytest.approx(step, rel=1e-6) and "4096 steps a turn" in doubt.text
+
+
+def test_gaps_and_jitter(clean, tmp_path):
+    keep = np.ones(len(clean["time"]), bool)
+    keep[3000:3600] = False
+    found = imported(tmp_path, {name: values[keep] for name, values in clean.items()})
+    assert "600" not in seen(found, "missing samples").text
+    assert seen(found, "missing samples").value == pytest.approx(3.0, abs=0.1)
+    late = clean["time"] + 2e-4 * np.random.default_rng(0).random(len(keep))
+    doubt = seen(imported(tmp_path, clean | {"time": late}), "jitter of the time stamps")
+    assert doubt.verdict == "note" and doubt.command == "--rate 1000"
+
+
+def test_few_reversals(tmp_path):
+    u = np.full(4000, 1.0) + 0.1 * shaken(4.0)
+    doubt = seen(imported(tmp_path, log(u, moved(u))), "reversals of the motion")
+    assert doubt.verdict == "note" and doubt.value < 10
+
+
+def test_every_doubt_draws(clean, tmp_path):
+    """What was seen can be drawn, of an ill log with many things wrong."""
+    from matplotlib.figure import Figure
+
+    from flexaxis.experiments.logs.log_figures import doubt_figure
+
+    u = np.clip(clean["torque"], -1, 1) + 0.5
+    time = clean["time"] + 2e-4 * np.random.default_rng(0).random(len(u))
+    columns = {"time": time, "torque": u, "angle": np.repeat(clean["angle"][::5], 5)}
+    found = imported(tmp_path, columns, {"torque_is": "smooth"})
+    drawn = [check for check in found.checks if check.draw is not None]
+    assert len(drawn) >= 4
+    for check in drawn:
+        assert isinstance(doubt_figure(check), Figure)
+
+
+def test_a_record_of_standstill_has_one_doubt():
+    record = Record(
+        time=T * np.arange(500),
+        torque=np.zeros(500),
+        speed=np.random.default_rng(0).standard_normal(500),
+    )
+    (doubt,) = doubts_of(record)
+    assert doubt.name == "motion" and doubt.verdict == "problem"
+
+
+def test_pauses_are_not_taken_for_sticking(clean, tmp_path):
+    u = clean["torque"].copy()
+    u[6000:14000] = 0
+    angle = moved(u) + 1e-7 * np.random.default_rng(0).standard_normal(len(u))
+    assert seen(imported(tmp_path, log(u, angle)), "standing under torque").verdict == "ok"
+
+
+def test_slow_motion_ruled_by_friction_is_no_opposite_sign():
+    """Far below the corner f/J, 80 Hz, the acceleration leads by 90°, and by more if shifted."""
+    u = shaken(40.0, low=0.5, high=2.0)
+    speed = np.roll(lfilter([0, T / J], [1, -np.exp(-5.0 * T / J)], u), -3)
+    for sign in (1, -1):
+        record = Record(time=T * np.arange(len(u)), torque=sign * u, speed=speed)
+        told = {doubt.name: doubt for doubt in doubts_of(record)}
+        wanted = "" if sign > 0 else "--scale torque=-1"
+        assert told["dead time from torque to angle"].command == wanted

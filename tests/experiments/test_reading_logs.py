@@ -1,0 +1,254 @@
+"""Logs in the formats that there are, and in the ways in which people write tables."""
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.importing import import_log
+from flexaxis.experiments.logs.mapping import mapping_from, pick
+from flexaxis.experiments.logs.reading.log import Log
+from flexaxis.experiments.logs.reading.reader import open_log
+
+N = 400
+rng = np.random.default_rng(0)
+TIME = np.arange(N) / 500
+TORQUE = np.round(rng.standard_normal(N), 6)
+ANGLE = np.round(np.cumsum(np.cumsum(TORQUE)) * 1e-4, 9)
+NAMES = ("time", "torque", "angle")
+
+
+def table(head="time,torque,angle", separator=",", decimal=".", end="\n", form="{:.9f}"):
+    rows = (
+        separator.join(form.format(v) for v in row) for row in zip(TIME, TORQUE, ANGLE, strict=True)
+    )
+    text = end.join([head, *rows] if head else rows) + end
+    return text.replace(".", decimal) if decimal != "." else text
+
+
+def after(text, line, new):
+    lines = text.split("\n")
+    return "\n".join([*lines[:line], new, *lines[line:]])
+
+
+WAYS = {
+    "plain": table(),
+    "with a mark of UTF-8": b"\xef\xbb\xbf" + table().encode(),
+    "UTF-16": table().encode("utf-16"),
+    "UTF-16 without a mark": table().encode("utf-16-le"),
+    "Latin-1": table("time,torque,angle [°]").encode("latin-1"),
+    "Windows lines": table(end="\r\n"),
+    "semicolons, decimal commas": table("time;torque;angle", ";", ","),
+    "tabs, decimal commas": table("time\ttorque\tangle", "\t", ","),
+    "bars": table("time|torque|angle", "|"),
+    "aligned by blanks": table("  time  torque   angle", "   ", form="{:14.9f}"),
+    "blanks, decimal commas": table("time torque angle", " ", ","),
+    "blanks after commas": table("time, torque, angle", ", "),
+    "comments": "# bench 3\n# second run\n" + after(table(), 100, "# a mark of the operator"),
+    "names in a comment, as numpy writes": "# " + table(),
+    "percent comments": "% bench 3\n" + table(),
+    "preamble of a scope": "Scope;X12\nRate;500\n\n" + table("time;torque;angle", ";", ","),
+    "line of units": table("time,torque,angle\ns,Nm,rad"),
+    "line of units in brackets": table("time,torque,angle\n[s],[Nm],[rad]"),
+    "quoted names": table('"time","torque","angle"'),
+    "separator at the end": "\n".join(f"{row}," if row else "" for row in table().split("\n")),
+    "separator at the end of rows": "\n".join(
+        f"{row}," if row and k else row for k, row in enumerate(table().split("\n"))
+    ),
+    "exponents of Fortran": table(form="{:.15e}").replace("e", "D").replace("timD", "time").replace(
+        "torquD", "torque").replace("anglD", "angle"),
+    "last line cut": table() + "0.8,1.",
+    "empty lines": after(after(table(), 1, ""), 50, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_tables_however_written(way, tmp_path):
+    path, content = tmp_path / "log.csv", WAYS[way]
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    log = open_log(path)
+    assert log.names[:3] == NAMES
+    columns = log.load(NAMES)
+    for name, wanted in zip(NAMES, (TIME, TORQUE, ANGLE), strict=True):
+        np.testing.assert_allclose(columns[name], wanted, atol=1e-8)
+
+
+def test_units_of_the_header(tmp_path):
+    path = tmp_path / "log.csv"
+    heads = {
+        "time [ms],torque (mNm),angle [deg]": ("ms", "mNm", "deg"),
+        "time / ms,torque / A,angle / °": ("ms", "A", "°"),
+        "time in ms,torque in Nm,angle in deg": ("ms", "Nm", "deg"),
+        "time,torque,angle\nms,Nm,deg": ("ms", "Nm", "deg"),
+    }
+    for head, units in heads.items():
+        path.write_text(table(head), encoding="utf-8")
+        assert tuple(open_log(path).units[name] for name in NAMES) == units, head
+
+
+def test_units_at_the_end_of_a_name(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table("t_ms,torque,pos_deg"), encoding="utf-8")
+    mapping = mapping_from({"time": "t_ms", "angle": "pos_deg"}, source="")
+    raw = pick(open_log(path), mapping)
+    np.testing.assert_allclose(raw.time, TIME * 1e-3, atol=1e-12)
+    np.testing.assert_allclose(raw.angle, np.radians(ANGLE), atol=1e-9)
+
+
+def test_a_table_without_names_has_numbered_columns(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table(""), encoding="utf-8")
+    log = open_log(path)
+    assert log.names == ("column1", "column2", "column3")
+    np.testing.assert_allclose(log.load(["column2"])["column2"], TORQUE)
+
+
+def test_empty_cells_are_gaps(tmp_path):
+    path = tmp_path / "log.csv"
+    lines = table().split("\n")
+    lines[101] = f"{TIME[100]:.9f},,{ANGLE[100]:.9f}"
+    lines[201] = f"{TIME[200]:.9f},NaN,-"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    columns = open_log(path).load(NAMES)
+    assert np.isnan(columns["torque"][[100, 200]]).all() and np.isnan(columns["angle"][200])
+    assert np.isnan(columns["torque"]).sum() == 2
+
+
+def test_stamps_of_date_and_time_are_seconds(tmp_path):
+    path = tmp_path / "log.csv"
+    start = np.datetime64("2026-03-29T01:59:59.900")
+    stamps = start + np.round(TIME * 1e6).astype("timedelta64[us]")
+    rows = [f"{s},{u:.6f},{a:.9f}" for s, u, a in zip(stamps, TORQUE, ANGLE, strict=True)]
+    path.write_text("\n".join(["time,torque,angle", *rows]), encoding="utf-8")
+    np.testing.assert_allclose(open_log(path).load(["time"])["time"], TIME, atol=1e-9)
+
+
+def test_three_thousand_columns(tmp_path):
+    path = tmp_path / "log.csv"
+    more = [f"ch{k}" for k in range(3000)]
+    tail = ",".join(["1.5"] * 3000)
+    rows = [f"{t:.6f},{u:.6f},{a:.9f},{tail}" for t, u, a in zip(TIME, TORQUE, ANGLE, strict=True)]
+    path.write_text("\n".join([",".join([*NAMES, *more]), *rows]), encoding="utf-8")
+    log = open_log(path)
+    assert len(log.names) == 3003
+    np.testing.assert_allclose(log.load(["angle"])["angle"], ANGLE)
+    with pytest.raises(LogError, match=r"and 2963 more"):
+        log.load(["angel"])
+
+
+def test_a_column_of_texts_is_no_signal_but_does_no_harm(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{t:.6f},RUN,{u:.6f},{a:.9f}" for t, u, a in zip(TIME, TORQUE, ANGLE, strict=True)]
+    path.write_text("\n".join(["time,state,torque,angle", *rows]), encoding="utf-8")
+    log = open_log(path)
+    assert set(log.numbers()) == set(NAMES)
+    with pytest.raises(LogError, match="line 2, column state: 'RUN' is not a number"):
+        log.load(["state"])
+
+
+def test_names_that_occur_twice(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table("time,i,i"), encoding="utf-8")
+    assert open_log(path).names == ("time", "i", "i#2")
+
+
+def test_parquet(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    columns = {"time [s]": TIME, "torque [Nm]": TORQUE, "angle [deg]": ANGLE, "state": ["x"] * N}
+    parquet.write_table(pyarrow.table(columns), tmp_path / "log.parquet")
+    log = open_log(tmp_path / "log.parquet")
+    assert log.names == NAMES and log.units["angle"] == "deg"
+    np.testing.assert_array_equal(log.load(["torque"])["torque"], TORQUE)
+
+
+def bag(path, *, kind, apart=False):
+    """Write a bag of ROS 2: joint states, and the command on a topic of its own if `apart`."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = store.types
+    storage = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
+    start = 1_700_000_000_000_000_000
+    with Writer(path, version=9, storage_plugin=storage) as writer:
+        state = "sensor_msgs/msg/JointState"
+        joints = writer.add_connection("/joint_states", state, typestore=store)
+        number = "std_msgs/msg/Float64"
+        command = writer.add_connection("/command", number, typestore=store) if apart else None
+        for k in range(N):
+            at = start + round(TIME[k] * 1e9)
+            stamp = kinds["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
+            message = kinds[state](
+                header=kinds["std_msgs/msg/Header"](stamp, "base"),
+                name=["other", "joint_1"],
+                position=np.array([0.5, ANGLE[k]]),
+                velocity=np.array([]),
+                effort=np.array([0.0, TORQUE[k]]),
+            )
+            writer.write(joints, at + 300_000, store.serialize_cdr(message, state))
+            if command is not None and k % 2 == 0:
+                u = kinds[number](TORQUE[k])
+                writer.write(command, at + 1, store.serialize_cdr(u, number))
+
+
+@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
+def test_bags_of_ros_2(tmp_path, kind):
+    pytest.importorskip("rosbags")
+    bag(tmp_path / "run", kind=kind)
+    log = open_log(tmp_path / "run")
+    tables = {
+        "torque": "joint_states.effort[joint_1]",
+        "angle": "joint_states.position[joint_1]",
+    }
+    raw = pick(log, mapping_from(tables, source=""))
+    # the stamp of the measurement, not that of its arrival
+    np.testing.assert_allclose(raw.time, TIME, atol=1e-8)
+    np.testing.assert_array_equal(raw.torque, TORQUE)
+    np.testing.assert_array_equal(raw.angle, ANGLE)
+    (inside,) = [p for p in (tmp_path / "run").iterdir() if p.suffix in {".mcap", ".db3"}]
+    if kind == "mcap":  # one file is a bag as well
+        assert open_log(inside).names == log.names
+
+
+def test_topics_of_two_clocks_are_brought_to_one(tmp_path):
+    pytest.importorskip("rosbags")
+    bag(tmp_path / "run", kind="mcap", apart=True)
+    tables = {"torque": "command.data", "angle": "joint_states.position[joint_1]"}
+    raw = pick(open_log(tmp_path / "run"), mapping_from(tables, source=""))
+    assert len(raw.torque) == N and "command.arrival" in raw.joined
+    # a command stays until the next: that of sample 2k acts at 2k + 1 as well
+    np.testing.assert_array_equal(raw.torque[2::2], raw.torque[3::2])
+
+
+def test_formats_that_need_more_say_what_to_install(tmp_path, monkeypatch):
+    import sys
+
+    (tmp_path / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
+    (tmp_path / "log.parquet").write_bytes(b"PAR1")
+    for name, extra, module in (("mcap", "ros", "rosbags"), ("parquet", "parquet", "pyarrow")):
+        for part in (module, "rosbags.highlevel"):
+            monkeypatch.setitem(sys.modules, part, None)
+        with pytest.raises(LogError, match=rf"pip install 'flexaxis\[{extra}\]'"):
+            open_log(tmp_path / f"log.{name}")
+
+
+def test_what_was_stated_is_kept_with_the_record(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table(), encoding="utf-8")
+    told = import_log(path, {"torque_is": "smooth"}, highpass=5.0).record.versions
+    assert told["torque"] == "smooth" and told["torque_because"].startswith("as stated")
+    assert told["highpass"] == "5"
+    guessed = import_log(path, {}).record.versions
+    assert guessed["torque"] == "held" and not guessed["torque_because"].startswith("as stated")
+
+
+def test_a_log_reads_what_is_asked_for():
+    asked = []
+
+    def read(names, *, strict=True):
+        asked.extend(names)
+        return {name: TIME for name in names}
+
+    Log("log", ("a", "b", "c"), read).load(["b"])
+    assert asked == ["b"]

@@ -1,0 +1,226 @@
+"""A trend over logs of an axis that is integrated here: one mass with friction, exactly."""
+
+import json
+from datetime import datetime
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs import trend
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.dates import date_of, found_in
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.refit import refit
+from flexaxis.experiments.running.rows import read
+from flexaxis.sim.record import Record
+
+T, N = 0.002, 1500
+J, F = 4e-3, 0.05
+AXIS = 'model = "one_mass"\n[nominal]\nk_T = 1.0\nJ_m = 4e-3\nf_m = 0.05\n'
+
+
+def driven(friction, *, seed=0, offset=0.0, speed=0.0, inertia=J):
+    """One mass with a held torque, by its closed solution; speed with noise of .05 rad/s."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.standard_normal(N // 10), 10)
+    keep = np.exp(-friction * T / inertia)
+    y = np.empty(N)
+    for k in range(N):
+        y[k] = speed
+        speed = keep * speed + (1 - keep) / friction * (u[k] + offset)
+    return Record(time=T * np.arange(N), torque=u, speed=y + 0.05 * rng.standard_normal(N))
+
+
+def write(path, record, temperature, date=None):
+    rows = np.column_stack([record.time, record.torque, record.speed])
+    head = f"# date: {date}\n" if date else ""
+    lines = "\n".join(",".join(map(repr, [*row, float(temperature)])) for row in rows.tolist())
+    path.write_text(f"{head}time [s],torque [Nm],speed [rad/s],temp\n{lines}\n")
+
+
+@pytest.fixture(scope="module")
+def days(tmp_path_factory):
+    """24 days: friction falls by 1 % a kelvin, and rises by 15 % on the 13th; a log is broken."""
+    folder, rng = tmp_path_factory.mktemp("logs"), np.random.default_rng(1)
+    (folder / "axis.toml").write_text(AXIS)
+    for day in range(24):
+        warm = 20 + 8 * np.sin(day / 2) + rng.standard_normal()
+        friction = F * np.exp(-0.01 * (warm - 20)) * (1.15 if day >= 12 else 1.0)
+        write(folder / f"2026-05-{day + 1:02}.csv", driven(friction, seed=day), warm)
+    (folder / "2026-05-25.csv").write_text("time,torque,speed\n0,1,2\n1,2\n")
+    return folder
+
+
+def run(capsys, *words):
+    status = main([str(word) for word in words])
+    out, err = capsys.readouterr()
+    return status, out, err
+
+
+def words(days, output, *more):
+    torque = ("--torque-is", "held")
+    return ("trend", days, "--model", days / "axis.toml", "-o", output, *torque, *more)
+
+
+def test_wear_is_found_beside_the_temperature(days, tmp_path, capsys):
+    status, out, _ = run(capsys, *words(days, tmp_path / "t", "--covariate", "temp", "--json"))
+    assert status == 1
+    said = json.loads(out)
+    friction = said["parameters"]["f_m"]
+    assert friction["verdict"] == "changed"
+    (change,) = friction["changes"]
+    assert (change["shape"], change["since"]) == ("step", "2026-05-13")
+    assert abs(change["size"] - 0.15) < 3 * change["sd"] < 0.06
+    slope = friction["covariates"]["temp"]
+    assert abs(slope["slope"] + 0.01) < 3 * slope["sd"] < 0.006
+    assert said["parameters"]["J_m"]["verdict"] == "steady"
+    assert list(said["problems"]) == ["2026-05-25.csv"]
+    page = (tmp_path / "t" / "report.html").read_text()
+    assert "f_m rose at once by 15" in page
+    assert "2026-05-25.csv" in page
+
+
+def test_estimates_agree_with_what_is_true(days, tmp_path, capsys):
+    run(capsys, *words(days, tmp_path / "t"))
+    rows = [row for row in read(tmp_path / "t" / "rows.jsonl") if not row["problem"]]
+    off = np.array(
+        [
+            (row["estimates"]["f_m"]["value"] / (F * np.exp(-0.01 * (row["columns"]["temp"] - 20)
+             ) * (1.15 if row["log"] > "2026-05-12.csv" else 1)) - 1)
+            / (row["estimates"]["f_m"]["sd"] / F)
+            for row in rows
+        ]
+    )  # fmt: skip
+    assert len(off) == 24
+    assert 0.4 < np.sqrt(np.mean(off**2)) < 1.4  # intervals may be a little wide: the larger of two
+
+
+def test_without_a_covariate_it_says_so(days, tmp_path, capsys):
+    status, out, _ = run(capsys, *words(days, tmp_path / "t"))
+    assert status in {0, 1}
+    assert "cannot be told apart" in out or "cannot be told without" in out
+
+
+def test_nothing_is_computed_twice(days, tmp_path, capsys, monkeypatch):
+    output = tmp_path / "t"
+    run(capsys, *words(days, output))
+    before = (output / "rows.jsonl").read_bytes()
+    assert len(before.splitlines()) == 25
+    cut = before[: before.rindex(b"\n", 0, len(before) - 1) - 40]  # a kill in the middle of a row
+    (output / "rows.jsonl").write_bytes(cut)
+    calls = []
+    monkeypatch.setattr(trend, "refit", lambda *a: calls.append(a) or refit(*a))
+    run(capsys, *words(days, output, "--covariate", "temp"))
+    assert len(calls) <= 2  # the row that was cut off, and the one that was cut
+    rows = {row["case"]: row for row in read(output / "rows.jsonl")}
+    assert rows == {row["case"]: row for row in map(json.loads, before.splitlines())}
+    calls.clear()
+    run(capsys, *words(days, output, "--covariate", "temp"))
+    assert not calls
+
+
+def test_other_processes_give_the_same_rows(days, tmp_path, capsys):
+    run(capsys, *words(days, tmp_path / "one"))
+    run(capsys, *words(days, tmp_path / "two", "--jobs", "2"))
+    one, two = (
+        sorted((tmp_path / name / "rows.jsonl").read_bytes().splitlines())
+        for name in ("one", "two")
+    )
+    assert one == two
+
+
+def test_a_file_of_covariates(days, tmp_path, capsys):
+    run(capsys, *words(days, tmp_path / "t"))
+    rows = [row for row in read(tmp_path / "t" / "rows.jsonl") if not row["problem"]]
+    table = tmp_path / "air.csv"
+    lines = [f"{row['log'].removesuffix('.csv')},{row['columns']['temp']}" for row in rows]
+    table.write_text("\n".join(["log,air", *lines]) + "\n")
+    _, out, _ = run(capsys, *words(days, tmp_path / "t", "--covariate", table, "--json"))
+    slope = json.loads(out)["parameters"]["f_m"]["covariates"]["air"]["slope"]
+    assert slope == pytest.approx(-0.01, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--covariate", "temperature"), "There are speed, temp, time, torque"),
+        (("--free", "f_q"), "f_m"),
+        (("--false-alarms", "5"), "probability"),
+        (("--jobs", "0"), "1 or more"),
+    ],
+)
+def test_wrong_use_is_told(days, tmp_path, capsys, more, said):
+    status, _, err = run(capsys, *words(days, tmp_path / "t", *more))
+    assert status == 2
+    assert said in err
+    assert "Traceback" not in err
+
+
+def test_it_does_not_write_among_the_logs(days, capsys, tmp_path):
+    status, _, err = run(capsys, *words(days, days))
+    assert status == 2
+    assert "the logs are there" in err
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "report.html").write_text("mine")
+    assert run(capsys, *words(days, other))[0] == 2
+    assert (other / "report.html").read_text() == "mine"
+
+
+def test_too_few_logs(days, tmp_path, capsys):
+    logs = sorted(days.glob("*.csv"))[:3]
+    status, _, err = run(
+        capsys, "trend", *logs, "--model", days / "axis.toml", "-o", tmp_path / "t"
+    )
+    assert status == 2
+    assert "3 logs have estimates" in err
+
+
+@pytest.fixture(scope="module")
+def axis(tmp_path_factory):
+    path = tmp_path_factory.mktemp("axis") / "axis.toml"
+    path.write_text(AXIS)
+    return find_axis(str(path))
+
+
+def test_a_log_may_begin_in_motion_and_with_an_offset(axis):
+    record = driven(0.06, speed=8.0, offset=0.1)
+    assert record.speed[0] > 5
+    found = refit(record, axis, ["J_m", "f_m"])
+    assert np.all(abs(found.theta - [J, 0.06]) < 3 * found.deviations)
+    assert found.offset == pytest.approx(0.1, abs=0.02)
+
+
+def test_intervals_are_the_spread_of_estimates(axis):
+    """40 logs: the rms claim over the spread within what 40 values tell, and a little wide."""
+    every = [refit(driven(0.06, seed=seed), axis, ["J_m", "f_m"]) for seed in range(100, 140)]
+    spread = np.std([one.theta for one in every], axis=0)
+    claimed = np.sqrt(np.mean([one.deviations**2 for one in every], axis=0))
+    assert np.all((claimed / spread > 0.75) & (claimed / spread < 1.9))
+
+
+def test_another_axis_is_refused(axis):
+    with pytest.raises(LogError, match="of this axis"):
+        refit(driven(0.05, inertia=40 * J), axis, ["J_m", "f_m"])
+
+
+@pytest.mark.parametrize(
+    ("text", "date"),
+    [
+        ("2026-03-01", datetime(2026, 3, 1)),
+        ("axis1_20260301T063000", datetime(2026, 3, 1, 6, 30)),
+        ("2026.03.01 06:30", datetime(2026, 3, 1, 6, 30)),
+        ("run 20269901", None),
+        ("log_123456789012", None),
+        ("2026-02-31 then 2026-03-02", datetime(2026, 3, 2)),
+    ],
+)
+def test_dates(text, date):
+    assert found_in(text) == date
+
+
+def test_the_date_in_a_file_goes_before_that_in_its_name(tmp_path):
+    path = tmp_path / "2026-01-01.csv"
+    write(path, driven(F), 20.0, date="2026-02-02T08:00")
+    assert date_of(path) == datetime(2026, 2, 2, 8)
