@@ -271,3 +271,16 @@ def test_who_is_in_no_row_at_equal_noise_is_named():
     told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
     assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
     assert not any("ekf" in text or "frozen" in text for text in told)
+
+
+def test_estimate_is_a_host_too(capsys, short):
+    from flexaxis.sim.simulate import simulate
+
+    simulate(short, [0])[0].save("rec.nc")
+    words = ["estimate", "rec.nc", "-o", "est.nc", "--json", "--estimator"]
+    assert main([*words, "guests.py:Prints"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == 1600
+    assert main([*words, "guests.py:Raises"]) == CRASH
+    assert "sample 1500 (7.5 s): KeyError: 'oh'" in capsys.readouterr().err
+    assert main([*words, "guests.py:Loops", "--time-limit", "0.3"]) == CRASH
+    assert "no end within 0.3 s" in capsys.readouterr().err
