@@ -145,6 +145,8 @@ def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
         smooth=log.smooth,
         resting=bool(np.max(abs(log.y[:5])) < RESTING * np.std(log.y)),
     )
+    ok = log.ok.copy()
+    ok[0] = False  # an increment has no past there, and a state no consequence yet
     start = np.concatenate([along.model.theta, np.zeros(len(along.free))])
     size = np.full(len(start), np.inf)
     moving = len(along.free) - 1
@@ -153,7 +155,7 @@ def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
         states = state_sizes(axis.model, log.u, log.period)
         own = np.full(moving - len(states), np.sqrt(np.mean(log.u**2)))
         size[along.p : -1] = np.maximum([*states, *own], 1e-9 * max([*states, *own]))
-    return _Problem(along, start, size, log.y, log.ok, axis.delay)
+    return _Problem(along, start, size, log.y, ok, axis.delay)
 
 
 def _whitening(problem: _Problem, error: Array) -> Array:
