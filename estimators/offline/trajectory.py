@@ -18,7 +18,7 @@ from flexaxis.estimators.sampling.sampled import Terms, planned, terms
 Array = NDArray[np.float64]
 
 OFFSET = "torque_offset"
-COARSE, FINE = 8, 64  # steps of a sample in which friction reverses: of a search, and of its end
+COARSE, FINE = 8, 16  # steps of a sample in which friction reverses: of a search, and of its end
 RESTS = 1e-3  # of the greatest speed, below which friction sticks
 
 
@@ -178,11 +178,11 @@ def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
     the error is what friction does in a step, so that these are many.
     """
     moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
-    peak = np.zeros(len(ready.kind))
+    peak, last = np.zeros(len(ready.kind)), np.zeros(len(ready.kind))
     for k in range(len(u) - 1):
         X[-1, offset] = slope[k]
         travel(ready, X, moved, u[k])
-        if turns(ready, X, moved, peak):
+        if turns(ready, X, moved, peak, last):
             travel(reversing, X, moved, u[k])
         X[:] = moved
         for a in range(len(X)):
@@ -191,10 +191,12 @@ def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
 
 
 @compiled
-def turns(ready, X, moved, peak):
+def turns(ready, X, moved, peak, last):
     """
-    Return whether some friction reverses in a sample, or sticks; peak (L,) is the greatest speed.
+    Return whether some friction reverses in a sample, or sticks.
 
+    peak (L,) is the greatest speed, last (L,) that of the sample before. What a step of a sample
+    says where it reverses need not be near the truth, so the last change is looked at as well.
     Stiff bristles that stick swing faster than a sample: their derivatives grow where it is one
     step.
     """
@@ -206,8 +208,8 @@ def turns(ready, X, moved, peak):
         for m in range(X.shape[1] - 1):
             before += ready.drive[i, m] * X[0, m]
             after += ready.drive[i, m] * moved[0, m]
-        change = abs(after - before)
-        peak[i] = max(peak[i], abs(after))
+        change = max(abs(after - before), 2.0 * abs(before - last[i]))
+        peak[i], last[i] = max(peak[i], abs(before)), before
         near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change
         rests = max(abs(before), abs(after)) < RESTS * peak[i]
         found |= near or rests

@@ -58,13 +58,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.specs import code_file, parse
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.forgetting import with_forgetting
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.own import spare_foreign
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
         track,
-        with_forgetting,
     )
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare

@@ -77,6 +77,6 @@ def test_a_motor_reverses_as_a_textbook_loop_does():
     along = course(model, ("f_c",), u, period=PERIOD)
     fine, _ = along.along(np.array([f_c, 0.0, 0.0]))
     coarse, _ = along.along(np.array([f_c, 0.0, 0.0]), coarse=True)
-    # what friction makes of a step where it reverses: 2 f_c/J · T/64 = 6e-3 rad/s
-    assert np.abs(fine - exact).max() < 0.01
-    assert np.abs(coarse - exact).max() < 0.1
+    # bristles that are caught swing by f_c/√(σ₀ J) = .01 rad/s; and 2 f_c/J in a step of T/16
+    assert np.abs(fine - exact).max() < 0.02
+    assert np.abs(coarse - exact).max() < 0.03
