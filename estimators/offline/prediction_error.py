@@ -22,10 +22,13 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 HIGHEST_ORDER = 60  # of the model of the noise
-ROUNDS = 6
+ROUNDS = 8
+LAST = 2  # rounds that solve laws to their full accuracy, at least
 EVALUATIONS = 8  # in a round
+AT_FIRST = 12  # in a round with noise that is taken for white
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
 CONVERGED = 0.2  # standard deviations: a step below that ends the rounds
+UNSEEN = 1e200  # variance of what a record shows nothing of
 GAINED = 1e-4  # of the sum of squares: a step of less ends a search
 
 
@@ -253,7 +256,14 @@ class Fitted:
         return np.sqrt(np.diag(self.covariance))
 
 
-def fit(problem: Problem, z: Array, *, rounds: int = ROUNDS, fine: bool = True) -> Fitted:
+def fit(
+    problem: Problem,
+    z: Array,
+    *,
+    rounds: int = ROUNDS,
+    fine: bool = True,
+    plain: bool = False,
+) -> Fitted:
     """
     Fit parameters and noise in turn.
 
@@ -266,12 +276,19 @@ def fit(problem: Problem, z: Array, *, rounds: int = ROUNDS, fine: bool = True) 
         At most.
     fine : bool
         Whether the last rounds solve laws to their full accuracy.
+    plain : bool
+        Whether the first round takes noise for white. A rich model of the noise explains some of
+        what parameters should, and gives it back slowly; but where an axis drifts, that is what
+        parameters would explain.
     """
     lawful, converged = problem.course.model.laws is not None, False
-    colour = problem.colour(problem.residual(z, coarse=lawful)[0])
     coarse = lawful
-    for _ in range(rounds):
-        before = z
+    if plain:
+        colour = colourless(problem.highpass, problem.course.period)
+        z = problem.descend(problem.at(z, colour, coarse=coarse), colour, AT_FIRST, coarse=coarse).z
+    colour = problem.colour(problem.residual(z, coarse=coarse)[0])
+    for left in reversed(range(rounds)):
+        before, coarse = z, coarse and not (fine and (converged or left < LAST))
         point = problem.at(z, colour, coarse=coarse)
         point = problem.descend(point, colour, EVALUATIONS, coarse=coarse)
         z = point.z
@@ -281,7 +298,6 @@ def fit(problem: Problem, z: Array, *, rounds: int = ROUNDS, fine: bool = True) 
         converged = bool(np.all(moved <= CONVERGED * deviations[: problem.course.p]))
         if converged and not (coarse and fine):
             break
-        coarse = coarse and not (converged and fine)
         colour = problem.colour(problem.residual(z, coarse=coarse)[0])
     return finished(problem, z, colour, converged)
 
@@ -298,12 +314,15 @@ def finished(problem: Problem, z: Array, colour: Colour, converged: bool = True)
 
 def _covariance(point: Point, problem: Problem, samples: int) -> Array:
     """Return σ² (J Jᵀ)⁻¹, zero for what is held."""
-    free = ~problem.held
+    free, covariance = ~problem.held, np.zeros_like(point.H)
+    if not free.any():
+        return covariance
     H = point.H[np.ix_(free, free)]
     size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(H / np.outer(size, size))
     values = np.maximum(values, 1e-14 * values[-1])  # smaller ones are rounding
     inverse = vectors / values @ vectors.T
-    covariance = np.zeros_like(point.H)
-    covariance[np.ix_(free, free)] = point.square / samples * inverse / np.outer(size, size)
+    with np.errstate(over="ignore"):  # of what the record shows nothing of
+        known = point.square / samples * inverse / np.outer(size, size)
+    covariance[np.ix_(free, free)] = np.clip(known, -UNSEEN, UNSEEN)
     return covariance

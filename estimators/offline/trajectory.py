@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 OFFSET = "torque_offset"
 COARSE, FINE = 8, 64  # steps of a sample in which friction reverses: of a search, and of its end
-REVERSES = 1e-3  # of the greatest speed: change of it in a sample that is more than creeping
+RESTS = 1e-3  # of the greatest speed, below which friction sticks
 
 
 def with_offset(model: Model) -> Model:
@@ -192,7 +192,12 @@ def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
 
 @compiled
 def turns(ready, X, moved, peak):
-    """Return whether the speed of some friction reverses in a sample; peak (L,) is the greatest."""
+    """
+    Return whether some friction reverses in a sample, or sticks; peak (L,) is the greatest speed.
+
+    Stiff bristles that stick swing faster than a sample: their derivatives grow where it is one
+    step.
+    """
     found = False
     for i in range(len(ready.kind)):
         if ready.kind[i] != BRISTLE and ready.kind[i] != STATIC:
@@ -204,5 +209,6 @@ def turns(ready, X, moved, peak):
         change = abs(after - before)
         peak[i] = max(peak[i], abs(after))
         near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change
-        found |= near and change > REVERSES * peak[i]
+        rests = max(abs(before), abs(after)) < RESTS * peak[i]
+        found |= near or rests
     return found

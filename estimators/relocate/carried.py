@@ -9,7 +9,7 @@ no influence before.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,9 @@ class Carried:
         few = {"theta": (every, mine), "psi": (every, mine)}
         self._where = few | {"P": square, "claim": square, "X": lanes}
         self.loop = remembering_loop(split(self._held(design.theta0).model)[0], self.size)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self  # what it keeps is replaced and never changed, so that copies may share it
 
     def has(self, theta: Array, in_use: NDArray[np.bool_]) -> bool:
         """Whether all that is in use is carried, and what is left out does nothing."""

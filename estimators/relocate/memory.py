@@ -192,14 +192,17 @@ class Memory:
 
         Estimates (N, q) are those of the first q parameters.
         """
-        mine = self._carried.places[self._carried.places < estimates.shape[1]]
-        found = np.empty((len(u), len(mine)))
+        mine, q = self._carried.places, estimates.shape[1]
+        every = len(mine) >= q and mine[q - 1] == q - 1
+        mine = mine[mine < q]
+        found = estimates if every else np.empty((len(u), len(mine)))
         words = words_of(self._states)
         taken = self._carried.loop(
             self._tuning, self._states, u, y, present, found, trace, words, self._ring.words
         )
-        estimates[:taken] = self._theta[: estimates.shape[1]]
-        estimates[:taken, mine] = found[:taken]
+        if not every:
+            estimates[:taken] = self._theta[:q]
+            estimates[:taken, mine] = found[:taken]
         return int(taken)
 
     def beginning(self, count: int) -> np.void:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import Fitted, Problem, fit
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, fit
 from flexaxis.estimators.offline.trajectory import course
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.sim.record import Record
@@ -172,15 +172,23 @@ class Attempt:
         lag: float = 0.0,
         *,
         without: Flags | None = None,
-        rounds: int = 6,
+        rounds: int = ROUNDS,
         fine: bool = True,
+        plain: bool = False,
     ) -> Fitted:
-        """Fit it from parameters and a delay [s], by default the nominal ones."""
-        problem = self.problem(without)
-        theta = self.model.parametrize(self.names).theta if start is None else start
+        """Fit it from parameters and a delay [s], or from where another fit came to; see `fit`.
+
+        By default it starts at the nominal values.
+        """
+        problem, p = self.problem(without), len(self.names)
+        begin = self.model.parametrize(self.names).theta if start is None else start
         lag = float(np.clip(lag if self.delay is None else self.delay, self.earliest, self.latest))
-        theta = np.clip(theta, problem.lower[: len(theta)], problem.upper[: len(theta)])
-        return fit(problem, problem.start(theta, lag), rounds=rounds, fine=fine)
+        if len(begin) == problem.course.q:
+            z = np.clip(begin, problem.lower, problem.upper)
+        else:
+            theta = np.clip(begin[:p], problem.lower[:p], problem.upper[:p])
+            z = problem.start(theta, float(begin[-1]) if len(begin) > p else lag)
+        return fit(problem, z, rounds=rounds, fine=fine, plain=plain)
 
     def having(self, values: Mapping[str, float]) -> Attempt:
         """Return it from other nominal values."""
@@ -190,6 +198,17 @@ class Attempt:
     def values(self, fitted: Fitted) -> dict[str, float]:
         """Return the parameters of a fit by name."""
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
+
+
+def explored(attempt: Attempt, places: Sequence[tuple[Array, float]]) -> Fitted:
+    """Return the best of a few rounds from each place, noise taken for white at first or not."""
+    return best(
+        [
+            attempt.solve(*place, rounds=2, fine=False, plain=plain)
+            for place in places
+            for plain in ((False, True) if attempt.whiten else (False,))
+        ]
+    )
 
 
 def best(fits: Sequence[Fitted]) -> Fitted:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, best
-from flexaxis.experiments.logs.friction import CHOICES, Sizes, rubbing
+from flexaxis.experiments.logs.attempt import Attempt, Log, explored
+from flexaxis.experiments.logs.friction import CHOICES, SOFTER, Sizes, rubbing
 from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
@@ -100,10 +100,12 @@ class _Bench:
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
             places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
-        tries = [attempt.solve(*place, rounds=2, fine=False) for place in places]
-        return Begun(attempt, best(tries))
+        if kind != "coulomb":
+            return Begun(attempt, explored(attempt, places))
+        soft = explored(self.attempt(kind, ease=SOFTER), places)
+        return Begun(attempt, attempt.solve(soft.z, rounds=3, fine=False))
 
-    def attempt(self, kind: str) -> Attempt:
+    def attempt(self, kind: str, *, ease: float = 1.0) -> Attempt:
         """Return the attempt with a law."""
         linear = self.linear
         k_T = linear.model.nominal.get("k_T", 1.0)
@@ -112,6 +114,7 @@ class _Bench:
             kind,
             _sizes(linear.log, linear, self.fitted),
             abs(self.level * k_T),
+            ease=ease,
         )
         mine = [n for n in box.start if (not self.free or n in self.free) and n not in self.fix]
         return replace(
@@ -132,8 +135,9 @@ class _Bench:
             other = self.started(kind, begun)
             other_part = other.fitted_without(without)
             comparison = compare(part, other_part, without, ok)
-            tried.append(Tried(kind, word, comparison, comparison.better))
-            if comparison.better:
+            taken = comparison.better if kind == ORDER[0] else comparison.worth_it
+            tried.append(Tried(kind, word, comparison, taken))
+            if taken:
                 word, begun, part = kind, Begun(other.attempt, other_part), other_part
             elif kind == "coulomb":
                 break
@@ -149,14 +153,11 @@ class Begun:
 
     def fitted_without(self, without: Flags) -> Fitted:
         """Return the fit to the rest of the log."""
-        z = self.fitted.z
-        theta = z[: len(self.attempt.names)]
-        return self.attempt.solve(theta, float(z[-1]), without=without, rounds=2, fine=False)
+        return self.attempt.solve(self.fitted.z, without=without, rounds=4)
 
     def finished(self) -> Fitted:
         """Return the fit to all of the log."""
-        z = self.fitted.z
-        return self.attempt.solve(z[: len(self.attempt.names)], float(z[-1]), rounds=4)
+        return self.attempt.solve(self.fitted.z)
 
 
 def theta_of(attempt: Attempt) -> Array:

@@ -70,8 +70,14 @@ class Comparison:
         """Whether the second is the better one beyond chance."""
         return self.gain > BEYOND_CHANCE * self.deviation and self.gain > 0
 
+    @property
+    def worth_it(self) -> bool:
+        """Whether it is better by so much that parameters of a richer law are worth having."""
+        return self.better and self.gain > LEAST_GAIN
+
 
 BEYOND_CHANCE = 3.0  # standard deviations
+LEAST_GAIN = 0.01  # nats a sample: an error of prediction that is smaller by a per cent
 
 
 def compare(first: Fitted, second: Fitted, without: Flags, used: Flags) -> Comparison:

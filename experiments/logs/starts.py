@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, best
+from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import friction, guessed_level, smooth_sign
 from flexaxis.experiments.logs.spectrum import (
@@ -74,19 +74,13 @@ class Starts:
         self, attempt: Attempt, level: float = 0.0, rounds: int = 6
     ) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
-        tries = [
-            attempt.solve(theta, lag, rounds=2, fine=False)
-            for theta, lag in self.places(attempt, level)
-        ]
-        tries = [tried for tried in tries if np.isfinite(tried.square)]
-        if not tries:
+        first = explored(attempt, self.places(attempt, level))
+        if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        first = best(tries)
-        p = len(attempt.names)
-        return attempt, attempt.solve(first.z[:p], float(first.z[-1]))
+        return attempt, attempt.solve(first.z)
 
     def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
         """Return parameters and delays [s] to start from."""

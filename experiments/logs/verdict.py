@@ -122,7 +122,8 @@ def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
     p = len(attempt.names)
     theta = fitted.z[:p]
     scale = np.where(theta == 0, 1.0, theta)
-    values, vectors = np.linalg.eigh(fitted.covariance[:p, :p] / np.outer(scale, scale))
+    relative = fitted.covariance[:p, :p] / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(np.clip(relative, -1e100, 1e100))
     least, change = float(np.sqrt(max(values[-1], 0.0))), vectors[:, -1]
     change = change * np.sign(change[np.argmax(abs(change))])
     largest = float(np.max(abs(change)))
@@ -131,7 +132,8 @@ def _weakest(attempt: Attempt, fitted: Fitted) -> tuple[float, str]:
         for name, share in zip(attempt.names, change, strict=True)
         if abs(share) > largest / 10
     )
-    condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+    # variances more than 1e-16 apart are rounding
+    condition = float(np.sqrt(values[-1] / max(values[0], 1e-16 * values[-1], 1e-300)))
     return condition, (
         f"known least is a change in the proportion {parts}: to ±{100 * least * largest:.2g} % of "
         "the largest"
@@ -247,6 +249,6 @@ def _laws(tried: Sequence[Tried]) -> list[str]:
         lines.append(
             f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
             f"{c.before:.4g} → {c.after:.4g} ({100 * (c.after / c.before - 1):+.2g} %), "
-            f"{'better' if t.taken else 'not better beyond chance'}"
+            f"{'better' if t.taken else 'not worth its parameters'}"
         )
     return lines

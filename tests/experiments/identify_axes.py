@@ -61,7 +61,7 @@ def log(
     stiffness = 60 * sum(value for name, value in values.items() if name.startswith("J"))
     f_c = ratio * values["f_m"]
     system = step[:n, :n].copy(), gain, -gain / values["k_T"], motor
-    u, v, angle = _run(system, reference, stiffness, period, f_c, offset)
+    u, v, angle = _run(system, reference, stiffness, period, (f_c, offset))
     return Record(
         time=period * np.arange(N),
         torque=u,
@@ -102,8 +102,8 @@ def _moves(N, period, speed, rng):
 
 
 @njit
-def _run(system, reference, stiffness, period, f_c, offset):
-    Phi, gain, friction, motor = system
+def _run(system, reference, stiffness, period, torques):
+    (Phi, gain, friction, motor), (f_c, offset) = system, torques
     N, x = len(reference), np.zeros(len(Phi))
     u, v, angle = np.zeros(N), np.zeros(N), np.zeros(N)
     integral, before, slope, memory = 0.0, 0.0, 0.0, np.exp(-period / 5e-4)

@@ -1,7 +1,7 @@
 """
 Print what `identify` makes of simulated drives with dry friction, and of the real bench.
 
-``python tests/experiments/identify_tables.py [drives robots bench] [--seeds 4000:4010] [--seconds 60]``
+``python tests/experiments/identify_tables.py [drives robots bench] [--seeds A:B] [--seconds 60]``
 
 Errors are of the estimate, in per cent of the truth, with the standard deviation that is said.
 """
@@ -12,14 +12,15 @@ import sys
 import time
 from pathlib import Path
 
-from flexaxis.experiments.building.load import load_scenario
+from identify_axes import NAMES, VALUES, log
+
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate
-from identify_axes import NAMES, VALUES, log
 
 RATIOS = (1, 10, 100)
 BENCH = {"J_m": 4.79e-3, "J_l": 4.76e-3, "k": 547.0}
@@ -59,7 +60,7 @@ def drives(seeds, seconds):
 def robots(seeds, seconds):
     """Three masses: the paper's axis with Coulomb friction, and a published one."""
     for name, preset_name in (("coulomb-v1", "n1"), ("wg_fc_step-v1", "wg")):
-        values = load_scenario(name).model_dump(exclude_none=True, exclude_defaults=True)
+        values = find_scenario(name).model_dump(exclude_none=True, exclude_defaults=True)
         values |= {"duration": seconds, "fault": [], "name": "log"}
         law = values.get("static_friction") or {"f_c": 0.1}
         truth = preset(preset_name).as_dict() | dict(law)

@@ -114,6 +114,23 @@ def test_dry_friction(coulomb, name, tmp_path):
     assert doubt.verdict == "problem" and doubt.remedy == {"friction": "auto"}
 
 
+def test_dry_friction_is_seen_through_a_controller_without_noise():
+    """In closed loop and without noise, the torque is a linear function of the motion as well."""
+    h, reference = T / FINE, 0.5 * np.cumsum(shaken(10.0, low=0.5, high=5.0)) * T
+    v, phi, before = 0.0, 0.0, 0.0
+    u, angle = np.empty(len(reference)), np.empty(len(reference))
+    for k, wanted in enumerate(reference):
+        u[k] = 40.0 * (wanted - phi) - 1.0 * (phi - before) / T
+        angle[k] = before = phi
+        for _ in range(FINE):
+            push = u[k] - F * v
+            v += h / J * (push - np.clip(push + J * v / h, -0.1, 0.1))
+            phi += h * v
+    record = Record(time=T * np.arange(len(u)), torque=u, angle=angle)
+    told = {doubt.name: doubt for doubt in doubts_of(record)}
+    assert told["dry friction"].verdict == "problem"
+
+
 def test_a_flexible_axis_is_not_dry():
     """Two masses and a spring, lightly damped, through both of whose modes the torque goes."""
     k, d = 400.0, 0.02

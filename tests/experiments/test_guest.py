@@ -31,9 +31,13 @@ class Raises(Base):
         return self.theta if self.k < 1501 else {}["oh"]  # line 20
 
 
+class Claims(Raises):
+    covariance = [[1.0]]
+
+
 class Exits(Base):
     def go(self):
-        return self.theta if self.k < 1501 else sys.exit(3)  # line 25
+        return self.theta if self.k < 1501 else sys.exit(3)  # line 29
 
 
 class Loops(Base):
@@ -85,7 +89,7 @@ def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, j
     status, _, err = ran(capsys, name, jobs=jobs)
     told = [line for line in err.splitlines() if "crashed" in line]
     assert status == CRASH and len(told) == 1 and "(and 1 like it)" in told[0]
-    line = {"Raises": 20, "Exits": 25}[name]
+    line = {"Raises": 20, "Exits": 29}[name]
     assert f"sample 1500 (7.5 s): {what}" in told[0] and f"guests.py:{line})" in told[0]
     assert "short, seed 100" in told[0]
 
@@ -271,3 +275,17 @@ def test_who_is_in_no_row_at_equal_noise_is_named():
     told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
     assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
     assert not any("ekf" in text or "frozen" in text for text in told)
+
+
+def test_estimate_is_a_host_too(capsys, short):
+    from flexaxis.sim.simulate import simulate
+
+    simulate(short, [0])[0].save("rec.nc")
+    words = ["estimate", "rec.nc", "-o", "est.nc", "--json", "--estimator"]
+    assert main([*words, "guests.py:Prints"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == 1600
+    for name in ("Raises", "Claims"):  # the one by runs, the other step by step
+        assert main([*words, f"guests.py:{name}"]) == CRASH
+        assert "sample 1500 (7.5 s): KeyError: 'oh'" in capsys.readouterr().err
+    assert main([*words, "guests.py:Loops", "--time-limit", "0.3"]) == CRASH
+    assert "no end within 0.3 s" in capsys.readouterr().err
