@@ -144,7 +144,7 @@ def study_from(
 
 def _scenario(name: str, folder: Path | None) -> Scenario:
     beside = folder / name if folder else None
-    return find_scenario(str(beside) if beside and beside.is_file() else name)
+    return find_scenario(str(beside) if beside and os.path.isfile(beside) else name)
 
 
 def _points(file: StudyFile) -> list[Point]:
