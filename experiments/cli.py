@@ -8,6 +8,7 @@ that `--help` is quick.
 from __future__ import annotations
 
 import argparse
+import errno
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -178,6 +179,11 @@ def _guarded(args: argparse.Namespace) -> int:
     except KeyboardInterrupt as error:
         say("; ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            return _crashed(args, error, _unexpected(args, error))
+        say(f"{error.filename}: {error.strerror}")  # what was given is no path at all
+        return WRONG_USE
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
 

@@ -14,7 +14,9 @@ Record = NDArray[np.void]
 Fields = Sequence[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]]
 
 
-def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
+def on_lanes(
+    design: Design, pattern: Pattern, *, series: tuple[int, int, int] | None = None
+) -> tuple[Record, Record]:
     """
     Return tuning and state of a filter of one model: what `recursion.loop` needs, and no more.
 
@@ -23,6 +25,8 @@ def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     design : Design
     pattern : Pattern
         That of the model, or one with more lanes, such as `methods.ekf.with_state` gives.
+    series : (steps, order, substeps), optional
+        As from `flexaxis.estimators.sampling.plan.law_plan`; by default that of this model.
 
     Returns
     -------
@@ -34,7 +38,7 @@ def on_lanes(design: Design, pattern: Pattern) -> tuple[Record, Record]:
     """
     own, coefficients = split(design.model)
     box = design.lower, design.upper
-    steps, order, substeps = (
+    steps, order, substeps = series or (
         law_plan(design.model, *box, design.period)
         if pattern.laws
         else (1, *plan(design.model, *box, design.period))

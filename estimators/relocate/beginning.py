@@ -29,7 +29,7 @@ from flexaxis.estimators.recursion.seen import (
 )
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import normal_equations
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
@@ -44,7 +44,7 @@ WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
-WALKS = {"f_m": 3.0, "f_c": 1.5}
+WALKS = {"f_m": 3.0, "f_c": 3.0}
 """How much faster than inertias these walk with temperature, for what they are expected to be."""
 ABSENT = (
     (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
@@ -149,19 +149,21 @@ class Beginning:
         """Where the parameters may be."""
         return self.design.lower, self.design.upper
 
-    def drift(self, state: np.void, prior: Prior, walk: float) -> Array:
+    def drift(self, state: Present, prior: Prior, walk: float) -> Array:
         """
         Return Δ (p, p), what P gains in a sample.
 
-        What is tracked walks, relative to what it is expected to be. The sum of speeds is an angle
+        What is tracked walks, relative to what it was expected to be, or to what dry friction, of
+        which little was expected, is found to be. The sum of speeds is an angle
         that wanders by T σ in a sample, and so does the phase of what depends on it:
         a sin Nφ + b cos Nφ by N T σ.
         """
         design, T = self.design, self.design.period
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
-        walks = np.zeros(len(theta))
+        walks, laws = np.zeros(len(theta)), np.array(design.model.additive, bool)
+        size = np.where(laws, np.maximum(abs(theta), abs(prior.theta)), abs(prior.theta))
         for i, name in enumerate(design.model.names[: self.roles.tracked]):
-            walks[i] = walk * WALKS.get(name, 1.0) * abs(prior.theta[i]) * in_use[i]
+            walks[i] = walk * WALKS.get(name, 1.0) * size[i] * in_use[i]
         drift = np.diag(walks**2 * T / prior.noise)
         if design.output == "speed" and "c_sin" in design.model.names:
             turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
@@ -180,6 +182,8 @@ class Beginning:
         if not np.isfinite(whole.square):
             return None
         left = self._left(memory, whole)
+        if not left.explained:  # something is far from what was told, and all may be that
+            return Fitted(whole.theta, every, prior.noise, {})
         noise = max(left.variance * left.repeated, self.design.noise**2)
         if abs(np.log(noise / prior.noise)) > OTHER:  # what a white residual of it would tell
             prior = prior._replace(noise=noise)

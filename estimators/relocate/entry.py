@@ -79,7 +79,9 @@ def relocate_friction(
     Make the filter that rewinds and refits, on a real axis: with friction and what it has besides.
 
     Tracked are what is identified and f_c; structure, of the axis and of its friction, is learnt
-    once. Parameters of laws that are identified come behind the others.
+    once, in the first four seconds of motion, of which no alarm is raised. What is told of laws is
+    where they begin; told of all of them, a second does. Parameters of laws that are identified
+    come behind the others.
 
     Parameters
     ----------

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.fit import Change, Past, explain
-from flexaxis.estimators.relocate.memory import Memory, Stretch
+from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.rows import Stretch
 from flexaxis.estimators.relocate.screen import screen
 from flexaxis.estimators.sampling.sampled import Terms
 

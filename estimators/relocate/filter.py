@@ -322,5 +322,4 @@ class Relocate(RecursiveEstimator):
         count = self._memory.count
         for i in [i for i, when in self._free.items() if when <= count]:
             del self._free[i]
-            for M in (self._memory.state["P"], self._memory.state["claim"]):
-                M[i, :] = M[:, i] = 0.0
+            self._memory.freeze(i)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.memory import SEARCHED, Memory
+from flexaxis.estimators.relocate.memory import SEARCHED, Memory, Present
 from flexaxis.estimators.relocate.search import Evaluated, Search
 from flexaxis.estimators.sampling.sampled import Terms
 
@@ -123,7 +123,7 @@ class Lookout:
         return Found(self._first, None)
 
 
-def left(state: np.void, limits: tuple[float, float]) -> bool:
+def left(state: Present, limits: tuple[float, float]) -> bool:
     """Whether more than this share of y is left unexplained, and more than that of it no noise."""
     share, foretold = limits
     unexplained = state["noise"] > share * state["power"]

@@ -1,68 +1,30 @@
 """
 The recent past of a filter, in its compiled loop and as arrays.
 
-The ring keeps the whole record of the filter after each measurement, so that to go back to a sample
-is to copy its row. Samples are counted from the first that the filter ever took; only this module
-knows that the ring closes.
+Samples are counted from the first that the filter ever took. What is known of a sample is given of
+all parameters, whatever the filter carried at the time.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.recursion.loop import sample_loop
-from flexaxis.estimators.recursion.measurement import (
-    correct_state,
-    learn,
-    measure,
-    predict,
-    publish,
-)
-from flexaxis.estimators.recursion.records import Record, joined, record
-from flexaxis.estimators.relocate.colour import NORMAL, listen, listening, resting
-from flexaxis.estimators.relocate.follow import integrate
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.relocate.carried import AXES, Carried, narrowest
+from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.replay import Replayed
-from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
-from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.relocate.ring import Ring
+from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, words_of
+from flexaxis.estimators.relocate.taking import HANDED_ON, HEARS, relearn
 
 Array = NDArray[np.float64]
+Places = NDArray[np.int64]
 
 MEMORY = 5.12  # s
 SEARCHED = 4.0  # s of the past, that a search looks at …
 EVALUATIONS = 200  # … for so many samples at most, one evaluation in each
-REPLAYED = ("theta", "P", "claim", "epsilon", "scale")  # fields of a row that a replay gives
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """
-    A copy of what was known after each of N samples in a row; nothing changes it any more.
-
-    Attributes
-    ----------
-    first : int
-        The first sample, counted from the start of the filter.
-    rows : (N,) array of records
-        The filter after the measurement of each.
-    """
-
-    first: int
-    rows: Record
-
-    def at(self, sample: int) -> np.void:
-        """Return the filter after a sample."""
-        return self.rows[sample - self.first]
-
-    @property
-    def theta(self) -> Array:
-        """All parameters, (N, p)."""
-        return np.ascontiguousarray(self.rows["theta"])
-
-    @property
-    def x(self) -> Array:
-        """State, (N, n)."""
-        return np.ascontiguousarray(self.rows["X"][:, :-1, 0])
 
 
 class Memory:
@@ -71,60 +33,92 @@ class Memory:
 
     Parameters
     ----------
-    pattern : Pattern
-        Of the model.
+    carried : sequence of Carried
+        What it may carry along, the narrowest first, everything last.
+    row : (1,) record
+        What is remembered of a sample, as it is at the start.
     tuning, state : (1,) records
-        Of a filter on lanes with `flexaxis.estimators.recursion.measurement.measured`.
-    alarm : float
-        Evidence that raises an alarm [nats].
+        That the loop needs, of all parameters.
     period : float
         Sampling period [s].
-    angle : (tuning, state)
-        As from `flexaxis.estimators.relocate.follow.measuring`.
     """
 
     def __init__(
         self,
-        pattern: Pattern,
+        carried: Sequence[Carried],
+        row: Record,
         tuning: Record,
         state: Record,
         *,
-        alarm: float,
         period: float,
-        angle: tuple[Record, Record],
     ) -> None:
-        parts = listening(alarm, period)
-        place = record(count=0, stop=-1, guarded=0, y=0.0, valid=0)
-        self._set = joined(tuning, parts[0], angle[0])
-        self._begin = joined(state, parts[1], place, angle[1])
+        self._choices, self._row, self._set, self._begin = carried, row, tuning, state
+        self._heard, self._carried, self._theta = heard(row), carried[-1], row["theta"][0]
+        self._hears = record(**{name: tuning[name][0] for name in HEARS})
+        self._kept = [name for name in state.dtype.names or () if name not in AXES]
         self._period = period
         self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
-        self._loop = remembering_loop(pattern)
+        self.reset()
+        for one in carried:  # what has to be compiled is compiled now, and not at the first alarm
+            self._go_on(one, {name: row[name] for name in OF_ALL}, 0)
+            self.run(np.empty(0), np.empty(0), np.empty(0, bool), *np.empty((2, 0, 3)))
         self.reset()
 
     def reset(self) -> None:
         """Return to the start."""
-        self._states, self._tuning = self._begin.copy(), self._set.copy()
-        self._ring = np.zeros(self._length, self._begin.dtype)
+        self._drift = self._set["drift"][0].copy()
+        self._states, self._ring = self._begin, Ring(self._length)
+        self._carry({name: self._row[name] for name in OF_ALL}, 0)
+
+    def _carry(self, values: Mapping[str, Array], first: int) -> None:
+        """
+        Go on from what is known of all parameters, (N, …), the last of which is the present.
+
+        What comes before is what is remembered, from some first sample on.
+        """
+        carried = narrowest(self._choices, values["theta"][-1], np.diag(values["P"][-1]) != 0)
+        self._go_on(carried, values, first)
+
+    def _go_on(self, carried: Carried, values: Mapping[str, Array], first: int) -> None:
+        packed, theta = carried.packed(values), values["theta"][-1].copy()
+        begun = self._states is not self._begin
+        if not (begun and carried is self._carried and carried.same(theta, self._theta)):
+            self._tuning, state = carried.records(theta)
+            for name in self._kept:
+                state[name] = self._states[name]
+            self._carried, self._states = carried, state
+            self.drift = self._drift
+        self._theta, rows = theta, slice(carried.samples, carried.size)
+        words_of(self._states)[0, rows] = packed[-1]
+        if "force" in (self._states.dtype.names or ()):
+            self._states["force"] = 0.0  # from where Newton's method starts
+        self._ring.begin(first, carried, theta)
+        self._ring.words[self._places(first)[: len(packed) - 1], rows] = packed[:-1]
 
     @property
-    def state(self) -> np.void:
+    def state(self) -> "Present":
         """The filter, ready for the next measurement."""
-        return self._states[0]
+        return Present(self)
 
     @property
     def drift(self) -> Array:
-        """Δ, which P gains in a sample."""
-        return self._tuning["drift"][0]
+        """Δ, which P gains in a sample, of all parameters."""
+        return self._drift
 
     @drift.setter
     def drift(self, value: Array) -> None:
-        self._tuning["drift"][0] = value
+        mine, self._drift = self._carried.places, value
+        self._tuning["drift"][0] = value[np.ix_(mine, mine)]
+
+    @property
+    def carried(self) -> Places:
+        """Places of the parameters that are carried along now."""
+        return self._carried.places
 
     @property
     def count(self) -> int:
         """Samples taken."""
-        return int(self.state["count"])
+        return int(self._states["count"][0])
 
     @property
     def first(self) -> int:
@@ -134,7 +128,7 @@ class Memory:
     @property
     def ringing(self) -> bool:
         """Whether there is enough evidence for an alarm."""
-        return bool(np.any(self.state["evidence"] > self._tuning["threshold"]))
+        return bool(np.any(self._states["evidence"] > self._tuning["threshold"]))
 
     def roughness(self, samples: int) -> float:
         """
@@ -154,14 +148,17 @@ class Memory:
 
         The angle is again what was measured since, as a change may have turned it.
         """
+        state = self._states[0]
         for name in NORMAL:
-            self.state[name] = row[name]
-        self.state["armed"] = self.state["learning"] = self.state["turning"] = 0
-        places = self._places(int(row["count"]))
-        since = self._ring["turned"][places] - row["turned"]
-        self._ring["u"][places, 1] -= since
-        self.state["angle"] -= self.state["turned"] - row["turned"]
-        self._ring["turned"][places] = self.state["turned"] = row["turned"]
+            state[name] = row[name]
+        state["armed"] = state["learning"] = state["turning"] = 0
+        places, words = self._places(int(row["count"])), self._ring.words
+        angle = self._carried.column("u").words.start + 1
+        turned = self._carried.column("turned").words.start
+        words[places, angle] -= words[places, turned] - row["turned"]
+        words[places, turned] = row["turned"]
+        state["angle"] -= state["turned"] - row["turned"]
+        state["turned"] = row["turned"]
 
     def accept(self, recent: float, *, noise: bool) -> None:
         """Take the residual of the last seconds for normal: its variance, and learn its colour."""
@@ -169,39 +166,67 @@ class Memory:
         squares = self.read("epsilon", first) ** 2 / self.read("scale", first)
         measured = squares[~np.isnan(squares)]
         if noise and len(measured):
-            self.state["noise"] = np.mean(measured)
+            self._states["noise"] = np.mean(measured)
         for name in NORMAL:
             if name != "power":
-                self.state[name] = self._begin[name][0]
+                self._states[name] = self._begin[name]
 
     def arm(self) -> None:
         """Listen and learn again, from now on."""
-        self.state["armed"] = self.state["learning"] = self.state["turning"] = 1
-        self.state["evidence"], self.state["silent"] = 0.0, self.count
+        state = self._states[0]
+        state["armed"] = state["learning"] = state["turning"] = 1
+        state["evidence"], state["silent"] = 0.0, self.count
+
+    def freeze(self, parameter: int) -> None:
+        """Take a parameter as known from now on."""
+        values = {name: self._now(name)[None] for name in OF_ALL}
+        for M in (values["P"], values["claim"]):
+            M[0, parameter, :] = M[0, :, parameter] = 0.0
+        self._carry(values, self.count)
 
     def run(
         self, u: Array, y: Array, present: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> int:
-        """Take samples until an alarm goes off or the count reaches ``stop``; return how many."""
-        return self._loop(self._tuning, self._states, u, y, present, estimates, trace, self._ring)
+        """
+        Take samples until an alarm goes off or the count reaches ``stop``; return how many.
+
+        Estimates (N, q) are those of the first q parameters.
+        """
+        mine, q = self._carried.places, estimates.shape[1]
+        every = len(mine) >= q and mine[q - 1] == q - 1
+        mine = mine[mine < q]
+        found = estimates if every else np.empty((len(u), len(mine)))
+        words = words_of(self._states)
+        taken = self._carried.loop(
+            self._tuning, self._states, u, y, present, found, trace, words, self._ring.words
+        )
+        if not every:
+            estimates[:taken] = self._theta[:q]
+            estimates[:taken, mine] = found[:taken]
+        return int(taken)
 
     def beginning(self, count: int) -> np.void:
-        """Return the filter as it was before the first sample, but for the count."""
-        row = self._begin.copy()
+        """Return what would be remembered before the first sample, but for the count."""
+        row = self._row.copy()
         row["count"] = count
         return row[0]
 
     def stretch(self, first: int) -> Stretch:
         """Return what is known of each sample from one on."""
         first = max(first, self.first)
-        rows = self._ring[self._places(first)]
+        rows = np.zeros(self.count - first, self._row.dtype)
+        for era, start, places in self._ring.parts(first, self.count):
+            part = rows[start - first :][: len(places)]
+            era.carried.unpack(self._ring.words[places], era.theta, part)
         rows.flags.writeable = False
         return Stretch(first, rows)
 
     def read(self, name: str, first: int) -> Array:
-        """Return one field from a sample on; zero where nothing is remembered."""
-        values = self._ring[name][self._places(first)]
-        values[: max(self.first - first, 0)] = 0
+        """Return one field of samples from one on; zero where nothing is remembered."""
+        column, start = self._carried.column(name), max(self.first - first, 0)
+        values = np.zeros((self.count - first, *column.shape), column.kind)
+        words = self._ring.words[self._places(first + start), column.words]
+        values[start:] = words.view(column.kind).reshape(-1, *column.shape)
         return values
 
     def signals(self, first: int) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -224,92 +249,55 @@ class Memory:
         replayed : Replayed
             The other filter at each later sample, and one sample ahead.
         """
-        places, state = self._places(int(row["count"])), self.state
-        lanes, last = replayed.X.shape[1], self._ring["epsilon"][places[-1]]
-        for name in REPLAYED:
-            self._ring[name][places] = getattr(replayed, name)[:-1]
-        self._ring["X"][places, :, :lanes] = replayed.X[:-1].transpose(0, 2, 1)
-        self._ring["psi"][places] = replayed.X[:-1, 1:, -1]
-        if state["guarded"]:  # what has diverged says nothing of how large y is
-            self._ring["expected"][places] = replayed.X[:-1, 0, -1]
-            self._ring["signal"][places] = state["signal"] = state["power"]
-        before = np.array([row])
-        relearn(self._tuning, self._ring, places, replayed.spread, before, self._states)
+        first = int(row["count"])
+        places, samples = self._places(first), slice(0, self._carried.samples)
+        rows, before = np.zeros(len(places), self._heard), np.zeros(1, self._heard)
+        words_of(rows)[:, samples] = self._ring.words[places, samples]
+        words_of(before)[:, samples] = words_of(np.array([row]))[:, samples]
+        last = rows["epsilon"][-1]
+        rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
+        rows["psi"] = replayed.X[:-1, 1:, -1]
+        if self._states["guarded"][0]:  # what has diverged says nothing of how large y is
+            rows["expected"] = replayed.X[:-1, 0, -1]
+            rows["signal"] = self._states["signal"] = self._states["power"]
+        relearn(self._hears, rows, replayed.spread, before)
         # what the other filter left out is left out for good, but for the last sample, of which it
         # is not known yet whether it is an outlier
-        self._ring["valid"][places[:-1]] = ~np.isnan(replayed.epsilon[:-2])
+        rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])
         if np.isnan(replayed.epsilon[-2]):
-            self._ring["epsilon"][places[-1]] = last
-        state["theta"], state["P"], state["turning"] = replayed.theta[-1], replayed.P[-1], 1
-        state["claim"], state["X"][:, :lanes] = replayed.claim[-1], replayed.X[-1].T
+            rows["epsilon"][-1] = last
+        for name in HANDED_ON:
+            self._states[name] = rows[name][-1]
+        self._states["turning"] = 1
+        self._carry(replayed.of_all(), first)
+        self._ring.words[places, samples] = words_of(rows)[:, samples]
 
-    def _places(self, first: int) -> NDArray[np.int64]:
-        return np.arange(first, self.count) % self._length
+    def _now(self, name: str) -> Array:
+        """Return what there is of every parameter, of all of them."""
+        values = self._theta.copy() if name == "theta" else np.zeros(self._row.dtype[name].shape)
+        self._carried.spread(name, self._states[name], values[None])
+        return values
+
+    def _places(self, first: int) -> Places:
+        return self._ring.places(first, self.count)
 
 
-@remembered
-def remembering_loop(pattern: Pattern) -> Compiled:
+class Present:
     """
-    Return the compiled loop: a filter with forgetting and state correction, memory and alarm.
+    The filter as it is now; what there is of every parameter, of all of them.
 
-    ``run(tunings, states, u, y, valid, estimates, trace, ring)`` stops after the sample at which
-    the alarm goes off, ``count`` reaches ``stop``, or a guarded filter diverges.
+    Parameters
+    ----------
+    memory : Memory
     """
-    return sample_loop(pattern, remember, "relocate")
 
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
 
-@inlined
-def remember(tunings, states, k, u, y, valid, estimates, trace, ring):  # noqa: PLR0917
-    """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
-    tuning, state = tunings[0], states[0]
-    measure(tuning, state, y[k], valid[k])
-    correct_state(state)
-    ringing = listen(tuning, state, y[k])
-    integrate(tuning, state, y[k], valid[k])
-    state["u"][0], state["y"], state["valid"] = u[k], y[k], int(valid[k])
-    state["count"] += 1
-    ring[(state["count"] - 1) % len(ring)] = state
-    if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
-        predict(tuning, state)
-    publish(state, k, estimates, trace)
-    return ringing or state["count"] == state["stop"] or diverged(state)
+    def __getitem__(self, name: str) -> Any:
+        return self._memory._now(name) if name in OF_ALL else self._memory._states[name][0]
 
-
-@inlined
-def diverged(state):
-    """Return whether θ is no number, in a filter that minds it."""
-    total = 0.0
-    if state["guarded"]:
-        for i in range(len(state["theta"])):
-            total += state["theta"][i]
-    return not np.isfinite(total)
-
-
-@compiled
-def relearn(tunings, ring, places, spread, before, states):  # noqa: PLR0917
-    """Learn noise and colour again from the residuals at some places of the ring, in order."""
-    tuning, earlier = tunings[0], before[0]
-    for k in range(len(places)):
-        row = ring[places[k]]
-        hand_on(earlier, row)
-        row["armed"], row["learning"], row["quiet"] = 0, 1, row["noise"]
-        if not np.isnan(row["epsilon"]):
-            listen(tuning, row, row["y"])
-            learn(tuning, row, row["epsilon"] ** 2 / spread[k])
-        earlier = row
-    hand_on(earlier, states[0])
-
-
-@inlined
-def hand_on(earlier, later):
-    """Copy what is known of noise and colour."""
-    for i in range(len(later["lags"])):
-        later["lags"][i] = earlier["lags"][i]
-    for i in range(len(later["colour"])):
-        later["colour"][i] = earlier["colour"][i]
-        later["model"][i] = earlier["model"][i]
-        later["correlations"][i] = earlier["correlations"][i]
-    later["noise"], later["samples"] = earlier["noise"], earlier["samples"]
-    later["heard"], later["power"] = earlier["heard"], earlier["power"]
-    later["unforeseen"], later["plain"] = earlier["unforeseen"], earlier["plain"]
-    later["white"], later["correlation"] = earlier["white"], earlier["correlation"]
+    def __setitem__(self, name: str, value: object) -> None:
+        if name in OF_ALL:
+            raise KeyError(f"{name} of a filter changes by a rewind alone")
+        self._memory._states[name] = value

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from flexaxis.estimators.relocate.finding import UNEXPLAINED, Finding, interval_of
+from flexaxis.estimators.relocate.memory import Present
 from flexaxis.estimators.relocate.opened import Opened
 
 
-def named(finding: Finding, case: Opened, state: np.void, names: Sequence[str]) -> Finding:
+def named(finding: Finding, case: Opened, state: Present, names: Sequence[str]) -> Finding:
     """
     Return a finding with what is in use now to explain it.
 

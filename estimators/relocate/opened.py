@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import repetition
 from flexaxis.estimators.relocate.explain import Normal, Ranking
-from flexaxis.estimators.relocate.memory import Memory, Stretch
+from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.policy import TAKEN_BACK, dubious
+from flexaxis.estimators.relocate.rows import Stretch
 
 LOOK_BACK = 1.0  # s before an alarm in which its first sign may lie
 AHEAD = 0.3  # s before the first sign in which the change is looked for

@@ -10,8 +10,11 @@ from flexaxis.estimators.methods.start import ROBUST
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.measurement import CEILING, measured
-from flexaxis.estimators.recursion.records import joined, on_lanes
+from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.relocate.beginning import Beginning
+from flexaxis.estimators.relocate.carried import Carried
+from flexaxis.estimators.relocate.choices import choices
+from flexaxis.estimators.relocate.colour import listening
 from flexaxis.estimators.relocate.commission import Commission
 from flexaxis.estimators.relocate.explain import Hypotheses
 from flexaxis.estimators.relocate.follow import measuring
@@ -19,8 +22,8 @@ from flexaxis.estimators.relocate.lost import Lookout
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.policy import LATER, LOOKS, Policy
 from flexaxis.estimators.relocate.rewind import Rewind
+from flexaxis.estimators.relocate.rows import row_of
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.sampling.pattern import split
 from flexaxis.estimators.sampling.sampled import planned
 
 
@@ -63,15 +66,11 @@ def parts_of(
     """
     period, box, learns = design.period, (design.lower, design.upper), roles.known > roles.tracked
     fading = roles.fading(design.forgetting, len(design.theta0))
-    pattern, _ = split(design.model)
     # a prior is a ceiling of its own; θ(0), a law's, says not how uncertain it may be
     own = roles.known > roles.given
     ceiling = np.inf if own else CEILING
-    parts = measured(design, clip=ROBUST, correct=True, ceiling=ceiling)
-    records = on_lanes(design, pattern), parts
-    tuning, state = (joined(*pair) for pair in zip(*records, strict=True))
+    tuning, state = _records(design, ceiling=ceiling, alarm=alarm)
     tuning["inflation"] = 1 / fading
-    angle = measuring(design.model, increments=design.output == "increment", period=period)
     terms = planned(design.model, *box, period)
     rewind = Rewind(terms, box, roles, fading)
     beginning = Beginning(terms, design, roles, model, tuple(told)) if own else None
@@ -81,7 +80,13 @@ def parts_of(
     if learns:
         policy = replace(policy, looks=(*LOOKS, *LATER), adapting=True)
     return Parts(
-        Memory(pattern, tuning, state, alarm=alarm, period=period, angle=angle),
+        Memory(
+            [Carried(choice, design, tuning, state) for choice in choices(design, roles)],
+            row_of(design, state),
+            tuning,
+            state,
+            period=period,
+        ),
         Hypotheses(
             terms,
             box,
@@ -93,4 +98,16 @@ def parts_of(
         Commission(beginning, rewind, walk),
         Lookout(terms, box, identified=roles.tracked, period=period),
         policy,
+    )
+
+
+def _records(design: Design, *, ceiling: float, alarm: float) -> tuple[Record, Record]:
+    """Return all that the loop needs of all parameters, besides those of the model."""
+    measures = measured(design, clip=ROBUST, correct=True, ceiling=ceiling)
+    listens = listening(alarm, design.period)
+    place = record(count=0, stop=-1, guarded=0, y=0.0, valid=0)
+    increments = design.output == "increment"
+    angle = measuring(design.model, increments=increments, period=design.period)
+    return joined(measures[0], listens[0], angle[0]), joined(
+        measures[1], listens[1], place, angle[1]
     )

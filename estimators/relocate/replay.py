@@ -40,6 +40,11 @@ class Replayed(NamedTuple):
     scale: Array
     spread: Array
 
+    def of_all(self) -> dict[str, Array]:
+        """Return what a filter remembers of the parameters, by the names of its fields."""
+        X = self.X.transpose(0, 2, 1)
+        return {"theta": self.theta, "P": self.P, "claim": self.claim, "X": X, "psi": X[:, -1, 1:]}
+
 
 def replay(  # noqa: PLR0917
     terms: Terms,

@@ -96,7 +96,6 @@ class Rewind:
         P[mine, mine] = SPREAD**2 / noise
         row = memory.beginning(first + 1)
         self._run(memory, row, theta, (X, P, P), memory.signals(first)[1:])
-        memory.state["force"] = 0.0
 
     def _run(
         self,

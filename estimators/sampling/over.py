@@ -77,18 +77,34 @@ def _with_laws(pattern: Pattern) -> Compiled:
         evaluate(flat, tuning["coefficients"], state["theta"], M)
         assign(laws[3], laws[4], state["theta"], work[3])
         for i in range(len(response)):
-            unit[:] = 0.0
+            clear(unit, 0, n + 1)
             unit[first + i, 0] = 1.0
             advance(flat, M, unit, 0.0, weights, order, substeps)
-            unit[first:n] = 0.0
-            response[i] = unit
+            clear(unit, first, n)
+            copy(unit, response[i])
         couple(laws[2], response, work[5])
         for i in reset:
-            X[i] = 0.0
+            clear(X, i, i + 1)
         for _ in range(tuning["law_steps"]):
-            X[first:n] = 0.0
+            clear(X, first, n)
             drives(laws[2], X, u, work[8])
             advance(flat, M, X, u, weights, order, substeps)
             react(laws, tuning["law_h"], response, u, X, work)
 
     return over
+
+
+@inlined
+def clear(X, first, end):
+    """Set some rows to zero; a slice would take the compiler seconds."""
+    for i in range(first, end):
+        for a in range(X.shape[1]):
+            X[i, a] = 0.0
+
+
+@inlined
+def copy(X, Y):
+    """Y ← X."""
+    for i in range(X.shape[0]):
+        for a in range(X.shape[1]):
+            Y[i, a] = X[i, a]

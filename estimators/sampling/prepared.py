@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 from flexaxis.estimators.sampling.forces import WIDTH
 from flexaxis.estimators.sampling.reaction import assign, couple, drives, react
 from flexaxis.estimators.sampling.sampled import move, sample
@@ -133,14 +133,30 @@ def travel(prepared, X, moved, u):
         move(prepared.D, X, moved, u)
         return
     now = prepared.X
-    now[:] = X
+    copy(X, now)
     for i in prepared.cleared:
-        now[:, i] = 0.0
+        clear(now, i, i + 1)
     laws = prepared.kind, prepared.memory, prepared.drive, prepared.value, prepared.lane
     for part in range(prepared.steps):
-        now[:, n - L : n] = 0.0
+        clear(now, n - L, n)
         drives(prepared.drive, now.T, u, prepared.work[8])
         move(prepared.D, now, moved, u)
         react(laws, prepared.h, prepared.response, u, moved.T, prepared.work)
         if part + 1 < prepared.steps:
-            now[:] = moved
+            copy(moved, now)
+
+
+@inlined
+def clear(X, first, end):
+    """Set some columns to zero; a slice would take the compiler seconds."""
+    for a in range(X.shape[0]):
+        for j in range(first, end):
+            X[a, j] = 0.0
+
+
+@inlined
+def copy(X, Y):
+    """Y ← X."""
+    for a in range(X.shape[0]):
+        for j in range(X.shape[1]):
+            Y[a, j] = X[a, j]

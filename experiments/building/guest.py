@@ -16,6 +16,7 @@ from contextvars import ContextVar
 from types import FrameType
 from typing import Any, NamedTuple
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.given import is_given
@@ -83,7 +84,14 @@ def is_guest(text: str) -> bool:
 
 
 @contextmanager
-def hosted(text: str, doing: str, *, first: int = 0, period: float | None = None) -> Iterator[None]:
+def hosted(
+    text: str,
+    doing: str,
+    *,
+    first: int = 0,
+    period: float | None = None,
+    refusing: bool = False,
+) -> Iterator[None]:
     """Run a user's code inside, and say what goes wrong in it.
 
     Parameters
@@ -96,6 +104,8 @@ def hosted(text: str, doing: str, *, first: int = 0, period: float | None = None
         Number of the first sample that it is given.
     period : float, optional
         Sampling period [s], to say when a sample is.
+    refusing : bool
+        Whether an `EstimatorError` is passed on as what it says; else it is a crash as well.
 
     Raises
     ------
@@ -115,6 +125,8 @@ def hosted(text: str, doing: str, *, first: int = 0, period: float | None = None
         )
         raise crash(text, doing, limit.with_traceback(error.__traceback__)) from None
     except (Exception, SystemExit) as error:
+        if refusing and isinstance(error, EstimatorError):
+            raise
         raise crash(text, doing + _sample(error, first, period), error) from error
 
 

@@ -16,6 +16,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands import options
+
 if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
 
@@ -40,11 +42,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="estimates only: several times faster on long records",
     )
+    options.add_time_limit(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
+    from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.building.specs import code_file, parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
@@ -57,7 +61,8 @@ def main(args: argparse.Namespace) -> int:
     spare((args.record, args.scenario, code_file(args.estimator)), path)
     spec = parse(args.estimator)
     scenario = find_scenario(args.scenario) if args.scenario else None
-    with progress(f"estimating with {spec.text}", count_samples(args.record)) as advance:
+    what = f"estimating with {spec.text}"
+    with limited(args.time_limit), progress(what, count_samples(args.record)) as advance:
         found = estimate(
             args.record,
             spec,

@@ -1,7 +1,8 @@
 """Make a record of a robot's own log, and report whether it is plausible.
 
-LOG is CSV, MAT (all versions), HDF5 or NetCDF. The report says what to doubt before any estimator
-runs: time stamps, gaps, clipping, resolution, dead time, band of the excitation, and, with
+LOG is a table of text, MAT (all versions), HDF5, NetCDF, parquet or a bag of ROS. The report says
+what to doubt before any estimator runs, and what to type against it: time stamps, gaps, clipping,
+resolution, clocks, dead time, offset, drift, dry friction, the band of the excitation, and, with
 --model, which parameters that excitation can see.
 
 example:

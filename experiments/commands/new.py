@@ -37,5 +37,6 @@ def main(args: argparse.Namespace) -> int:
     write_text(path, template.read_text(encoding="utf-8"))
     print(f"{path} estimates the motor friction f_m. Change it, then:")
     print(f"  flexaxis check {path}:{CLASS}")
+    print(f"  flexaxis tune {path}:{CLASS} --match f_m")
     print(f"  flexaxis compare --base rpem-forgetting --candidate {path}:{CLASS}")
     return 0

@@ -22,7 +22,7 @@ class Parser(argparse.ArgumentParser):
         found, more = self.parse_known_args(args, namespace)
         if more:
             sub = getattr(found, "parser", self)
-            sub.error("; ".join(sub.refused(word) for word in more))
+            sub.error(" ".join(sub.refused(word) for word in more))
         return found
 
     def refused(self, word: str) -> str:
@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         from flexaxis.sim.errors import did_you_mean
 
         if not word.startswith("-"):
-            return f"{word!r} is one word too many"
+            return f"{word!r} is one word too many."
         known = [name for action in self._actions for name in action.option_strings]
         return f"unknown option {word!r}.{did_you_mean(word.partition('=')[0], known)}"
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tempfile
+import warnings
 import weakref
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexaxis._given import (
     Estimators,
@@ -21,6 +22,10 @@ from flexaxis._table import Table
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.building.guest import Remark
+    from flexaxis.experiments.running.work import Outcome
 
 _SHOWN = ("estimator", "scenario", "parameter", "lag", "t10", "std", "bias", "diverged", "cases")
 
@@ -179,15 +184,24 @@ def study(
 
 
 def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool = True) -> Results:
+    from flexaxis.experiments.building.guest import in_words
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means, run_study
     from flexaxis.experiments.running.progress import progress
 
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
+    remarks: list[Remark] = []
     with progress(f"{total} cases", total) as advance:
-        means = Means(jobs=jobs, store=default_cache(), advance=lambda done: advance(done.cases))
+
+        def landed(outcome: Outcome) -> None:
+            remarks.extend(outcome.remarks)
+            advance(outcome.cases)
+
+        means = Means(jobs=jobs, store=default_cache(), advance=landed)
         run_study(wanted, place, means, resume=resume, run_code=run_code)
+    for text in in_words(remarks):
+        warnings.warn(text, stacklevel=3)
     found = Results.load(place)
     if not folder:  # the rows go when nobody holds the table that is read from them
         weakref.finalize(found.table, _remove, place)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.axes import BRISTLES, STATIC
+from flexaxis.estimators.models.axes import BRISTLES, STATIC, three_mass
 from flexaxis.estimators.models.laws import Law
-from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
@@ -208,14 +207,12 @@ def known_axis(scenario: Scenario) -> Axis:
     """Return the axis as its owner knows it from before the first day: the truth at 25 °C."""
     laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
     values: dict[str, Any] = dict(scenario.initial)
-    tables: dict[str, Any] = {"model": "three_mass"}
-    if laws:
-        if laws[0] is _COULOMB:
-            values["sigma_0"] = STIFF
-        tables["law"] = [_as_table(law) for law in laws]
+    if _COULOMB in laws:
+        values["sigma_0"] = STIFF
     taken = {name for law in laws for name in law.names}
     kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
-    return Axis(model_from_tables(tables | {"nominal": kept}), tables, known=True)
+    model = replace(three_mass(kept), laws=tuple(laws))
+    return Axis(model, {"model": "three_mass"}, known=True)
 
 
 _LINEAR = ("k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "r")
@@ -226,12 +223,3 @@ _COULOMB = Law(
     parameters={"coulomb": "f_c", "stiffness": "sigma_0"},
 )
 _LAWS = ((_COULOMB, "friction"), (STATIC, "static_friction"))
-
-
-def _as_table(law: Law) -> dict[str, Any]:
-    return {
-        "kind": law.kind,
-        "drive": dict(law.drive),
-        "acts": dict(law.acts),
-        "parameters": dict(law.parameters),
-    }

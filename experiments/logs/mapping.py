@@ -218,6 +218,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 
 def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
     there = f"there are {shown(log.names)}"
+    if log.names[0] == "column1":
+        there = f"the file names no columns, so t{there[1:]}"
     problems = [
         f"{log.source}: there is no column {column!r} for {name}."
         f"{did_you_mean(column, log.names)} T{there[1:]}"

@@ -31,8 +31,8 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--torque-is",
         choices=("held", "smooth"),
-        help="held: a command, constant until the next sample (default); smooth: a measured "
-        "current, which changes between the samples as well",
+        help="held: a command, constant until the next sample; smooth: a measured current, which "
+        "changes between the samples as well (default: seen from the log)",
     )
     group.add_argument("--resample", type=float, metavar="HZ", help="to another rate")
     group.add_argument(

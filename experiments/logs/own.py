@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.outputs import same
+from flexaxis.sim.reading import read_toml
 
 HEAD = 2048  # bytes in which a page says whose it is
 MARK = b"<title>flexaxis"
 
 
 def spare_foreign(*outputs: Path) -> None:
-    """Refuse to write over records and pages of somebody else; to be called before any work.
+    """Refuse to write over records, pages and axes of somebody else; called before any work.
 
     Raises
     ------
@@ -29,10 +32,12 @@ def spare_foreign(*outputs: Path) -> None:
 
 
 def is_ours(path: Path) -> bool:
-    """Whether a record or a page was written by flexaxis; of other files nobody can tell."""
+    """Whether a record, page or axis was written by flexaxis; of other files nobody can tell."""
     if path.suffix == ".html":
         with path.open("rb") as file:
             return MARK in file.read(HEAD)
+    if path.suffix == ".toml":
+        return {"nominal", "delay"} <= _tables(path).keys()
     return path.suffix != ".nc" or bool(_attributes(path).keys() & {"versions", "estimator"})
 
 
@@ -49,6 +54,14 @@ def source_of(path: Path) -> str | None:
         return str(json.loads(_attributes(path)["versions"])["log"])
     except (KeyError, TypeError, ValueError):
         return None
+
+
+def _tables(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file; none of one that cannot be read."""
+    try:
+        return read_toml(path, LogError)
+    except LogError:
+        return {}
 
 
 def _attributes(path: Path) -> dict[str, str]:

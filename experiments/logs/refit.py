@@ -1,7 +1,8 @@
 """The parameters of a known axis from one more log of it: a few Gauss-Newton steps, with intervals.
 
-`identify` finds an axis from nothing; this starts from what is known of it and stays near, so that
-it takes a second and can be done for a thousand logs.
+`identify` finds an axis from nothing, and solves its laws to their full accuracy; this starts from
+what is known and stays near, with laws as a search takes them, so that it is done for a thousand
+logs. What that leaves out is alike in all logs of a test motion, and no change.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from flexaxis.estimators.offline.prediction_error import HIGHEST_ORDER, noise_model, settled
 from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.trajectory import Course, course
-from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
+from flexaxis.experiments.logs.attempt import log_of
+from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import HIGHEST_ORDER, noise_model, settled
+from flexaxis.experiments.logs.pieces import PIECES
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -25,7 +28,6 @@ Array = NDArray[np.float64]
 STEPS = 12
 FARTHEST = 0.3  # relative change of a parameter in one step
 RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
-BLOCKS = 10  # of a log, whose spread is an interval that assumes no model of the noise
 RESTING = 0.05  # of the rms speed, below which the axis rests at first
 SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
 
@@ -65,7 +67,7 @@ class _Problem:
 
     def error(self, z: Array) -> tuple[Array, Array]:
         """Return y − ŷ (N,), and the derivatives (N, q) of ŷ, by θ relative to itself."""
-        simulated, slopes = self.course.along(np.append(z, self.delay))
+        simulated, slopes = self.course.along(np.append(z, self.delay), coarse=True)
         if not (np.isfinite(simulated).all() and np.isfinite(slopes).all()):
             raise LogError("a simulation of this log runs away with the values of the axis")
         psi = slopes[:-1].T.copy()
@@ -133,26 +135,27 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
-    output = output_of(record)
-    y = np.asarray(getattr(record, output))
+    log = log_of(record, axis)
     along = course(
         axis.model,
         names,
-        record.torque,
-        period=record.period,
-        output=output,
-        smooth=is_smooth(record),
-        resting=bool(np.max(abs(y[:5])) < RESTING * np.std(y)),
+        log.u,
+        period=log.period,
+        output=log.output,
+        smooth=log.smooth,
+        resting=bool(np.max(abs(log.y[:5])) < RESTING * np.std(log.y)),
     )
+    ok = log.ok.copy()
+    ok[0] = False  # an increment has no past there, and a state no consequence yet
     start = np.concatenate([along.model.theta, np.zeros(len(along.free))])
     size = np.full(len(start), np.inf)
     moving = len(along.free) - 1
     if moving:
         # a state that is forgotten before the first sample that counts must not run away
-        states = state_sizes(axis.model, record.torque, record.period)
-        own = np.full(moving - len(states), np.sqrt(np.mean(record.torque**2)))
+        states = state_sizes(axis.model, log.u, log.period)
+        own = np.full(moving - len(states), np.sqrt(np.mean(log.u**2)))
         size[along.p : -1] = np.maximum([*states, *own], 1e-9 * max([*states, *own]))
-    return _Problem(along, start, size, y, usable(record), axis.delay)
+    return _Problem(along, start, size, log.y, ok, axis.delay)
 
 
 def _whitening(problem: _Problem, error: Array) -> Array:
@@ -194,12 +197,12 @@ def _block_deviations(
     known = int(np.isfinite(problem.size).sum())
     scaled, samples = gradient / norm, len(e) - known
     square, product = scaled.T @ scaled, scaled.T @ e
-    steps = np.empty((BLOCKS, len(z)))
-    for i, block in enumerate(np.array_split(np.arange(samples), BLOCKS)):
+    steps = np.empty((PIECES, len(z)))
+    for i, block in enumerate(np.array_split(np.arange(samples), PIECES)):
         mine, its = scaled[block], e[block]
         steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (product - mine.T @ its)
     spread = steps - steps.mean(axis=0)
-    return np.sqrt((BLOCKS - 1) / BLOCKS * (spread**2).sum(axis=0)) / norm
+    return np.sqrt((PIECES - 1) / PIECES * (spread**2).sum(axis=0)) / norm
 
 
 def _check(names: Sequence[str], theta: Array, bounds: Array, fit: float) -> None:

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import medfilt
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import increment
-from flexaxis.estimators.offline.frequency import information, line_spectrum
+from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
-from flexaxis.experiments.logs.doubts.evidence import of_record
+from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
 from flexaxis.experiments.logs.doubts.reversals import reversals_of
 from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
 from flexaxis.sim.record import Record
@@ -24,8 +23,7 @@ Array = NDArray[np.float64]
 ENOUGH = 0.5  # relative standard deviation from which on a parameter counts as not seen
 NOTHING = 1e9  # relative standard deviation of what is not seen at all
 SCALE = "k_T"  # what a log cannot tell: it shows ratios to the torque constant
-SMOOTHED = 9  # frequencies, over whose median the noise is taken
-FLOOR = 5  # percentile of the output's spectrum below which no noise is believed
+QUIETEST = 1e-12  # of the power of the output: less noise than that is rounding
 CROSSINGS = 10  # reversals that a law of friction needs, at the least
 
 
@@ -53,9 +51,9 @@ class Seen:
 def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     """Return what the excitation can tell of each parameter of an axis, before any estimator runs.
 
-    σ/(θ √(N E ψ²)), with E ψψᵀ from the spectrum of the torque by eq. (28). σ is, at each
-    frequency, what the torque does not explain of the output. Laws of friction are seen by
-    reversals, which are counted.
+    σ/(θ √(N E ψ²)), with E ψψᵀ from the spectrum of the torque by eq. (28). σ is what
+    the torque does not explain of the output. Laws of friction are seen by reversals, which are
+    counted.
 
     Parameters
     ----------
@@ -73,9 +71,11 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     names = [name for name in linear.parameters if linear.nominal[name]]
     model = increment(linear, period) if output == "increment" else linear
     chosen = model.parametrize(names)
-    omega, power = line_spectrum(record.torque[ok], period=period)
-    lines = (power > 1e-9 * power.max()) & (omega > 0)
-    omega, power = omega[lines], power[lines] / _noise(record, omega[lines])
+    evidence = of_record(record)
+    spectra = evidence.spectra
+    lines = (spectra.torque > 1e-9 * spectra.torque.max()) & (spectra.frequency > 0)
+    omega = 2 * np.pi * spectra.frequency[lines]
+    power = spectra.torque[lines] * spectra.frequency[1] / _noise(evidence)
     Q = information(chosen, chosen.theta, omega, power, period=period)
     Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
     found = _deviations(Q, names)
@@ -130,10 +130,14 @@ def _of_law(record: Record) -> Seen:
     return Seen(None, None, "", words)
 
 
-def _noise(record: Record, omega: Array) -> Array:
-    """Return the variance of white noise as strong as what the torque does not explain (M,)."""
-    s = of_record(record).spectra
-    rest = medfilt(s.speed * (1 - s.coherence), SMOOTHED)
-    floor = float(np.percentile(s.speed[1:], FLOOR))
-    at = np.interp(omega / (2 * np.pi), s.frequency, np.maximum(rest, floor))
-    return np.asarray(at / (2 * record.period))
+def _noise(e: Evidence) -> float:
+    """Return the variance of white noise as strong as what the torque does not explain.
+
+    The median over the band: at single frequencies the averages of spectra explain less of a
+    steep response than there is.
+    """
+    s, (low, high) = e.spectra, e.band
+    band = (s.frequency >= low) & (s.frequency <= high)
+    rest = s.speed * (1 - s.coherence)
+    least = QUIETEST * float(s.speed[band].mean())
+    return max(float(np.median(rest[band])), least) / (2 * e.period)

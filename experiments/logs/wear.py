@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 STEADY, CHANGED, EXPLAINED, OPEN = "steady", "changed", "explained", "open"
 SMALLEST = 0.01  # relative change that is worth a word
+GONE = 3.0  # standard deviations of a size that is none; fewer would be found by itself
+OTHER = 2.0  # standard deviations by which a size is another one
 PROPORTIONAL = 0.2  # relative deviation up to which ratios of estimates are taken
 
 
@@ -108,8 +110,8 @@ def verdict(
         # of the same shape and at the same place, but with the covariates beside it
         largest = max(bare.changes, key=lambda c: abs(c.size))
         change = size_of(series, largest)
-        gone = abs(change.size) < 2 * change.deviation
-        other = abs(change.size - largest.size) > 2 * change.deviation
+        gone = abs(change.size) < GONE * change.deviation
+        other = abs(change.size - largest.size) > OTHER * change.deviation
         kind = EXPLAINED if gone and other else OPEN
     return Verdict(name, kind, logs, series, proportional, found, bare, change)
 

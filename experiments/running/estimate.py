@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.scoring.theta import physical, true_theta
@@ -94,7 +95,9 @@ def estimate(
         file.attrs.update(estimator=spec.text, options=json.dumps(dict(spec.options)))
         file.attrs["record_hash"] = first.hash
         for piece in chain([first], pieces):
-            theta, sure, _ = run_on(estimator, piece, claims=claims)
+            where: dict[str, Any] = {"first": samples, "period": piece.period, "refusing": True}
+            with hosted(spec.text, f"on {source}", **where):
+                theta, sure, _ = run_on(estimator, piece, claims=claims)
             span = slice(samples, samples + len(theta))
             file["time"][span], file["theta"][span] = piece.time, theta
             if sure is not None:
@@ -141,7 +144,11 @@ def run_on(
     theta, claimed = np.empty((n, p)), np.empty((n, p, p))
     there = np.ones(n, bool) if piece.valid is None else piece.valid
     for k in range(n):
-        theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
+        try:
+            theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
+        except BaseException as error:
+            error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was
+            raise
         if sure:
             claimed[k] = estimator.covariance  # type: ignore[attr-defined]
         alarms[k] = getattr(estimator, "alarm", False)

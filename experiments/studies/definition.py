@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -143,7 +144,7 @@ def study_from(
 
 def _scenario(name: str, folder: Path | None) -> Scenario:
     beside = folder / name if folder else None
-    return find_scenario(str(beside) if beside and beside.is_file() else name)
+    return find_scenario(str(beside) if beside and os.path.isfile(beside) else name)
 
 
 def _points(file: StudyFile) -> list[Point]:
@@ -177,7 +178,19 @@ def _design_problems(file: StudyFile) -> Iterator[Problem]:
 def _values_problem(value: Any) -> str | None:
     if isinstance(value, Mapping):
         return 'a table of low and high goes with design = "sobol"; give an array of values'
-    return None if isinstance(value, list) and value else f"must be an array of values, not {value}"
+    if not (isinstance(value, list) and value):
+        return f"must be an array of values, not {value}"
+    other = next((entry for entry in value if not _storable(entry)), None)
+    return other and f"{other} is no number, text, truth or array or table of them"
+
+
+def _storable(value: Any) -> bool:
+    """Return whether a value can stand in a row, which is JSON: no date, and no infinity."""
+    try:
+        json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _span_problem(value: Any) -> str | None:

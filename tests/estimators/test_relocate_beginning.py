@@ -46,6 +46,11 @@ def test_what_is_left_tells_as_much_as_its_correlation_allows():
     signals = np.zeros((N, 2)), noise, present
     left = remainder(terms, model.theta, np.zeros(terms.n), signals, 3)
     assert left.variance == pytest.approx(0.01 / (1 - rho**2), rel=0.03)
+    assert left.share == pytest.approx(1.0) and not left.explained  # the model is at rest
+    white = remainder(
+        terms, model.theta, np.zeros(terms.n), (signals[0], rng.standard_normal(N), present), 3
+    )
+    assert white.repeated == pytest.approx(1.0, abs=0.05) and white.explained  # all may be noise
     seen_rho = 0.9 * rho  # a tenth of the neighbours is missing
     assert left.repeated == pytest.approx((1 + seen_rho) / (1 - seen_rho), rel=0.05)
 
@@ -170,3 +175,13 @@ def test_its_prior_of_what_is_told_is_narrow():
     assert N1["k_g"] * 0.1 == pytest.approx(
         (prior.deviation * design.scale[: len(prior.deviation)])[design.model.names.index("k_g")]
     )
+
+
+def test_dry_friction_walks_relative_to_what_it_is_found_to_be():
+    u, y, nominal = drawn("coulomb_fm_step-v1")
+    filter_ = relocate_friction(nominal, T, walk=2e-3)
+    filter_.run(u[:1000], y[:1000])
+    memory, prior, scale = filter_._memory, filter_._commission._prior, filter_._design.scale
+    walks = np.sqrt(np.diag(memory.drift) * prior.noise / T)[:4] * scale[:4]
+    np.testing.assert_allclose(walks[:3], 2e-3 * np.array([1.0, 1.25, 3 * 0.05]), rtol=1e-9)
+    assert walks[3] == pytest.approx(2e-3 * 3.0 * 0.1, rel=0.05)  # of .1 N m, as it is

@@ -306,6 +306,7 @@ def test_told_what_is_far_from_true_it_stays_finite_and_says_that_it_is_lost(by_
     for wrong in ({"J_m": 8 * N1["J_m"]}, {"J_m": 0.25 * N1["J_m"]}, {"k_g": 2 * N1["k_g"]}):
         filter_ = relocate_friction(N1 | wrong, T)
         assert np.isfinite(filter_.run(u, y)).all()
+        assert filter_._memory.state["noise"] < np.var(y)  # what diverged is no noise
         lost = [finding for finding in filter_.findings if finding.reason == LOST]
         assert 1 <= len(lost) <= 4  # at most one for each fit and one of the search
 

@@ -9,9 +9,9 @@ from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.relocate.explain import SPREAD, Explanation, Normal, Ranking, past_of
 from flexaxis.estimators.relocate.filter import Relocate
 from flexaxis.estimators.relocate.fit import Change
-from flexaxis.estimators.relocate.memory import Stretch
 from flexaxis.estimators.relocate.opened import Opened
 from flexaxis.estimators.relocate.replay import replay
+from flexaxis.estimators.relocate.rows import Stretch
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms

@@ -171,7 +171,8 @@ def test_an_estimator_that_raises_is_a_row_and_the_others_go_on(short, tmp_path)
     failed = made.summary["failures"]
     assert [row["seed"] for row in failed] == [7, 8]
     assert {row["estimator"] for row in failed} == {own("Broken")}
-    assert "crashed on short, seed 7: ZeroDivisionError: no luck" in failed[0]["error"]
+    where = "crashed on short, seed 7, sample 100 (0.5 s)"
+    assert f"{where}: ZeroDivisionError: no luck" in failed[0]["error"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "2 cases could not be run" in page and "no luck" in page
 
@@ -243,7 +244,7 @@ def test_specs(short):
         build(parse("rpem-forgetting[forgetting=1.5]"), short)
     with pytest.raises(EstimatorError, match="has no 'Nobody'"):
         parse(own("Nobody"))
-    with pytest.raises(EstimatorError, match="no file"):
+    with pytest.raises(EstimatorError, match="no such file"):
         parse("missing.py:Mine")
     with pytest.raises(EstimatorError, match="reads 'speed'"):
         build(parse(own("Wild")), short.override({"output": "increment"}))

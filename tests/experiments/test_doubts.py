@@ -3,13 +3,15 @@
 import h5py
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, sosfilt, sosfiltfilt
+from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt, sosfiltfilt
 
+from flexaxis.experiments.logs.doubts.clocks import updates_every
 from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
 from flexaxis.experiments.logs.importing import import_log, read_any
 from flexaxis.experiments.logs.prepare import unwrapped
 from flexaxis.experiments.logs.remedies import remedied
+from flexaxis.sim.record import Record
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
 J, F = 0.01, 0.05  # kg m², N m s/rad
@@ -112,6 +114,36 @@ def test_dry_friction(coulomb, name, tmp_path):
     assert doubt.verdict == "problem" and doubt.remedy == {"friction": "auto"}
 
 
+def test_dry_friction_is_seen_through_a_controller_without_noise():
+    """In closed loop and without noise, the torque is a linear function of the motion as well."""
+    h, reference = T / FINE, 0.5 * np.cumsum(shaken(10.0, low=0.5, high=5.0)) * T
+    v, phi, before = 0.0, 0.0, 0.0
+    u, angle = np.empty(len(reference)), np.empty(len(reference))
+    for k, wanted in enumerate(reference):
+        u[k] = 40.0 * (wanted - phi) - 1.0 * (phi - before) / T
+        angle[k] = before = phi
+        for _ in range(FINE):
+            push = u[k] - F * v
+            v += h / J * (push - np.clip(push + J * v / h, -0.1, 0.1))
+            phi += h * v
+    record = Record(time=T * np.arange(len(u)), torque=u, angle=angle)
+    told = {doubt.name: doubt for doubt in doubts_of(record)}
+    assert told["dry friction"].verdict == "problem"
+
+
+def test_a_flexible_axis_is_not_dry():
+    """Two masses and a spring, lightly damped, through both of whose modes the torque goes."""
+    k, d = 400.0, 0.02
+    A = np.array([[0, 1, -1], [-k / J, -(d + F) / J, d / J], [k / J, d / J, -(d + F) / J]])
+    B, C, D = np.array([[0], [1 / J], [0]]), np.array([[0, 1, 0]]), np.zeros((1, 1))
+    u = shaken(10.0)
+    _, speed, _ = dlsim(cont2discrete((A, B, C, D), T), u)
+    noise = 1e-2 * np.random.default_rng(0).standard_normal(len(u))
+    record = Record(time=T * np.arange(len(u)), torque=u, speed=speed[:, 0] + noise)
+    told = {doubt.name: doubt for doubt in doubts_of(record)}
+    assert told["dry friction"].value < 2 and told["dry friction"].verdict == "ok"
+
+
 def test_viscous_friction_is_not_dry(tmp_path):
     u = shaken(10.0)
     for seed in range(5):
@@ -136,7 +168,9 @@ def test_a_measured_current_is_told_from_a_command(tmp_path):
     assert "noise of a sensor" in seen(found, "torque between samples").text
     # the same as a command: noise and all moves the motor
     held = u + 0.02 * np.random.default_rng(4).standard_normal(len(u))
-    assert imported(tmp_path, log(held, moved(held))).record.versions["torque"] == "held"
+    found = imported(tmp_path, log(held, moved(held)))
+    assert found.record.versions["torque"] == "held"
+    assert "move the motor" in seen(found, "torque between samples").text
 
 
 def test_what_is_stated_of_a_torque_is_believed_but_doubted(tmp_path):
@@ -154,8 +188,9 @@ def test_what_is_stated_of_a_torque_is_believed_but_doubted(tmp_path):
 
 
 def test_remedies_are_what_import_would_have_made(clean, tmp_path):
-    record = imported(tmp_path, clean, {"torque_is": "held"}).record
-    wanted = imported(tmp_path, clean, {"torque_is": "held"}, highpass=3.0).record
+    columns = clean | {"angle": clean["angle"] + 1.0}
+    record = imported(tmp_path, columns, {"torque_is": "held"}).record
+    wanted = imported(tmp_path, columns, {"torque_is": "held"}, highpass=3.0).record
     given = remedied(record, {"highpass": 3.0, "friction": "auto"})
     for name in ("torque", "angle", "increment"):
         np.testing.assert_allclose(getattr(given, name), getattr(wanted, name), atol=1e-9)
@@ -166,6 +201,7 @@ def test_remedies_are_what_import_would_have_made(clean, tmp_path):
     ("torque", "name", "kind"),
     [
         (np.repeat(np.random.default_rng(0).standard_normal(500), 4), "", "held"),
+        (np.repeat(shaken(8.0, high=10.0)[::8], 8), "iq_meas", "held"),
         (np.sign(np.random.default_rng(0).standard_normal(2000)), "iq_meas", "held"),
         (shaken(5.0), "iq_meas", "held"),  # without any noise: computed
     ],
@@ -193,11 +229,15 @@ def test_wrapped_angles_are_unwrapped_and_fast_ones_are_not():
     # a counter of ten turns
     free, wrap = unwrapped(turning % (20 * np.pi))
     np.testing.assert_allclose(free - free[0], turning - turning[0], atol=1e-9)
+    assert wrap.turn == pytest.approx(20 * np.pi) and wrap.fastest < 0.02
     # a fast spindle, more than half a turn in a sample, is left as it was logged
     fast = np.cumsum(4.0 + 0.5 * np.sin(np.arange(3000) / 50))
     free, wrap = unwrapped(fast)
     np.testing.assert_array_equal(free, fast)
     assert wrap.turn == 0
+    # and so is one that goes to and fro by many turns at once
+    fro = np.tile([0.0, 30.0, 60.0, 0.0], 100)
+    np.testing.assert_array_equal(unwrapped(fro)[0], fro)
 
 
 def test_a_wrapped_angle_too_fast_to_unwrap_is_a_problem(tmp_path):
@@ -214,6 +254,9 @@ def test_two_clocks(clean, tmp_path):
     assert doubt.verdict == "problem" and doubt.value == 5 and doubt.command == "--resample 200"
     coarse = np.round(clean["angle"] / 2e-3) * 2e-3  # which repeats its values as well
     assert seen(imported(tmp_path, clean | {"angle": coarse}), "clocks").verdict == "ok"
+    ramp = np.repeat(np.arange(300.0), 4)  # one step of an encoder in every fourth sample
+    assert updates_every(ramp) == 1
+    assert updates_every(np.repeat(clean["angle"][:300], 4)) == 4
 
 
 def test_a_delay_that_drifts(clean, tmp_path):
@@ -290,3 +333,31 @@ def test_every_doubt_draws(clean, tmp_path):
     assert len(drawn) >= 4
     for check in drawn:
         assert isinstance(doubt_figure(check), Figure)
+
+
+def test_a_record_of_standstill_has_one_doubt():
+    record = Record(
+        time=T * np.arange(500),
+        torque=np.zeros(500),
+        speed=np.random.default_rng(0).standard_normal(500),
+    )
+    (doubt,) = doubts_of(record)
+    assert doubt.name == "motion" and doubt.verdict == "problem"
+
+
+def test_pauses_are_not_taken_for_sticking(clean, tmp_path):
+    u = clean["torque"].copy()
+    u[6000:14000] = 0
+    angle = moved(u) + 1e-7 * np.random.default_rng(0).standard_normal(len(u))
+    assert seen(imported(tmp_path, log(u, angle)), "standing under torque").verdict == "ok"
+
+
+def test_slow_motion_ruled_by_friction_is_no_opposite_sign():
+    """Far below the corner f/J, 80 Hz, the acceleration leads by 90°, and by more if shifted."""
+    u = shaken(40.0, low=0.5, high=2.0)
+    speed = np.roll(lfilter([0, T / J], [1, -np.exp(-5.0 * T / J)], u), -3)
+    for sign in (1, -1):
+        record = Record(time=T * np.arange(len(u)), torque=sign * u, speed=speed)
+        told = {doubt.name: doubt for doubt in doubts_of(record)}
+        wanted = "" if sign > 0 else "--scale torque=-1"
+        assert told["dead time from torque to angle"].command == wanted

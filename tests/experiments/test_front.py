@@ -165,6 +165,16 @@ def test_a_class_of_the_session_takes_part_under_its_name(short):
         fx.benchmark(Local, scenarios=short, jobs=2)
 
 
+def test_what_is_to_be_known_of_a_class_is_a_warning(short):
+    class Lost(Still):
+        def step(self, u, y):
+            return [float("nan")]
+
+    with pytest.warns(UserWarning, match=r"Lost returned an estimate that is not finite"):
+        found = fx.benchmark(Lost, scenarios=short, seeds=1)
+    assert found.to_dataframe()["diverged"].all()
+
+
 def test_a_record_shows_itself(short, tmp_path):
     record = fx.simulate(short)
     assert repr(record) == "Record short, seed 0: 1600 samples of 5 ms"

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from flexaxis.experiments.building.guest import limited
+from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
@@ -31,9 +31,13 @@ class Raises(Base):
         return self.theta if self.k < 1501 else {}["oh"]  # line 20
 
 
+class Claims(Raises):
+    covariance = [[1.0]]
+
+
 class Exits(Base):
     def go(self):
-        return self.theta if self.k < 1501 else sys.exit(3)  # line 25
+        return self.theta if self.k < 1501 else sys.exit(3)  # line 29
 
 
 class Loops(Base):
@@ -85,7 +89,7 @@ def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, j
     status, _, err = ran(capsys, name, jobs=jobs)
     told = [line for line in err.splitlines() if "crashed" in line]
     assert status == CRASH and len(told) == 1 and "(and 1 like it)" in told[0]
-    line = {"Raises": 20, "Exits": 25}[name]
+    line = {"Raises": 20, "Exits": 29}[name]
     assert f"sample 1500 (7.5 s): {what}" in told[0] and f"guests.py:{line})" in told[0]
     assert "short, seed 100" in told[0]
 
@@ -103,8 +107,12 @@ def test_check_ends_too(capsys):
 def test_the_limit_is_of_one_run_and_put_back(short):
     import signal
 
-    with limited(5.0):
-        build(parse("guests.py:Base"), short)
+    with limited(5.0), hosted("guests.py:Base", "in a test"):
+        assert 3.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+        build(parse("guests.py:Base"), short)  # inside another it has the time of that
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 5.0
+    with limited(5.0), hosted("frozen", "in a test"):
+        assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
@@ -147,12 +155,12 @@ def test_torque_is_given_to_whoever_asks_for_it(short):
 
 def test_neighbours_are_found_and_take_no_librarys_place(tmp_path, short):
     (tmp_path / "helper.py").write_text("VALUE = 0.07\n")
-    (tmp_path / "string.py").write_text("raise RuntimeError('the wrong one')\n")
-    head = "import string, helper\nassert string.ascii_letters\n"
+    (tmp_path / "wave.py").write_text("raise RuntimeError('the wrong one')\n")
+    head = "import wave, helper\nassert wave.Wave_read\n"
     (tmp_path / "near.py").write_text(head + OWN.replace('nominal["f_m"]', "helper.VALUE"))
     assert build(parse("near.py:Base"), short).theta == 0.07
-    (tmp_path / "wants.py").write_text("from string import mine\n")
-    with pytest.raises(ValueError, match=r"string\.py beside it cannot be imported"):
+    (tmp_path / "wants.py").write_text("from wave import mine\n")
+    with pytest.raises(ValueError, match=r"wave\.py beside it cannot be imported"):
         parse("wants.py:Base")
 
 
@@ -267,3 +275,17 @@ def test_who_is_in_no_row_at_equal_noise_is_named():
     told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
     assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
     assert not any("ekf" in text or "frozen" in text for text in told)
+
+
+def test_estimate_is_a_host_too(capsys, short):
+    from flexaxis.sim.simulate import simulate
+
+    simulate(short, [0])[0].save("rec.nc")
+    words = ["estimate", "rec.nc", "-o", "est.nc", "--json", "--estimator"]
+    assert main([*words, "guests.py:Prints"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == 1600
+    for name in ("Raises", "Claims"):  # the one by runs, the other step by step
+        assert main([*words, f"guests.py:{name}"]) == CRASH
+        assert "sample 1500 (7.5 s): KeyError: 'oh'" in capsys.readouterr().err
+    assert main([*words, "guests.py:Loops", "--time-limit", "0.3"]) == CRASH
+    assert "no end within 0.3 s" in capsys.readouterr().err

@@ -105,7 +105,7 @@ def test_a_poor_log_is_imported_even_if_a_model_cannot_be_guessed(tmp_path, caps
     noise = 1e-3 * np.random.default_rng(7).standard_normal(len(columns["time"]))
     made.csv(columns | {"angle": noise}).write(log)
     status, out, _ = answer(capsys, "import", log, "--model", "two_mass")
-    assert status == 0 and "is not known: the torque explains the motion" in out
+    assert status == 0 and "is not known: the torque explains" in out
     assert (tmp_path / "log.nc").exists()
 
 
@@ -117,3 +117,24 @@ def test_strict_is_status_1_if_something_spoils_the_estimates(tmp_path, capsys):
     assert status == 1 and "--scale torque=-1" in out
     made.csv().write(log)
     assert answer(capsys, "import", log, "--strict")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "content"),
+    [
+        (["identify", "--model", "one_mass"], "map.toml", "time = 't'\n"),
+        (["identify", "--model", "one_mass"], "log-axis.html", "<title>Our lab</title>"),
+        (["track", "--model", "AXIS", "--identify", "f_m"], "est.html", "<title>Our lab</title>"),
+        (["track", "--model", "AXIS", "--identify", "f_m"], "est.nc", "my own log"),
+    ],
+)
+def test_no_command_of_logs_replaces_what_is_not_its_own(words, name, content, tmp_path, capsys):
+    log, there, axis = tmp_path / "log.csv", tmp_path / name, tmp_path / "axis.toml"
+    made.csv().write(log)
+    axis.write_text('model = "one_mass"\nnominal = {k_T = 1, J_m = 0.1, f_m = 0.1}\n')
+    there.write_text(content, encoding="utf-8")
+    command, *given = [str(axis) if word == "AXIS" else word for word in words]
+    out = there.with_suffix(".toml" if command == "identify" else ".nc")
+    status, _, err = answer(capsys, command, log, *given, "-o", out)
+    assert status == 2 and name in err and "not written by flexaxis" in err
+    assert there.read_text(encoding="utf-8") == content

@@ -1,6 +1,7 @@
 """A trend over logs of an axis that is integrated here: one mass with friction, exactly."""
 
 import json
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -75,7 +76,9 @@ def test_wear_is_found_beside_the_temperature(days, tmp_path, capsys):
     slope = friction["covariates"]["temp"]
     assert abs(slope["slope"] + 0.01) < 3 * slope["sd"] < 0.006
     assert said["parameters"]["J_m"]["verdict"] == "steady"
-    assert list(said["problems"]) == ["2026-05-25.csv"]
+    ((log, problem),) = said["problems"].items()
+    assert log == "2026-05-25.csv"
+    assert "unexpected" not in problem
     page = (tmp_path / "t" / "report.html").read_text()
     assert "f_m rose at once by 15" in page
     assert "2026-05-25.csv" in page
@@ -186,10 +189,17 @@ def axis(tmp_path_factory):
 
 def test_a_log_may_begin_in_motion_and_with_an_offset(axis):
     record = driven(0.06, speed=8.0, offset=0.1)
-    assert record.speed[0] > 5
     found = refit(record, axis, ["J_m", "f_m"])
     assert np.all(abs(found.theta - [J, 0.06]) < 3 * found.deviations)
     assert found.offset == pytest.approx(0.1, abs=0.02)
+    assert found.fit == pytest.approx(100 * (1 - 0.05 / np.std(record.speed)), abs=0.3)
+
+
+def test_a_beginning_that_is_forgotten_does_no_harm(axis):
+    """After a second, 15 time constants, nothing tells how the log began."""
+    found = refit(replace(driven(0.06, speed=8.0), burn_in=1.0), axis, ["J_m", "f_m"])
+    assert np.all(abs(found.theta - [J, 0.06]) < 3 * found.deviations)
+    assert np.all(found.deviations < [0.05 * J, 0.05 * 0.06])
 
 
 def test_intervals_are_the_spread_of_estimates(axis):

@@ -116,9 +116,9 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
         return f"status {status}: {said[-600:]}"
     if status == 2 and not said.strip():
         return "status 2 without a word"
-    lines = said.splitlines()
+    lines = [line for line in said.splitlines() if line.startswith("flexaxis:")]
     if len(lines) > LINES or max(map(len, lines), default=0) > LENGTH:
-        return f"{len(lines)} lines of error, {len(said)} characters: {said[:300]}"
+        return f"{len(lines)} lines of error, {sum(map(len, lines))} characters: {said[:300]}"
     return ""
 
 

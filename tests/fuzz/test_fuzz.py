@@ -71,7 +71,7 @@ def grow(path):
         (grow, "MemoryError"),
         (lambda path: 70, "status 70"),
         (lambda path: 2, "without a word"),
-        (lambda path: print("x" * 5000, file=sys.stderr) or 1, "5001 characters"),
+        (lambda path: print("flexaxis: " + "x" * 5000, file=sys.stderr) or 1, "5010 characters"),
     ],
 )
 def test_what_counts_as_a_fault(act, said, tmp_path):

@@ -54,7 +54,7 @@ def lag_of(e: Evidence, part: slice = slice(None)) -> Lag | None:
     low, high = e.band
     tenth = 0.1 * (high - low)
     top = (frequency > high - tenth) & (frequency <= high)
-    bottom = (frequency >= low) & (frequency < low + tenth)
+    bottom = (frequency >= low) & (frequency < low + tenth) & (frequency > 0)
     if not top.any() or not bottom.any():
         return None
     turn = 2 * np.pi * float(np.mean(frequency[top])) * e.period
@@ -66,7 +66,9 @@ def lag_of(e: Evidence, part: slice = slice(None)) -> Lag | None:
     # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
     # means over a sample, half a sample later
     late = 0.5 if e.incremental else 0.0
-    return Lag(-phase / turn - late, turn, bool(cross[bottom].sum().real < 0))
+    # at low frequencies an axis is inertia and friction: its acceleration leads by 0 to 90°
+    opposite = float((cross[bottom] * np.exp(-0.25j * np.pi)).sum().real) < 0
+    return Lag(-phase / turn - late, turn, opposite)
 
 
 def _look(e: Evidence) -> Doubt:

@@ -94,6 +94,11 @@ class Evidence:
     raw: Raw | None = None
     prepared: Prepared | None = None
 
+    @property
+    def still(self) -> bool:
+        """Whether torque or motion are constant, so that there is nothing to see."""
+        return not (np.ptp(self.torque[self.usable]) and np.ptp(self.speed[self.usable]))
+
     @cached_property
     def spectra(self) -> Spectra:
         """Averaged spectra over pieces of 4 s, or half the log."""

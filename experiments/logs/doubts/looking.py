@@ -27,8 +27,17 @@ def doubts_of(record: Record) -> tuple[Doubt, ...]:
 
 def examine(evidence: Evidence) -> tuple[Doubt, ...]:
     """Return everything that was looked at."""
+    if evidence.still:
+        return (still(evidence),)
     found = (look.at(evidence) for look in looks())
     return tuple(doubt for doubt in found if doubt is not None)
+
+
+def still(evidence: Evidence) -> Doubt:
+    """Return the only doubt of a log in which nothing happens."""
+    text = "torque or motion are constant: nothing can be learnt from this log but its noise"
+    seconds = len(evidence.time) * evidence.period
+    return Doubt("motion", seconds, "s", "problem", text)
 
 
 @lru_cache

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SLOW = 0.02  # of the rms of the speed: at random speeds, below that for 1.6 % of the time
+SLOW = 0.02  # of the rms of the speed: at random speeds, below it for 1.6 % of the time
 OFTEN = 8.0  # % of the samples
-PUSHED = 0.2  # of the deviation of the torque, which it has while the motor stands
+PUSHED = 0.2  # of the deviation of the torque, by which it differs from its median
 
 
 def _look(e: Evidence) -> Doubt | None:
@@ -27,9 +27,10 @@ def _look(e: Evidence) -> Doubt | None:
     moves = np.abs(v[v != 0])
     if not len(moves) or np.percentile(moves, 1) > SLOW * float(np.std(v)):
         return None  # the steps of the encoder are coarser than what is looked for
+    # what only holds a load is not meant, nor is a pause without torque
+    slow &= np.abs(u - np.median(u)) > PUSHED * float(np.std(u))
     share = 100 * float(slow.mean())
-    pushed = slow.any() and float(np.std(u[slow])) > PUSHED * float(np.std(u))
-    if share < OFTEN or not pushed:
+    if share < OFTEN:
         return Doubt(name, share, unit, "ok", "none")
     text = (
         f"the motor stands still at {share:.0f} % of the samples while its torque changes: "

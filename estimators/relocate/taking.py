@@ -1,0 +1,98 @@
+"""One sample of the filter that remembers, in compiled code, and what is normal learnt again."""
+
+import numpy as np
+
+from flexaxis.estimators.recursion.loop import sample_loop
+from flexaxis.estimators.recursion.measurement import (
+    correct_state,
+    learn,
+    measure,
+    predict,
+    publish,
+)
+from flexaxis.estimators.relocate.colour import listen, resting
+from flexaxis.estimators.relocate.follow import integrate
+from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
+from flexaxis.estimators.sampling.pattern import Pattern
+
+
+@remembered
+def remembering_loop(pattern: Pattern, size: int) -> Compiled:
+    """
+    Return the compiled loop: a filter with forgetting and state correction, memory and alarm.
+
+    ``run(tunings, states, u, y, valid, estimates, trace, words, ring)`` stops after the sample at
+    which the alarm goes off, ``count`` reaches ``stop``, or a guarded filter diverges. ``words`` is
+    the state once more, as numbers of eight bytes, of which the first ``size`` are remembered.
+    """
+
+    @inlined
+    def remember(tunings, states, k, u, y, valid, estimates, trace, words, ring):  # noqa: PLR0917
+        """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
+        tuning, state = tunings[0], states[0]
+        measure(tuning, state, y[k], valid[k])
+        correct_state(state)
+        ringing = listen(tuning, state, y[k])
+        integrate(tuning, state, y[k], valid[k])
+        state["u"][0], state["y"], state["valid"] = u[k], y[k], int(valid[k])
+        place = state["count"] % len(ring)
+        state["count"] += 1
+        for i in range(size):
+            ring[place, i] = words[0, i]
+        if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
+            predict(tuning, state)
+        publish(state, k, estimates, trace)
+        return ringing or state["count"] == state["stop"] or diverged(state)
+
+    return sample_loop(pattern, remember, "relocate")
+
+
+@inlined
+def diverged(state):
+    """Return whether θ is no number, in a filter that minds it."""
+    total = 0.0
+    if state["guarded"]:
+        for i in range(len(state["theta"])):
+            total += state["theta"][i]
+    return not np.isfinite(total)
+
+
+@compiled
+def relearn(tunings, rows, spread, before):
+    """Learn noise and colour again from the residuals of some rows, in order."""
+    tuning, earlier = tunings[0], before[0]
+    for k in range(len(rows)):
+        row = rows[k]
+        hand_on(earlier, row)
+        row["armed"], row["learning"], row["quiet"] = 0, 1, row["noise"]
+        if not np.isnan(row["epsilon"]):
+            listen(tuning, row, row["y"])
+            learn(tuning, row, row["epsilon"] ** 2 / spread[k])
+        earlier = row
+
+
+@inlined
+def hand_on(earlier, later):
+    """Copy what is known of noise and colour."""
+    for i in range(len(later["lags"])):
+        later["lags"][i] = earlier["lags"][i]
+    for i in range(len(later["colour"])):
+        later["colour"][i] = earlier["colour"][i]
+        later["model"][i] = earlier["model"][i]
+        later["correlations"][i] = earlier["correlations"][i]
+    later["noise"], later["samples"] = earlier["noise"], earlier["samples"]
+    later["heard"], later["power"] = earlier["heard"], earlier["power"]
+    later["unforeseen"], later["plain"] = earlier["unforeseen"], earlier["plain"]
+    later["white"], later["correlation"] = earlier["white"], earlier["correlation"]
+
+
+HANDED_ON = (
+    "lags", "colour", "model", "correlations", "noise", "samples", "heard", "power", "unforeseen",
+    "plain", "white", "correlation",
+)  # fmt: skip
+"""Fields that `hand_on` copies."""
+HEARS = (
+    "memory", "known", "consistency", "threshold", "growth", "warm_up", "colour_memory",
+    "trial_memory",
+)  # fmt: skip
+"""Fields of a tuning that `relearn` reads."""
