@@ -168,24 +168,25 @@ def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
     from flexaxis.sim.errors import FlexaxisError
 
+    told = ""
     try:
         check_words(args.parser, args)
         return int(args.main(args) or FINE)
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash) or worker_died(error):
             return _crashed(args, error, str(error))
-        say(str(error))
-        return WRONG_USE
+        told = str(error)
     except KeyboardInterrupt as error:
         say("; ".join(["interrupted", *map(str, error.args)]))
         return INTERRUPTED
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             return _crashed(args, error, _unexpected(args, error))
-        say(f"{error.filename}: {error.strerror}")  # what was given is no path at all
-        return WRONG_USE
+        told = f"{error.filename}: {error.strerror}"  # what was given is no path at all
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
+    say(told)
+    return WRONG_USE
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:

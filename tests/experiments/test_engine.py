@@ -23,6 +23,7 @@ from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import process_pool
+from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
@@ -160,6 +161,13 @@ def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
     assert "1 case could not be run" in capsys.readouterr().err
 
 
+def resealed(path, old, new):
+    """Make a study.json as if it had been written with another text in it."""
+    text = json.dumps(read_sealed(path, StudyError))
+    assert old in text
+    write_sealed(path, json.loads(text.replace(old, new)))
+
+
 def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short, tmp_path):
     study = Study("s", (short,), ("frozen",), (0,))
     run_study(study, tmp_path)
@@ -167,7 +175,7 @@ def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short
     with pytest.raises(StudyError, match="has the scenario other under the name short"):
         run_study(renamed, tmp_path, resume=True)
     path = tmp_path / "study.json"
-    path.write_text(path.read_text().replace('"short"', '"other"'))
+    resealed(path, '"short"', '"other"')
     told = [text for repeated in verify(tmp_path) for text in repeated.differences]
     assert told and all(": scenario was" in text or ": base was" in text for text in told)
 
@@ -204,9 +212,7 @@ def test_code_that_changed_is_not_mixed(short_toml, short, tmp_path):
             Bench(study.scenarios, tmp_path / "out", resume=True):  # fmt: skip
         pass
     shutil.copytree(tmp_path / "out", tmp_path / "other")
-    content = json.loads((tmp_path / "other" / "study.json").read_text())
-    content["code"] = {f"{own}:Mine": "0" * 12}
-    (tmp_path / "other" / "study.json").write_text(json.dumps(content))
+    resealed(tmp_path / "other" / "study.json", code, "0" * 12)
     with pytest.raises(StudyError, match="with different code"):
         merge([tmp_path / "out", tmp_path / "other"], tmp_path / "whole")
 
@@ -215,7 +221,7 @@ def test_versions_are_not_mixed(short_toml, tmp_path):
     study = sweep_of(short_toml)
     run_study(study, tmp_path)
     path = tmp_path / "study.json"
-    path.write_text(path.read_text().replace("mujoco 4", "mujoco 3"))
+    resealed(path, "mujoco 4", "mujoco 3")
     with pytest.raises(StudyError, match=r"was made with .*mujoco 3.*this is .*mujoco 4"):
         run_study(study, tmp_path, resume=True)
 
