@@ -70,10 +70,11 @@ def _change(found: Verdict, change: Change, clock: Clock) -> str:
 
 def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
     lines = []
-    for name, slope, sd in zip(
-        covariates, found.found.slopes, found.found.slope_deviations, strict=True
+    spans = np.ptp(found.series.covariates, axis=0)
+    for name, slope, sd, span in zip(
+        covariates, found.found.slopes, found.found.slope_deviations, spans, strict=True
     ):
-        if abs(slope) < 2 * sd:
+        if abs(slope) < 2 * sd or abs(slope) * span < SMALLEST:
             lines.append(f"{name} has no effect that can be seen")
         else:
             lines.append(
