@@ -17,6 +17,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.running.files import make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.faults import CHANGEABLE
@@ -32,6 +33,7 @@ MEAN = 25.0  # °C, at which the parameters are those of the scenario
 WEATHER = 5.0  # days, over which the temperature forgets
 SEASON = 0.5  # part of the variance of the temperature that is a slow wave over all days
 WITHIN = 0.3  # K, by which a test motion warms the axis
+SHEET = 0.05  # part by which a value of a data sheet is off, at most
 STIFF = 1e4  # N m/rad, of the bristles that stand for Coulomb's friction
 
 
@@ -196,7 +198,7 @@ def write_days(
     """
     plan = calendar(scenario, days, seed)
     make_folder(folder)
-    known_axis(scenario).save(folder / "axis.toml")
+    told_axis(scenario, seed).save(folder / "axis.toml")
     truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
     write_text(folder / "truth.json", json.dumps(truth, indent=1) + "\n")
     for day in plan:
@@ -204,7 +206,7 @@ def write_days(
 
 
 def known_axis(scenario: Scenario) -> Axis:
-    """Return the axis as its owner knows it from before the first day: the truth at 25 °C."""
+    """Return the axis as it truly is at 25 °C."""
     laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
     values: dict[str, Any] = dict(scenario.initial)
     if _COULOMB in laws:
@@ -213,6 +215,20 @@ def known_axis(scenario: Scenario) -> Axis:
     kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
     model = replace(three_mass(kept), laws=tuple(laws))
     return Axis(model, {"model": "three_mass"}, known=True)
+
+
+def told_axis(scenario: Scenario, seed: int) -> Axis:
+    """Return the axis as its owner knows it before the first log: by data sheets.
+
+    The torque constant and the gear ratio, which no log tells, are right; the bristles that stand
+    for Coulomb's friction are no property of an axis. All else is off by up to `SHEET`.
+    """
+    axis, rng = known_axis(scenario), stream(scenario.key, seed, "days.sheet")
+    off = {name: 1 + SHEET * rng.uniform(-1.0, 1.0) for name in axis.model.nominal}
+    right = {*GIVEN, *(("sigma_0",) if scenario.friction is not None else ())}
+    return axis.having(
+        {n: value * off[n] for n, value in axis.model.nominal.items() if n not in right}
+    )
 
 
 _LINEAR = ("k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "r")
