@@ -3,7 +3,8 @@
 Every day the axis makes the same test motion, and its log goes to a file of that day, with a
 column `temp` [°C]. Friction follows the temperature (--warm) and, from a day on, grows until the
 last one (--wear). The folder also gets axis.toml, what the owner knew before the first day: values
-of data sheets, up to 5 % off; and truth.json. SCENARIO is what is driven, without its faults: by default a published robot axis.
+of data sheets, up to 5 % off; and truth.json. SCENARIO is what is driven, without its faults: by
+default a published robot axis.
 
 example:
   flexaxis days --wear f_c=+12% --from-day 30 --days 60 -o days/

@@ -103,7 +103,7 @@ def test_ratios_are_those_of_two_fits():
 
 @pytest.mark.parametrize("n", [12, 40])
 def test_chances_below_those_of_the_draws_are_those_of_many_more(n):
-    """200 000 sequences: 20 of a chance of 1e-4, ± 22 %; the tail may err upwards, by Bonferroni."""
+    """200 000 sequences: 20 of a chance of 1e-4, ± 22 %; the tail may err upwards."""
     rng = np.random.default_rng(12)
     design = np.column_stack([np.ones(n), rng.standard_normal(n)])
     number = np.arange(n)
@@ -111,10 +111,7 @@ def test_chances_below_those_of_the_draws_are_those_of_many_more(n):
     ramps = np.maximum(number[:, None] - np.arange(n - 3), 0.0)
     courses = np.column_stack([steps, ramps, np.eye(n)])
     many = np.concatenate(
-        [
-            ratios(rng.standard_normal((n, 2000)), design, courses)[0].max(axis=0)
-            for _ in range(100)
-        ]
+        [ratios(rng.standard_normal((n, 2000)), design, courses)[0].max(axis=0) for _ in range(100)]
     )
     for chance in (1e-3, 1e-4):
         largest = float(np.quantile(many, 1 - chance))
@@ -140,6 +137,23 @@ def test_scatter_and_memory_are_those_of_the_sequence():
     assert 2.5 < scatter.size < 6
     assert 0.45 <= scatter.memory <= 0.75
     assert 0.9 < np.std(scatter.white(x - x.mean())) < 1.1
+
+
+def test_without_scatter_estimates_vary_by_what_they_claim():
+    """Of other deviations from log to log, each counts by its own: by the closed weighted mean."""
+    rng = np.random.default_rng(14)
+    deviation = np.where(np.arange(60) % 2, 0.5, 3.0)
+    x = deviation * rng.standard_normal(60)
+    scatter, ones = Scatter(np.arange(60.0), deviation), np.ones((60, 1))
+    for fitted in (False, True):
+        if fitted:
+            scatter.fit(x, ones)
+        assert scatter.size <= 0.2
+        assert scatter.memory == 0
+        white, column = scatter.white(x), scatter.white(ones[:, 0])
+        mean = (column @ white) / (column @ column)
+        assert mean == pytest.approx(np.average(x, weights=deviation**-2), abs=0.02)
+        assert np.std(white) == pytest.approx(np.std(x / deviation), rel=0.05)
 
 
 def temperature(rng):
