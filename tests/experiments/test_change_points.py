@@ -139,21 +139,19 @@ def test_scatter_and_memory_are_those_of_the_sequence():
     assert 0.9 < np.std(scatter.white(x - x.mean())) < 1.1
 
 
-def test_without_scatter_estimates_vary_by_what_they_claim():
-    """Of other deviations from log to log, each counts by its own: by the closed weighted mean."""
+def test_estimates_scatter_by_what_they_claim_at_least():
+    """The covariance that is made white is that of the formula, with each log's own variance."""
     rng = np.random.default_rng(14)
     deviation = np.where(np.arange(60) % 2, 0.5, 3.0)
     x = deviation * rng.standard_normal(60)
-    scatter, ones = Scatter(np.arange(60.0), deviation), np.ones((60, 1))
-    for fitted in (False, True):
-        if fitted:
-            scatter.fit(x, ones)
-        assert scatter.size <= 0.2
-        assert scatter.memory == 0
-        white, column = scatter.white(x), scatter.white(ones[:, 0])
-        mean = (column @ white) / (column @ column)
-        assert mean == pytest.approx(np.average(x, weights=deviation**-2), abs=0.02)
-        assert np.std(white) == pytest.approx(np.std(x / deviation), rel=0.05)
+    scatter = Scatter(np.arange(60.0), deviation)
+    np.testing.assert_allclose(scatter.white(x), x / deviation)
+    scatter.fit(x, np.ones((60, 1)))
+    assert scatter.size < 1.0  # all there is, 2 of it, is claimed
+    white = scatter.white(np.eye(60))
+    lags = abs(np.subtract.outer(np.arange(60), np.arange(60)))
+    formula = np.diag(deviation**2) + scatter.size**2 * scatter.memory**lags
+    np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
 
 
 def temperature(rng):
