@@ -138,7 +138,7 @@ def with_laws(
     period : float
         Sampling period [s].
     motion : Motion, optional
-        How the axis moves, where that was measured; it goes before ``torque``.
+        How the axis moves, where that was measured; ``torque`` is then that by which it did.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def prior(
 def _sized(
     model: Model, torque: ArrayLike | None, period: float, motion: Motion | None
 ) -> list[tuple[Law, Sizes]]:
-    return measured(model, torque, period) if motion is None else moved(model, motion)
+    return measured(model, torque, period) if motion is None else moved(model, motion, torque, period)
 
 
 def _relative(model: Model, name: str, spread: float) -> float:

@@ -127,10 +127,12 @@ class Beginning:
         u, y, _ = memory.signals(memory.first)
         speed = y / output_gain(self.design)
         period, known = self.design.period, self.roles.known
-        moves = motion(u[:-1, 0], speed, period)
+        torque = u[:-1, 0]
+        moves = motion(torque, speed, period)
         of = thought(
-            guessed(self.model, self.told, period=period, motion=moves),
+            guessed(self.model, self.told, torque=torque, period=period, motion=moves),
             self.design.model.names[:known],
+            torque=torque,
             period=period,
             told=self.told,
             motion=moves,
