@@ -99,11 +99,11 @@ def ripples(model: Model) -> tuple[tuple[tuple[str, str], float], ...]:
 def motor_friction(model: Model) -> tuple[str, ...]:
     """Return the viscous frictions where the input acts: they brake a state by that state alone."""
     driven = {i for i, entry in enumerate(model.B) if multiply_out(entry)}
-    found = {}
+    found = []
     for name in _linear(model):
         places = {(i, j) for i, j, powers in _terms(model) if powers.get(name, 0)}
         if all(i == j and i in driven for i, j in places) and _always(model, name, 1):
-            found[name] = None
+            found.append(name)
     return tuple(found)
 
 

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models import meaning
+from flexaxis.estimators.models.axes import N1, one_mass, two_mass
 from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.sizes import measured, motion, moved
+from flexaxis.estimators.offline.structure import with_laws
 from flexaxis.estimators.registry import REGISTRY
 
 PERIOD = 0.005
@@ -108,3 +111,41 @@ def test_an_axis_whose_torque_constant_has_another_name_is_tracked():
     assert found["gain"] == pytest.approx(1.1, rel=0.02)
     assert found["b"] == pytest.approx(6e-3, rel=0.05)
     assert found["level"] == pytest.approx(0.13, rel=0.05)
+
+
+def test_what_parameters_are_is_told_by_the_model():
+    real = with_laws(N1 | {"poles": 24.0, "torque_limit": 1.75}, period=PERIOD)
+    assert meaning.structure(real) == ("k_g", "J_m", "k_a", "d_g", "d_a")
+    assert meaning.motor_friction(real) == ("f_m",)
+    assert meaning.dry_friction(real) == ("f_c",)
+    assert meaning.strengths(real) == ("f_c", "f_s", "kappa", "gap", "c_sin", "c_cos")
+    assert [tuple(absent) for absent in meaning.may_be_absent(real)] == [
+        (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+        (("kappa",), ()),
+        (("gap",), ()),
+        (("c_sin", "c_cos"), ()),
+    ]
+    assert meaning.ripples(real) == ((("c_sin", "c_cos"), 24.0),)
+    assert meaning.fixable(BELT) == ("J_m", "k", "play")  # and not the ratio, nor the load
+    assert meaning.motor_friction(BELT) == ("b_m",)
+    assert meaning.dry_friction(BELT) == ("level",)
+
+
+def test_a_single_inertia_is_not_weighed_against_another():
+    nominal = {"k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 0.01, "f_m": 0.1, "f_l": 0.1}
+    assert meaning.structure(one_mass(nominal)) == ()
+    assert meaning.structure(two_mass(nominal)) == ("J_m", "k", "d")
+    assert meaning.structure(replace(two_mass(nominal), fixed=("k",))) == ("J_m", "d")
+
+
+def test_what_is_told_right_of_a_belt_is_fixed_and_said():
+    belt = replace(BELT, laws=BELT.laws[2:])
+    make = REGISTRY["relocate-friction"].factory
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(TORQUE))
+    estimator = make(belt, PERIOD, identify=("gain", "b_m"))
+    theta = estimator.run(TORQUE, run(belt, TORQUE, gain=1.1, level=0.13) + noise)
+    found = dict(zip(estimator.names, theta[-1], strict=True))
+    assert found["gain"] == pytest.approx(1.1, rel=0.02)
+    assert found["level"] == pytest.approx(0.13, rel=0.1)
+    assert set(estimator.fixed_because) == {"J_m", "k"}
+    assert "stays" in estimator.fixed_because["k"]
