@@ -103,7 +103,8 @@ def _of_suites(text: str) -> None:
 def _estimator(text: str) -> None:
     from flexaxis.experiments.building.consent import names_code
     from flexaxis.experiments.building.imports import no_file
-    from flexaxis.experiments.building.specs import code_file, parse
+    from flexaxis.experiments.building.neighbours import code_file
+    from flexaxis.experiments.building.specs import parse
 
     path = Path(code_file(text))
     if not names_code(text):

@@ -47,12 +47,15 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
     Raises
     ------
     EstimatorError
-        If there is an instance among them, or other processes are to run a class that is only
-        in this one.
+        If there is none or an instance among them, if two classes have one name, or if other
+        processes are to run a class that is only in this one.
     """
     several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
+    if not wanted:
+        raise EstimatorError("no estimator was given: give at least one, such as 'relocate'")
     texts = [text_of(one) for one in wanted]
+    _check_names(wanted, texts)
     here = [text for text in texts if is_given(text)]
     if here and jobs > 1:
         raise EstimatorError(
@@ -60,6 +63,22 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
             f'in a file and give "path/file.py:{here[0]}", or use jobs=1'
         )
     return tuple(dict.fromkeys(texts))
+
+
+def _check_names(wanted: Sequence[Any], texts: Sequence[str]) -> None:
+    """Refuse two classes of one text, for their rows could not be told apart."""
+    seen: dict[str, Any] = {}
+    for one, text in zip(wanted, texts, strict=True):
+        other = seen.setdefault(text, one)
+        if not isinstance(one, str) and other is not one:
+            raise EstimatorError(
+                f"two classes have the name {text}, {_whole(other)} and {_whole(one)}: their rows "
+                "could not be told apart, so rename one"
+            )
+
+
+def _whole(make: Any) -> str:
+    return f"{getattr(make, '__module__', '')}.{getattr(make, '__qualname__', make)}".lstrip(".")
 
 
 def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
