@@ -75,7 +75,8 @@ class Results(kept.Results):
         from flexaxis.experiments.reporting.sweep_figures import draw_lags
 
         if x and x not in self.axes:
-            raise FlexaxisError(unknown("axis", x, self.axes))
+            known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
+            raise FlexaxisError(f"{known}; leave it out for lag against noise")
         if ax is None:
             _, ax = pyplot.subplots(figsize=(8.0, 4.0), layout="constrained")
         key = x or next(iter(self.axes), "")
