@@ -35,7 +35,7 @@ def named_still():
 def made(source):
     """A class whose text nobody can read."""
     content = {"__name__": "__main__"}
-    exec(source, content)  # noqa: S102
+    exec(source, content)
     return content["Hidden"]
 
 
@@ -171,7 +171,7 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("words", "said"), MISTAKES, ids=lambda value: " ".join(value))
+@pytest.mark.parametrize(("words", "said"), MISTAKES)
 def test_a_mistake_on_the_command_line(capsys, tmp_path, monkeypatch, words, said):
     monkeypatch.chdir(tmp_path)
     try:
