@@ -153,11 +153,11 @@ class Begun:
 
     def fitted_without(self, without: Flags) -> Fitted:
         """Return the fit to the rest of the log."""
-        return self.attempt.solve(self.fitted.z, without=without, rounds=4)
+        return self.attempt.solve(self.fitted.z, without=without, rounds=3)
 
     def finished(self) -> Fitted:
         """Return the fit to all of the log."""
-        return self.attempt.solve(self.fitted.z)
+        return self.attempt.solve(self.fitted.z, rounds=4)
 
 
 def theta_of(attempt: Attempt) -> Array:

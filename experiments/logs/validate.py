@@ -16,7 +16,7 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
-PIECE = 2.0  # s of the log that the figure shows, the liveliest
+PERIODS = 20  # of the motion, that the figure shows of the log: its liveliest piece
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
 POOR = 10.0  # points of fit: worse than on its own log by more than that is worth a word
 
@@ -88,7 +88,9 @@ def _fit(y: Array, error: Array) -> float:
 def validation_figure(found: Validation) -> Figure:
     """Draw the liveliest piece of the log with simulation and prediction over it, and errors."""
     time, ok = found.time, found.ok
-    length = max(round(PIECE / (time[1] - time[0])), 20)
+    # a sine moves by its angular frequency times itself
+    rate = float(np.std(np.diff(found.predicted[ok])) / np.std(found.predicted[ok]))
+    length = int(np.clip(PERIODS * 2 * np.pi / rate, 20, len(time) // 2))
     power = np.convolve(np.where(ok, found.measured, 0.0) ** 2, np.ones(length), "valid")
     begin = int(np.argmax(power))
     piece = slice(begin, begin + length)

@@ -1,4 +1,4 @@
-"""JSON of a result that carries its own checksum: what was changed by hand or damaged is told."""
+"""The JSON of a result with its own checksum: study.json and summary.json say if they changed."""
 
 from __future__ import annotations
 

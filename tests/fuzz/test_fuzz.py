@@ -32,6 +32,7 @@ EXAMPLES = {"study": 12, "rows": 20, "told": 20, "summary": 20}  # each takes .1
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("kind", TARGETS)
 def test_bad_files_are_told_so(kind, folder):
+    # the same files every time, so that who broke it is known; `make fuzz` draws others
     tried, text, data = run.batch(kind, 20261122, EXAMPLES.get(kind, 60), folder)
     assert not text, f"{text}\nby {data!r}"
     assert tried >= EXAMPLES.get(kind, 60) // 2
