@@ -80,7 +80,7 @@ def main(args: argparse.Namespace) -> int:
     )
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import spare_foreign
+    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
@@ -89,6 +89,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model, args.validate), path, report)
+    require_suffix(path, ".toml", "an axis")
     spare_foreign(path, report)
     fixed, starts = assignments("fix", args.fix), assignments("start", args.start)
     if None in starts.values():

@@ -60,7 +60,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.forgetting import with_forgetting
     from flexaxis.experiments.logs.importing import read_any
-    from flexaxis.experiments.logs.own import spare_foreign
+    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
@@ -72,6 +72,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model, code_file(args.estimator or "")), path, report)
+    require_suffix(path, ".nc", "a file of estimates")
     spare_foreign(path, report)
     if not args.start > 0:
         raise LogError(f"--start {args.start}: give a factor above 0")
