@@ -36,7 +36,7 @@ SUFFIXES = (
     ".bag", ".db3",
 )  # fmt: skip
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 1  # of the estimates; another number and all are made anew
+METHOD = 2  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
