@@ -114,7 +114,7 @@ def main(args: argparse.Namespace) -> int:
             highpass=args.highpass,
             tell=tell,
         )
-    tried = None if other is None else validate(other, found.axis)
+    tried = None if other is None else validate(other, found.axis, found.fits)
     found.axis.save(path)
     title, command = f"{found.axis.model.name} from {args.log.name}", command_line(args.words)
     write_page(identification_page(found, record.period, tried, title, command), report)
@@ -124,4 +124,4 @@ def main(args: argparse.Namespace) -> int:
         print_identification(found, tried)
         print(path)
         print(report)
-    return 1 if found.warnings else 0
+    return 1 if found.warnings or (tried is not None and tried.warnings) else 0
