@@ -69,6 +69,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
+    from functools import partial
 
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
@@ -80,6 +81,7 @@ def main(args: argparse.Namespace) -> int:
     )
     from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.log_page import write_page
+    from flexaxis.experiments.logs.obvious import with_the_obvious
     from flexaxis.experiments.logs.own import spare_foreign
     from flexaxis.experiments.logs.validate import validate
     from flexaxis.experiments.running.files import dumps
@@ -103,7 +105,8 @@ def main(args: argparse.Namespace) -> int:
     record = read_any(args.log, tables_of(args), **options)
     other = read_any(args.validate, tables_of(args), **options) if args.validate else None
     with ticker("identifying") as tell:
-        found = identify(
+        run = partial(
+            identify,
             record,
             axis,
             free=args.free,
@@ -111,8 +114,10 @@ def main(args: argparse.Namespace) -> int:
             delay=args.delay,
             whiten=not args.white,
             friction=args.friction,
-            highpass=args.highpass,
             tell=tell,
+        )
+        found = with_the_obvious(
+            record, run(highpass=args.highpass), lambda corner: run(highpass=corner)
         )
     tried = None if other is None else validate(other, found.axis, found.fits)
     found.axis.save(path)

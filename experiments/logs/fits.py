@@ -36,7 +36,8 @@ def fits(y: Array, fitted: Fitted) -> Fits:
     """Return the fits of a course to the measured output (N,)."""
     good, high = fitted.good, fitted.colour.high
     size = float(np.std(high(y)[good]))
-    errors = [float(np.std(e[good])) for e in (high(fitted.residual), fitted.white)]
+    error = high(fitted.colour.bridged(fitted.residual, good))
+    errors = [float(np.std(e[good])) for e in (error, fitted.white)]
     simulation, prediction = (100 * (1 - error / size) for error in errors)
     return Fits(simulation, prediction, *errors)
 

@@ -170,7 +170,8 @@ def track(
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
     simulated, psi = predict(model, last, torque, period=period)
-    residual, psi = colour.white(measured - simulated), colour.white(psi.T).T
+    residual = colour.white(colour.bridged(measured - simulated, ok))
+    psi = colour.white(colour.bridged(psi.T, ok)).T
     changes = find_changes(record.time[good], residual[good], psi[good], last, names)
     correlation = _correlation(residual[good])
     return Tracked(
