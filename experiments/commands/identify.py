@@ -73,6 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
+    from functools import partial
 
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
@@ -83,6 +84,7 @@ def main(args: argparse.Namespace) -> int:
         print_identification,
     )
     from flexaxis.experiments.logs.log_page import write_page
+    from flexaxis.experiments.logs.obvious import with_the_obvious
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
     from flexaxis.experiments.running.files import dumps
@@ -105,7 +107,8 @@ def main(args: argparse.Namespace) -> int:
     record = _read(args.log, args)
     other = _read(args.validate, args) if args.validate else None
     with ticker("identifying") as tell:
-        found = identify(
+        run = partial(
+            identify,
             record,
             axis,
             free=args.free,
@@ -113,10 +116,12 @@ def main(args: argparse.Namespace) -> int:
             delay=args.delay,
             whiten=not args.white,
             friction=args.friction,
-            highpass=args.highpass,
             tell=tell,
         )
-    tried = None if other is None else validate(other, found.axis)
+        found = with_the_obvious(
+            record, run(highpass=args.highpass), lambda corner: run(highpass=corner)
+        )
+    tried = None if other is None else validate(other, found.axis, found.fits)
     found.axis.save(path)
     title, command = f"{found.axis.model.name} from {args.log.name}", command_line(args.words)
     write_page(identification_page(found, record.period, tried, title, command), report)
@@ -126,7 +131,7 @@ def main(args: argparse.Namespace) -> int:
         print_identification(found, tried)
         print(path)
         print(report)
-    return 1 if found.warnings else 0
+    return 1 if found.warnings or (tried is not None and tried.warnings) else 0
 
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
