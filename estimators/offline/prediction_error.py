@@ -28,6 +28,7 @@ EVALUATIONS = 8  # in a round
 AT_FIRST = 12  # in a round with noise that is taken for white
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
 CONVERGED = 0.2  # standard deviations: a step below that ends the rounds
+BRIDGED = 10  # times a gap, that a high-pass needs to forget it
 UNSEEN = 1e200  # variance of what a record shows nothing of
 GAINED = 1e-4  # of the sum of squares: a step of less ends a search
 
@@ -59,9 +60,33 @@ class Colour:
         """Return signals (…, N) without what the high-pass takes away."""
         return x if self.highpass is None else sosfilt(self.highpass, x, axis=-1)
 
+    def bridged(self, x: Array, ok: Flags) -> Array:
+        """Return signals (…, N) with lines over what is missing, so that the high-pass rests.
+
+        The inverse has an end, and `settled` leaves out what it has seen; a high-pass has none, and
+        would ring for what a simulation is off where nothing was measured.
+        """
+        if self.highpass is None or ok.all() or not ok.any():
+            return x
+        k = np.arange(len(ok))
+        lines = [np.interp(k, k[ok], row[ok]) for row in x.reshape(-1, len(ok))]
+        return np.where(ok, x, np.reshape(lines, x.shape))
+
     def settled(self, ok: Flags) -> Flags:
-        """Return where the filters have seen usable samples only."""
-        return settled(ok, len(self.inverse))
+        """
+        Return where the filters have seen usable samples only, and the high-pass has settled.
+
+        After a gap it needs `BRIDGED` times as long as the gap was, as a line is missing little of
+        a short one, and `skip` samples at most.
+        """
+        good = settled(ok, len(self.inverse))
+        if self.highpass is None:
+            return good
+        good[: self.skip] = False
+        edges = np.flatnonzero(np.diff(np.r_[True, ok, True]))
+        for begin, end in edges.reshape(-1, 2):
+            good[end : end + min(self.skip, BRIDGED * (end - begin))] = False
+        return good
 
 
 def colourless(highpass: float | None, period: float) -> Colour:
@@ -155,8 +180,8 @@ class Problem:
         plain = colourless(self.highpass, self.course.period)
         if not self.whiten:
             return plain
-        high = plain.high(residual)
-        return replace(plain, inverse=noise_model(high[self.ok], HIGHEST_ORDER))
+        high = plain.high(plain.bridged(residual, self.ok))
+        return replace(plain, inverse=noise_model(high[plain.settled(self.ok)], HIGHEST_ORDER))
 
     def at(self, z: Array, colour: Colour, *, coarse: bool = False) -> Point:
         """Return what a step of Gauss and Newton needs at z."""
@@ -168,7 +193,8 @@ class Problem:
         if not np.isfinite(residual).all() or not np.isfinite(slopes).all():
             return nowhere
         good = colour.settled(self.ok)
-        e, J = colour.white(residual)[good], colour.white(slopes)[:, good]
+        e = colour.white(colour.bridged(residual, self.ok))[good]
+        J = colour.white(colour.bridged(slopes, self.ok))[:, good]
         return Point(z, float(e @ e) / len(e), J @ J.T / len(e), J @ e / len(e))
 
     def start(self, theta: Array, delay: float) -> Array:
@@ -305,7 +331,9 @@ def fit(
 def finished(problem: Problem, z: Array, colour: Colour, converged: bool = True) -> Fitted:
     """Return what there is to know of a fit at z."""
     residual, slopes = problem.residual(z)
-    white, slopes, good = colour.white(residual), colour.white(slopes), colour.settled(problem.ok)
+    white = colour.white(colour.bridged(residual, problem.ok))
+    slopes = colour.white(colour.bridged(slopes, problem.ok))
+    good = colour.settled(problem.ok)
     e, J = white[good], slopes[:, good]
     point = Point(z, float(e @ e) / len(e), J @ J.T / len(e), J @ e / len(e))
     covariance = _covariance(point, problem, len(e))

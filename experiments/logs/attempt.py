@@ -148,8 +148,6 @@ class Attempt:
         ok[0] = False  # an increment has no past there, and a state no consequence yet
         if without is not None:
             ok &= ~without
-        if self.highpass is not None:
-            ok[: round(1 / (self.highpass * log.period))] = False
         return Problem(
             along, log.y, ok, lower, upper, held, self.whiten, self.highpass, tell=self.tell
         )

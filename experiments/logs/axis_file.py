@@ -17,6 +17,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.own import WRITTEN
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import read_toml
@@ -26,7 +27,8 @@ from flexaxis.sim.toml_text import toml_text
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-_NUMBERS = ("delay", "offset", "noise", "highpass")
+_NUMBERS = ("delay", "offset", "noise", "highpass", "rate")
+SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
 _KEYS = (*_MODEL, "nominal", "deviation", "law", "whitening", "torque_is", *_NUMBERS)
 
 
@@ -52,6 +54,8 @@ class Axis:
         What acts besides the logged torque and never changes, in its unit.
     highpass : float or None
         Corner [Hz] below which the axis does what the model does not know.
+    rate : float or None
+        Of the log that it was identified from [Hz], which whitening and noise belong to.
     torque_is : {"held", "smooth"} or None
         What the torque turned out to be, where nobody said it or it was said wrongly.
     deviation : mapping of str to float
@@ -66,6 +70,7 @@ class Axis:
     noise: float | None = None
     offset: float = 0.0
     highpass: float | None = None
+    rate: float | None = None
     torque_is: str | None = None
     deviation: Mapping[str, float] = field(default_factory=dict)
 
@@ -81,6 +86,20 @@ class Axis:
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
 
+    def check_rate(self, period: float) -> None:
+        """Refuse a log of another rate than that of the noise filter.
+
+        Raises
+        ------
+        LogError
+        """
+        if self.rate is not None and abs(self.rate * period - 1) > SAME_RATE:
+            raise LogError(
+                f"the axis was identified at {self.rate:.6g} Hz, and its noise filter holds at "
+                f"that rate only; the log has {1 / period:.6g} Hz: import it with --resample "
+                f"{self.rate:.6g}, or identify the axis anew from a log of this rate"
+            )
+
     def save(self, path: Path) -> None:
         """Write the axis as TOML."""
         content = dict(self.tables) | {"delay": self.delay}
@@ -88,7 +107,7 @@ class Axis:
             content |= {"noise": self.noise, "whitening": list(self.whitening)}
         if self.offset:
             content["offset"] = self.offset
-        for key in ("highpass", "torque_is"):
+        for key in ("highpass", "rate", "torque_is"):
             if getattr(self, key) is not None:
                 content[key] = getattr(self, key)
         content["nominal"] = dict(self.model.nominal)
@@ -96,7 +115,7 @@ class Axis:
             content["deviation"] = dict(self.deviation)
         if self.model.laws:
             content["law"] = [_table(law) for law in self.model.laws]
-        write_text(path, toml_text(content))
+        write_text(path, f"# {WRITTEN}\n{toml_text(content)}")
 
 
 def _table(law: Law) -> dict[str, Any]:
@@ -148,7 +167,7 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         )
     if tables.get("torque_is", "held") not in {"held", "smooth"}:
         raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
-    noise, highpass = tables.get("noise"), tables.get("highpass")
+    noise, highpass, rate = (tables.get(key) for key in ("noise", "highpass", "rate"))
     return Axis(
         model=model_from_tables(tables),
         tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
@@ -158,6 +177,7 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         noise=None if noise is None else float(noise),
         offset=float(tables.get("offset", 0.0)),
         highpass=None if highpass is None else float(highpass),
+        rate=None if rate is None else float(rate),
         torque_is=tables.get("torque_is"),
         deviation={name: float(value) for name, value in deviation.items()},
     )

@@ -18,7 +18,8 @@ from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
-from flexaxis.experiments.running.files import make_folder, write_text
+from flexaxis.experiments.logs.own import spare_foreign
+from flexaxis.experiments.running.files import OutputError, make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.faults import CHANGEABLE
 from flexaxis.sim.record import Record
@@ -33,6 +34,8 @@ MEAN = 25.0  # °C, at which the parameters are those of the scenario
 WEATHER = 5.0  # days, over which the temperature forgets
 SEASON = 0.5  # part of the variance of the temperature that is a slow wave over all days
 WITHIN = 0.3  # K, by which a test motion warms the axis
+AXIS, TRUTH = "axis.toml", "truth.json"  # in the folder, besides the logs
+TOLD = ("scenario", "seed", "days")  # in the truth
 SHEET = 0.05  # part by which a value of a data sheet is off, at most
 STIFF = 1e4  # N m/rad, of the bristles that stand for Coulomb's friction
 
@@ -174,7 +177,7 @@ def write_day(
     time = columns["time"]
     warming = WITHIN * (time - time[0]) / (time[-1] - time[0])
     read = day.temperature + warming + 0.1 * rng.standard_normal(len(time))
-    path = folder / f"{day.date[:10]}.{suffix}"
+    path = _path(folder, day, suffix)
     write_log(path, columns | {"temp": np.round(read, 1)}, style, date=day.date)
     return path
 
@@ -187,7 +190,7 @@ def write_days(
     Parameters
     ----------
     folder : Path
-        Made if it is missing; of its files those of the same names are replaced.
+        Made if it is missing; of an earlier set the files of the same names are replaced.
     scenario : Scenario
         As from `without_faults`.
     days : Days
@@ -195,14 +198,41 @@ def write_days(
     suffix : str
         Kind of file, one of `flexaxis.experiments.logs.as_log.FORMATS`.
     style : LogStyle
+
+    Raises
+    ------
+    OutputError
+        If somebody else's files are in the folder.
     """
     plan = calendar(scenario, days, seed)
+    _spare_others(folder)
+    spare_foreign(folder / AXIS, *(_path(folder, day, suffix) for day in plan))
     make_folder(folder)
-    told_axis(scenario, seed).save(folder / "axis.toml")
-    truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
-    write_text(folder / "truth.json", json.dumps(truth, indent=1) + "\n")
+    told_axis(scenario, seed).save(folder / AXIS)
+    told = (scenario.resolved(), seed, [vars(day) for day in plan])
+    truth = dict(zip(TOLD, told, strict=True))
+    write_text(folder / TRUTH, json.dumps(truth, indent=1) + "\n")
     for day in plan:
         yield write_day(folder, scenario, day, seed=seed, suffix=suffix, style=style)
+
+
+def _path(folder: Path, day: Day, suffix: str) -> Path:
+    return folder / f"{day.date[:10]}.{suffix}"
+
+
+def _spare_others(folder: Path) -> None:
+    """Refuse a folder with files in which there is no truth that `write_days` wrote."""
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    try:
+        ours = json.loads((folder / TRUTH).read_bytes()).keys() >= set(TOLD)
+    except (OSError, ValueError, AttributeError):
+        ours = False
+    if not ours:
+        raise OutputError(
+            f"{folder} holds files but no {TRUTH} of `flexaxis days`: they might be logs of a real "
+            "axis, and are left as they are. Choose another folder with -o"
+        )
 
 
 def known_axis(scenario: Scenario) -> Axis:

@@ -18,8 +18,9 @@ from flexaxis.estimators.offline.prediction_error import (
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, choose
+from flexaxis.experiments.logs.laws import Tried, able, choose
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
 from flexaxis.experiments.logs.starts import Starts, linear_fit
@@ -52,8 +53,8 @@ class Identification:
         By which the torque acts late [s]; the deviation is zero if it was given.
     offset, offset_deviation : float
         What acts besides the logged torque, in its unit.
-    fit : float
-        100 (1 − |y − ŷ|/|y − mean y|): how well a simulation from the torque alone does.
+    fits : Fits
+        How well simulation and prediction do on this log.
     fitted : Fitted
     response : Response or None
         What the log shows without a model, but for the dry friction that was found; None where it
@@ -76,7 +77,7 @@ class Identification:
     delay_deviation: float
     offset: float
     offset_deviation: float
-    fit: float
+    fits: Fits
     fitted: Fitted
     response: Response | None
     output: str
@@ -93,6 +94,11 @@ class Identification:
     def residual(self) -> Array:
         """Y − ŷ (N,) of the simulation."""
         return self.fitted.residual
+
+    @property
+    def fit(self) -> float:
+        """100 (1 − |y − ŷ|/|y − mean y|): how well a simulation from the torque alone does."""
+        return self.fits.simulation
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -115,7 +121,6 @@ def identify(
     whiten: bool = True,
     friction: str = "auto",
     highpass: float | None = None,
-    quick: bool = False,
     tell: Callable[[], None] = lambda: None,
 ) -> Identification:
     """Identify the nominal values of an axis.
@@ -138,9 +143,6 @@ def identify(
         pieces of the record as well as any. Laws that the axis has already are kept.
     highpass : float, optional
         Corner [Hz] below which residuals do not count; that of the axis by default.
-    quick : bool
-        Whether to start at the values of the axis alone, without a frequency response, and to try
-        nothing but its own laws: for later logs of a known axis.
     tell : callable, optional
         Told after each simulation.
 
@@ -165,20 +167,25 @@ def identify(
         highpass=axis.highpass if highpass is None else highpass,
         tell=tell,
     )
-    whole = attempt.highpass is None and "highpass" not in record.versions
+    whole = "highpass" not in record.versions  # a filter of residuals leaves the motion as it is
     if not whole and friction not in {"auto", "none"}:
         raise LogError(
             f"--friction {friction} needs the motion as it was, and slow motion was filtered away: "
-            "leave --highpass out, here and at the import"
+            "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
-    if quick:
-        fitted = attempt.solve(lag=axis.delay)
-        return _found(axis, record, attempt, fitted, word="as told" if own else "none")
     starts = Starts(attempt, known=axis.known, whole=whole)
     attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
     attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free=free, fix=fix)
+    blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
-        axis, record, attempt, fitted, tried=tried, word=word, seen=starts.seen_by(attempt, fitted)
+        axis,
+        record,
+        attempt,
+        fitted,
+        tried=tried,
+        word=word,
+        seen=starts.seen_by(attempt, fitted),
+        blind=blind,
     )
     check_rate(found.axis.model, log.period)
     return found
@@ -220,6 +227,7 @@ def _found(
     word: str,
     tried: tuple[Tried, ...] = (),
     seen: Response | None = None,
+    blind: bool = False,
 ) -> Identification:
     log, p = attempt.log, len(attempt.names)
     noise, pieces = fitted.deviations, spread(fitted)
@@ -234,10 +242,10 @@ def _found(
         noise=float(np.sqrt(fitted.square)),
         offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * honest[-2] else 0.0,
         highpass=attempt.highpass,
+        rate=1 / log.period,
         torque_is="smooth" if log.smooth else None,
         deviation=dict(zip(attempt.names, honest[:p].tolist(), strict=True)),
     )
-    ok = log.ok
     return Identification(
         axis=found,
         names=attempt.names,
@@ -248,7 +256,7 @@ def _found(
         delay_deviation=float(honest[-1]),
         offset=float(fitted.z[-2]),
         offset_deviation=float(honest[-2]),
-        fit=100 * float(1 - np.std(fitted.residual[ok]) / np.std(log.y[ok])),
+        fits=fits(log.y, fitted),
         fitted=fitted,
         response=seen,
         output=log.output,
@@ -262,5 +270,6 @@ def _found(
             tried=tried,
             word=word,
             smooth=is_smooth(record),
+            blind=blind,
         ),
     )

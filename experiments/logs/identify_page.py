@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from flexaxis.experiments.logs.identify import Identification
@@ -13,6 +14,7 @@ from flexaxis.experiments.logs.log_page import LogPage
 from flexaxis.experiments.logs.validate import Validation, validation_figure
 
 Row = tuple[str, float, float, float, float]
+UNITS = {"delay": " [s]", "offset": " [as the torque]"}  # of what is no parameter of a model
 
 
 def rows(found: Identification) -> list[Row]:
@@ -24,6 +26,11 @@ def rows(found: Identification) -> list[Row]:
         ("offset", found.offset, found.offset_deviation),
     ]
     return [*values, *((name, value, sd, sd, sd) for name, value, sd in more)]
+
+
+def warnings(found: Identification, tried: Validation | None) -> list[str]:
+    """Return what speaks against it, on both logs."""
+    return [*found.warnings, *(() if tried is None else tried.warnings)]
 
 
 def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
@@ -46,7 +53,7 @@ def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
             "correlation": found.verdict.correlation,
             "noise_order": len(found.axis.whitening) - 1,
         },
-        "warnings": list(found.warnings),
+        "warnings": warnings(found, tried),
         "remarks": list(found.remarks),
     }
     if tried is not None:
@@ -76,14 +83,14 @@ def print_identification(found: Identification, tried: Validation | None) -> Non
     table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
     for name, value, sd, *_ in rows(found):
         share = f"{100 * sd / abs(value):.2g}" if value else ""
-        table.add_row(name, f"{value:.5g}", f"{sd:.2g}", share)
+        table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", f"{sd:.2g}", share)
     console = Console()
     console.print(table)
     for name, text in _facts(found, tried):
         print(f"{name}: {text}")
     for text in found.remarks:
         print(f"- {text}")
-    for text in found.warnings:
+    for text in warnings(found, tried):
         console.print(f"! {text}", style="yellow", markup=False, soft_wrap=True)
 
 
@@ -92,15 +99,21 @@ def identification_page(
 ) -> LogPage:
     """Return the page of it."""
     estimates = [
-        (name, f"{value:.5g}", f"{sd:.2g}", f"{noise:.2g}", f"{pieces:.2g}")
+        (name + UNITS.get(name, ""), f"{value:.5g}", f"{sd:.2g}", f"{noise:.2g}", f"{pieces:.2g}")
         for name, value, sd, noise, pieces in rows(found)
     ]
     figures = []
     if found.response is not None:
         text = (
-            "Dots: what the log shows without a model, but for the dry friction that was found. "
-            "Where the line leaves them, the model does not describe the axis."
+            "Dots: what the log shows without a model. Where the line leaves them, the model does "
+            "not describe the axis."
         )
+        if found.axis.model.laws:
+            text += (
+                " The dry friction that was found was taken off the torque before, as a level that "
+                "changes sign with the speed. That is rough where the axis hardly moves: dots of "
+                "low frequencies rest on it, and say less of the linear part than the others."
+            )
         figures.append(("Frequency response", bode_figure(found, period), text))
     if tried is not None:
         text = (
@@ -113,7 +126,7 @@ def identification_page(
         title=title,
         command=command,
         remarks=[
-            *(("problem", text) for text in found.warnings),
+            *(("problem", text) for text in warnings(found, tried)),
             *(("ok", text) for text in found.remarks),
         ],
         tables=[

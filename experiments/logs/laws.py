@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.friction import CHOICES, SOFTER, Sizes, rubbing
@@ -64,8 +65,7 @@ def choose(
     """
     if linear.model.laws:
         return linear, fitted, (), "as told"
-    able = "speed_motor" in linear.model.states and "J_m" in linear.model.parameters
-    if wanted in OPEN and not (able and starts.whole):
+    if wanted in OPEN and not (able(linear.model) and starts.whole):
         return linear, fitted, (), "none"
     short = replace(linear, log=linear.log.part(MOST))
     bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), starts.level())
@@ -74,6 +74,11 @@ def choose(
         return linear, fitted, tried, "none"
     begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
     return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+
+def able(model: Model) -> bool:
+    """Return whether a model has the motor that laws of friction act on."""
+    return "speed_motor" in model.states and "J_m" in model.parameters
 
 
 def tried_word(tried: Sequence[Tried]) -> str:
@@ -157,7 +162,7 @@ class Begun:
 
     def finished(self) -> Fitted:
         """Return the fit to all of the log."""
-        return self.attempt.solve(self.fitted.z, rounds=4)
+        return self.attempt.solve(self.fitted.z)
 
 
 def theta_of(attempt: Attempt) -> Array:

@@ -84,10 +84,11 @@ def bode_figure(found: Identification, period: float) -> Figure:
     omega = found.response.omega
     gain = frequency_response(chosen, chosen.theta, omega, period=period)[0]
     gain = gain * np.exp(-1j * omega * found.delay)
+    label = "log, dry friction taken off" if found.axis.model.laws else "log"
     fig = Figure(figsize=(8.0, 5.0), layout="constrained")
     magnitude, phase = fig.subplots(2, 1, sharex=True)
     for values, style in (
-        (found.response.gain, {"color": GREY, "marker": ".", "ms": 2, "lw": 0, "label": "log"}),
+        (found.response.gain, {"color": GREY, "marker": ".", "ms": 2, "lw": 0, "label": label}),
         (gain, {"color": ORANGE, "lw": 1.3, "label": "identified model"}),
     ):
         magnitude.loglog(omega / (2 * np.pi), abs(values), **style)

@@ -22,6 +22,7 @@ from flexaxis.experiments.logs.spectrum import (
 
 Array = NDArray[np.float64]
 
+ENOUGH = 10_000  # samples, to tell which start is the best
 SMOOTHER = 10.0  # of the logarithm of the likelihood, that another kind of torque has to gain
 
 
@@ -70,17 +71,19 @@ class Starts:
         except LogError:
             return None
 
-    def search(
-        self, attempt: Attempt, level: float = 0.0, rounds: int = 6
-    ) -> tuple[Attempt, Fitted]:
+    def search(self, attempt: Attempt, level: float = 0.0) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
-        first = explored(attempt, self.places(attempt, level))
+        short = replace(attempt, log=attempt.log.part(ENOUGH))
+        first = explored(short, self.places(attempt, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        return attempt, attempt.solve(first.z)
+        if short.log is attempt.log:
+            return attempt, attempt.solve(first.z)
+        # a part has an initial state of its own, so that no more than parameters are taken from it
+        return attempt, attempt.solve(first.z[: len(attempt.names)], float(first.z[-1]))
 
     def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
         """Return parameters and delays [s] to start from."""

@@ -1,4 +1,4 @@
-"""A line on stderr that says that something goes on, for what takes more than two seconds."""
+"""Lines on stderr that say that something goes on, for what takes more than two seconds."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from contextlib import contextmanager
 
 PATIENCE = 2.0  # s without a word
 EVERY = 1.0  # s between words
+SELDOM = 15.0  # s between the lines of a file, where none replaces the one before
 
 
 @contextmanager
 def ticker(doing: str) -> Iterator[Callable[[], None]]:
-    """Yield what to call at each step; steps and seconds are shown, and wiped off at the end."""
+    """Yield what to call at each step; steps and seconds are shown.
+
+    A terminal has one line of it, which is wiped off at the end; a file gets one now and then.
+    """
     begun = last = time.monotonic()
     steps, shown = 0, ""
 
@@ -21,10 +25,15 @@ def ticker(doing: str) -> Iterator[Callable[[], None]]:
         nonlocal steps, last, shown
         steps += 1
         now = time.monotonic()
-        if sys.stderr.isatty() and now - begun > PATIENCE and now - last > EVERY:
-            shown = f"{doing}: {steps} simulations of the log, {now - begun:.0f} s"
-            print(f"\r{shown}", end="", file=sys.stderr, flush=True)
-            last = now
+        terminal = sys.stderr.isatty()
+        if now - begun < PATIENCE or now - last < (EVERY if terminal else SELDOM):
+            return
+        last, line = now, f"{doing}: {steps} simulations of the log, {now - begun:.0f} s"
+        if terminal:
+            shown = line
+            print(f"\r{line}", end="", file=sys.stderr, flush=True)
+        else:
+            print(line, file=sys.stderr, flush=True)
 
     try:
         yield tell

@@ -145,6 +145,7 @@ def track(
     Of an axis with laws the estimator is given the signals as they are, as a law does not hold for
     filtered ones.
     """
+    axis.check_rate(record.period)
     log, lawful = log_of(record, axis), bool(axis.model.laws)
     output, period, ok = log.output, log.period, log.ok
     nominal = axis.model.parametrize(identify)  # refuses unknown names
@@ -169,7 +170,8 @@ def track(
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
     simulated, psi = predict(model, last, torque, period=period)
-    residual, psi = colour.white(measured - simulated), colour.white(psi.T).T
+    residual = colour.white(colour.bridged(measured - simulated, ok))
+    psi = colour.white(colour.bridged(psi.T, ok)).T
     changes = find_changes(record.time[good], residual[good], psi[good], last, names)
     correlation = _correlation(residual[good])
     return Tracked(

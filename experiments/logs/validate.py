@@ -12,13 +12,13 @@ from flexaxis.estimators.offline.prediction_error import Colour, colourless, fin
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.fits import Fits, contradictions, fits
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
 PERIODS = 20  # of the motion, that the figure shows of the log: its liveliest piece
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
-POOR = 10.0  # points of fit: worse than on its own log by more than that is worth a word
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,10 @@ class Validation:
         one sample from the past of both.
     ok : ndarray (N,) of bool
         Where it counts.
-    simulation, prediction : float
-        100 (1 − |y − ŷ|/|y − mean y|) of both.
+    fits : Fits
+        Of both.
+    warnings : tuple of str
+        What it says against the axis.
     """
 
     time: Array
@@ -41,18 +43,36 @@ class Validation:
     simulated: Array
     predicted: Array
     ok: NDArray[np.bool_]
-    simulation: float
-    prediction: float
+    fits: Fits
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def simulation(self) -> float:
+        """Fit of the simulation."""
+        return self.fits.simulation
+
+    @property
+    def prediction(self) -> float:
+        """Fit of the prediction over one sample."""
+        return self.fits.prediction
 
 
-def validate(record: Record, axis: Axis) -> Validation:
+def validate(record: Record, axis: Axis, own: Fits | None = None) -> Validation:
     """Simulate and predict a record, with nothing fitted to it but the state that it begins in.
+
+    Parameters
+    ----------
+    record : Record
+    axis : Axis
+    own : Fits, optional
+        Those of the log that the axis was identified from, to compare with.
 
     Raises
     ------
     LogError
         If the log has another rate than the one that the axis was identified at.
     """
+    axis.check_rate(record.period)
     log = log_of(record, axis)
     names = tuple(axis.model.parameters[:1])
     attempt = Attempt(log, axis.model, names, delay=axis.delay, highpass=axis.highpass)
@@ -69,20 +89,16 @@ def validate(record: Record, axis: Axis) -> Validation:
     found = finished(problem, z, colour)
     if not np.isfinite(found.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
-    y, ok = log.y, found.good
+    y, theirs = log.y, fits(log.y, found)
     return Validation(
         record.time,
         y,
         y - found.residual,
         y - found.white,
-        ok,
-        _fit(y[ok], found.residual[ok]),
-        _fit(y[ok], found.white[ok]),
+        found.good,
+        theirs,
+        () if own is None else contradictions(own, theirs),
     )
-
-
-def _fit(y: Array, error: Array) -> float:
-    return 100 * float(1 - np.std(error) / np.std(y))
 
 
 def validation_figure(found: Validation) -> Figure:

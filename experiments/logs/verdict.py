@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.estimators.offline.prediction_error import Fitted
+from flexaxis.estimators.offline.prediction_error import CONVERGED, Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.laws import Tried
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
 COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, that is too much
 LAGS = 20
+LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 APART = 0.2  # median of |log G/Ĝ|: a model that far from what the log shows is another axis
 
 
@@ -62,6 +63,7 @@ def judge(
     tried: Sequence[Tried],
     word: str,
     smooth: bool = False,
+    blind: bool = False,
 ) -> Verdict:
     """Return the verdict on a fit.
 
@@ -76,20 +78,24 @@ def judge(
         Of the law that was taken.
     smooth : bool
         Whether the record has its torque as a smooth one.
+    blind : bool
+        Whether friction could not be looked for, as slow motion was filtered away at the import.
     """
     correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
     warnings = [
         *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
+        *_restless(fitted),
         *_late(attempt, fitted, deviations),
         *_coloured(correlation, fitted),
         *_apart(misfit),
         *_rubs(tried, word),
+        *_unlooked(blind),
     ]
     return Verdict(
         tuple(warnings),
-        tuple([*_torque(attempt, smooth), *_laws(tried)]),
+        tuple([*_torque(attempt, smooth), *_laws(tried), *_shapeless(attempt, fitted)]),
         correlation,
         condition,
         weakest,
@@ -165,21 +171,63 @@ def _blind(attempt: Attempt, fitted: Fitted, deviations: Array, seen: Response |
     return found
 
 
-def _bounds(attempt: Attempt, fitted: Fitted) -> list[str]:
+def _stuck(attempt: Attempt, fitted: Fitted) -> tuple[list[str], list[str]]:
+    """Return what is at its bound: levels and linear parameters, and what shapes a law."""
     problem = attempt.problem()
-    p = len(attempt.names)
-    lawful = set(names_of(attempt.model))
     at = (fitted.z <= problem.lower * (1 + 1e-9)) | (fitted.z >= problem.upper * (1 - 1e-9))
     stuck = [
-        name
-        for name, side in zip(attempt.names, at[:p], strict=True)
-        if side and name not in lawful
+        name for name, side in zip(attempt.names, at[: len(attempt.names)], strict=True) if side
     ]
-    if not stuck:
+    shapes = [name for name in names_of(attempt.model) if name != LEVEL]
+    return [n for n in stuck if n not in shapes], [n for n in stuck if n in shapes]
+
+
+def _bounds(attempt: Attempt, fitted: Fitted) -> list[str]:
+    stuck, _ = _stuck(attempt, fitted)
+    found = []
+    if LEVEL in stuck:
+        stuck.remove(LEVEL)
+        found += [
+            f"{LEVEL}: at the bound of what dry friction may be; the log does not determine it: "
+            "use --friction none, or a longer log with slow and fast motion"
+        ]
+    if stuck:
+        found += [
+            f"{', '.join(stuck)}: at the bound of the search; the log does not determine it, so "
+            f"fix it with --fix {stuck[0]}=VALUE, or start elsewhere with --start {stuck[0]}=VALUE"
+        ]
+    return found
+
+
+def _shapeless(attempt: Attempt, fitted: Fitted) -> list[str]:
+    """Return which shape of a law has come to its limit, such as bristles that do not give."""
+    _, shapes = _stuck(attempt, fitted)
+    if not shapes:
         return []
     return [
-        f"{', '.join(stuck)}: at the bound of the search; the log does not determine it, so fix it "
-        f"with --fix {stuck[0]}=VALUE, or start elsewhere with --start {stuck[0]}=VALUE"
+        f"{', '.join(shapes)}: at the limit of the law, of which a simpler one is the limit; its "
+        "value means no more than that"
+    ]
+
+
+def _restless(fitted: Fitted) -> list[str]:
+    """Return that the last step was still a good part of a standard deviation."""
+    if fitted.converged:
+        return []
+    return [
+        "the fit did not converge: its last step still moved estimates by more than "
+        f"{CONVERGED:g} standard deviations; use --start NAME=VALUE from these estimates, or fix "
+        "with --fix NAME=VALUE what is known least"
+    ]
+
+
+def _unlooked(blind: bool) -> list[str]:
+    if not blind:
+        return []
+    return [
+        "friction was not looked for, as slow motion was filtered away, and viscous friction may "
+        "be dry: import without --highpass, `flexaxis identify --highpass HZ` filters residuals "
+        "itself (or say --friction none)"
     ]
 
 

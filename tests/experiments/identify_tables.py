@@ -80,10 +80,9 @@ def _given(axis):
 
 def bench(seeds, seconds):
     """Print the real bench, with its torque stated or not, with and without a high-pass."""
-    folder = os.environ.get("FLEXAXIS_FDITOOLS", "")
-    data = Path(folder or "../shared/data/fditools/MultisineTypeA.mat")
+    data = Path(os.environ.get("FLEXAXIS_FDITOOLS", "MultisineTypeA.mat"))
     if not data.is_file():
-        print(f"the bench data are not there: {data} (FLEXAXIS_FDITOOLS names them)")
+        print("no bench data: FLEXAXIS_FDITOOLS names MultisineTypeA.mat of FdiTools")
         return
     for kind in ("held", "smooth", None):
         for corner in (None, 5.0):

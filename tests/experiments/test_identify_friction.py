@@ -10,12 +10,17 @@ import pytest
 
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.fits import Fits, contradictions
 from flexaxis.experiments.logs.forgetting import with_forgetting
 from flexaxis.experiments.logs.friction import guessed_level
 from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.remedies import remedied
+from flexaxis.experiments.logs.track import track
 from flexaxis.experiments.logs.validate import validate
+from flexaxis.experiments.logs.verdict import judge
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES, log
@@ -119,3 +124,68 @@ def test_forgetting_is_a_time_or_a_factor(text, period, factor):
 def test_forgetting_that_cannot_be(text):
     with pytest.raises(LogError, match="'1 s'"):
         with_forgetting(parse("rpem-forgetting"), text, 0.005)
+
+
+def test_a_log_without_slow_motion_says_that_friction_was_not_looked_for(record, tmp_path, capsys):
+    path = tmp_path / "rec.nc"
+    remedied(record, {"highpass": 0.5}).save(path)
+    words = ["identify", str(path), "--model", "one_mass", "-o", str(tmp_path / "axis.toml")]
+    assert main(words) == 1
+    assert "friction was not looked for" in capsys.readouterr().out
+
+
+def test_a_filter_of_residuals_leaves_friction_to_be_found(record):
+    found = identify(record, find_axis("one_mass"), highpass=0.5)
+    values = dict(zip(found.names, found.theta, strict=True))
+    assert found.friction != "none" and found.tried
+    assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.05)
+    assert values["f_c"] == pytest.approx(F_C, rel=0.05)
+
+
+def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found, record):
+    axis = replace(found.axis, model=replace(found.axis.model, laws=()))
+    attempt = Attempt(log_of(record, axis), found.axis.model, found.names)
+    fitted, deviations = found.fitted, found.fitted.deviations
+    z = fitted.z.copy()
+    z[found.names.index("f_c")] = 0.0
+
+    def said(fitted):
+        told = {"seen": None, "tried": (), "word": "coulomb"}
+        return judge(attempt, fitted, deviations, **told).warnings
+
+    assert any("f_c: at the bound" in text for text in said(replace(fitted, z=z)))
+    assert any("did not converge" in text for text in said(replace(fitted, converged=False)))
+    assert not any("bound" in text or "converge" in text for text in said(fitted))
+
+
+def test_a_validation_can_fail(found, record, tmp_path, capsys):
+    other = log(1, 10, "moves", seed=1, seconds=20.0)
+    assert validate(other, found.axis, found.fits).warnings == ()
+    heavier = validate(replace(other, torque=0.5 * other.torque), found.axis, found.fits)
+    assert any("on the other log the fit of a simulation" in text for text in heavier.warnings)
+    quiet = validate(replace(other, torque=-other.torque), found.axis)
+    assert quiet.simulation < 0 and quiet.warnings == ()  # nothing to compare with
+    here, there = tmp_path / "here.nc", tmp_path / "there.nc"
+    record.save(here)
+    replace(other, torque=0.5 * other.torque).save(there)
+    words = ["identify", here, "--model", "one_mass", "-o", tmp_path / "axis.toml"]
+    assert main([*map(str, words), "--validate", str(there)]) == 1
+    assert "on the other log the fit of a" in capsys.readouterr().out
+
+
+def test_less_motion_is_a_poorer_fit_and_no_contradiction():
+    own = Fits(98.0, 98.5, 0.2, 0.15)
+    assert contradictions(own, Fits(80.0, 85.0, 0.2, 0.15)) == ()
+    assert len(contradictions(own, Fits(80.0, 85.0, 0.4, 0.3))) == 2
+    assert len(contradictions(own, Fits(-3.0, 98.0, 0.1, 0.1))) == 1
+
+
+def test_an_axis_knows_the_rate_of_its_noise(found, tmp_path):
+    found.axis.save(tmp_path / "axis.toml")
+    axis = find_axis(str(tmp_path / "axis.toml"))
+    assert axis.rate == pytest.approx(500.0)
+    other = log(1, 10, "moves", seed=1, seconds=5.0, period=0.004)
+    with pytest.raises(LogError, match="--resample 500"):
+        validate(other, axis)
+    with pytest.raises(LogError, match="identified at 500 Hz"):
+        track(other, axis, parse("ekf"), identify=("1/J_m",))

@@ -11,12 +11,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.sim.record import load_record
 
-DATA = Path(
-    os.environ.get(
-        "FLEXAXIS_FDITOOLS",
-        Path(__file__).parents[3] / "shared/data/fditools/MultisineTypeA.mat",
-    )
-)
+DATA = Path(os.environ.get("FLEXAXIS_FDITOOLS", "MultisineTypeA.mat"))
 DIGEST = "a15dadc2e756ceddd927935f9c4c547cdcaef95c8611fc39087c848b3a8acb26"
 # an independent fit of the frequency response, per k_T = 1
 REFERENCE = {"J_m": 4.79e-3, "J_l": 4.76e-3, "k": 547.0}
@@ -32,7 +27,7 @@ scale = {load_angle = -1}
 
 pytestmark = pytest.mark.skipif(
     not DATA.is_file(),
-    reason=f"the bench data are not there: {DATA} (FLEXAXIS_FDITOOLS names them)",
+    reason="no bench data: FLEXAXIS_FDITOOLS names MultisineTypeA.mat of FdiTools",
 )
 
 
@@ -44,7 +39,8 @@ def identified(tmp_path_factory):
     rec, axis = folder / "rec.nc", folder / "axis.toml"
     words = ["--map", folder / "map.toml", "--highpass", 5, "-o", rec]
     assert main([str(w) for w in ("import", DATA, *words)]) == 0
-    assert main([str(w) for w in ("identify", rec, "--model", "two_mass", "-o", axis)]) == 0
+    linear = ("--model", "two_mass", "--friction", "none")  # of a log without its slow motion
+    assert main([str(w) for w in ("identify", rec, *linear, "-o", axis)]) == 0
     return rec, axis
 
 
@@ -61,6 +57,28 @@ def test_identify_agrees_with_an_independent_fit(identified):
     for name, value in REFERENCE.items():
         assert abs(found["nominal"][name] / value - 1) < 0.02, name
     assert found["delay"] == pytest.approx(0.115e-3, abs=0.01e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("filtered", [(), ("--highpass", "5")], ids=["as it is", "highpass"])
+@pytest.mark.parametrize("kind", ["held", "smooth", None])
+def test_a_wrong_number_is_never_one_with_status_0(kind, filtered, tmp_path, capsys):
+    lines = [line for line in MAP.splitlines() if not line.startswith("torque_is")]
+    lines += [] if kind is None else [f'torque_is = "{kind}"']
+    (tmp_path / "map.toml").write_text(
+        "\n".join(sorted(lines, key=lambda line: "{" in line)), encoding="utf-8"
+    )
+    words = ["identify", DATA, "--map", tmp_path / "map.toml", "--model", "two_mass", "--json"]
+    status = main([str(w) for w in (*words, "-o", tmp_path / "axis.toml", *filtered)])
+    told = json.loads(capsys.readouterr().out)
+    wrong = [
+        name
+        for name, value in REFERENCE.items()
+        if abs(told["estimates"][name]["value"] / value - 1) > 0.02
+    ]
+    assert status == (1 if told["warnings"] else 0)
+    assert not wrong or status == 1, (wrong, told["estimates"])
+    assert status == 0 or all("--" in text or "flexaxis" in text for text in told["warnings"])
 
 
 def test_track_settles_within_two_seconds(identified, capsys):
