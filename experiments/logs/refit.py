@@ -146,7 +146,8 @@ def _other_delay(problem: _Problem) -> str:
     if not best or fits[best] < MATCHED:
         return ""
     word = "later" if best > 0 else "earlier"
-    return f" With its torque {abs(best)} sample{'s' * (abs(best) > 1)} {word}, the known axis fits by {fits[best]:.3g} %"
+    shift = f"{abs(best)} sample{'s' * (abs(best) > 1)}"
+    return f" With its torque {shift} {word}, the known axis fits by {fits[best]:.3g} %"
 
 
 def _found(problem: _Problem, z: Array, bounds: Array) -> Refit:
