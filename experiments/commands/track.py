@@ -55,7 +55,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.building.specs import code_file, parse
+    from flexaxis.experiments.building.neighbours import code_file
+    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.logs.aloud import say_problems
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError

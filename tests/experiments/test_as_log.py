@@ -11,7 +11,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.as_log import FORMATS, LONGEST_GAP, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.days import Days, calendar, without_faults
+from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.record import load_record
@@ -204,7 +204,12 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert np.mean(temperatures) == pytest.approx(truth[1]["temperature"] + 0.15, abs=0.05)
     axis = find_axis(str(folder / "axis.toml"))
     assert axis.known
-    assert axis.model.nominal["f_c"] == pytest.approx(0.74302635727901)
+    known = known_axis(find_scenario("wg_fc_step-v1")).model.nominal
+    off = {name: axis.model.nominal[name] / value - 1 for name, value in known.items() if value}
+    assert off["k_T"] == off["r"] == 0
+    others = [abs(part) for name, part in off.items() if name not in {"k_T", "r"}]
+    assert all(0 < part <= 0.05 for part in others)
+    assert max(others) > 0.02  # of a dozen
     capsys.readouterr()
     assert main(["days", "--wear", "f_q=+12%", "-o", str(tmp_path / "x")]) == 2
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
