@@ -81,7 +81,7 @@ def main(args: argparse.Namespace) -> int:
     except LogError as error:
         raise LogError(f"{error}; {_values(args, ordered, rows, str(error))}") from None
     _report(args, found, when, covariates, rows)
-    return 1 if ailments(good) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
+    return 1 if ailments(rows) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
 
 
 def _values(args: argparse.Namespace, good: Any, rows: list[dict[str, Any]], why: str) -> str:
@@ -159,7 +159,7 @@ def _report(
         "parameters": {one.name: summary(one, when, [*covariates]) for one in found},
         "logs": len(rows),
         "problems": {row["log"]: row["problem"] for row in rows if row["problem"]},
-        "unlike_the_others": ailments([row for row in rows if not row["problem"]]),
+        "unlike_the_others": ailments(rows),
         "false_alarms": args.false_alarms,
         "smallest": args.smallest / 100,
         "report": str(report),

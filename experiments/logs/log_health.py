@@ -24,7 +24,7 @@ def ailments(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
     Parameters
     ----------
     rows : sequence of mapping
-        Of the logs that have estimates.
+        Of all logs, some of which have estimates.
 
     Returns
     -------
@@ -32,6 +32,8 @@ def ailments(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
         Name of the log, and sentences. A log is compared with the better half of all, so that a
         delay that all logs have is not among them: `common` tells that.
     """
+    refused = {row["log"]: [row["problem"]] for row in rows if row.get("unlike")}
+    rows = [row for row in rows if not row["problem"]]
     unexplained = np.array([100 - row["fit"] for row in rows])
     late = _late(rows)
     usual, far = _better(unexplained)
@@ -53,7 +55,7 @@ def ailments(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
             said.append(f"its torque acts about {abs(moved[i]):.1g} samples {word} than in others")
         if row["left"] > UNFINISHED:
             said.append("its estimates did not settle: the axis is far from what is known of it")
-    return {log: said for log, said in found.items() if said}
+    return {log: said for log, said in found.items() if said} | refused
 
 
 def common(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -8,6 +8,7 @@ logs. What that leaves out is alike in all logs of a test motion, and no change.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +34,8 @@ STEPS = 12
 FARTHEST = 0.3  # relative change of a parameter in one step
 RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
 RESTING = 0.05  # of the rms speed, below which the axis rests at first
+SHIFTS = (-3, -2, -1, 0, 1, 2, 3)  # samples of delay that are tried where nothing fits
+MATCHED = 50.0  # per cent of a fit that is none by chance
 SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
 
 
@@ -109,6 +112,13 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
         If the log does not fit the axis at all.
     """
     problem = _problem(record, axis, names)
+    try:
+        return _solution(problem)
+    except LogError as error:
+        raise LogError(f"{error}{_other_delay(problem)}") from None
+
+
+def _solution(problem: _Problem) -> Refit:
     p, z = problem.course.p, problem.start.copy()
     bounds = np.sort(np.outer(RANGE, z[:p]), axis=0)
     for _ in range(STEPS):
@@ -119,6 +129,24 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
         if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
             break
     return _found(problem, z, bounds)
+
+
+def _other_delay(problem: _Problem) -> str:
+    """Return in words whether the known axis fits a log if its torque acts at another time."""
+    fits = {}
+    for samples in SHIFTS:
+        delay = problem.delay + samples * problem.course.period
+        if delay < 0 and not problem.course.smooth:
+            continue
+        with suppress(LogError):
+            error = replace(problem, delay=delay).error(problem.start)[0]
+            error, y = (problem.plain.high(s)[problem.ok] for s in (error, problem.y))
+            fits[samples] = 100 * float(1 - np.std(error) / np.std(y))
+    best = max(fits, key=lambda samples: fits[samples], default=0)
+    if not best or fits[best] < MATCHED:
+        return ""
+    word = "later" if best > 0 else "earlier"
+    return f" With its torque {abs(best)} sample{'s' * (abs(best) > 1)} {word}, the known axis fits by {fits[best]:.3g} %"
 
 
 def _found(problem: _Problem, z: Array, bounds: Array) -> Refit:

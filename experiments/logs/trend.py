@@ -36,7 +36,7 @@ SUFFIXES = (
     ".bag", ".db3",
 )  # fmt: skip
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 2  # of the estimates; another number and all are made anew
+METHOD = 3  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -249,8 +249,11 @@ def row_of(plan: Plan, task: Task) -> bytes:
 
 def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
     record = plan.source.read(path)
-    with np.errstate(all="ignore"):
-        found = refit(record, plan.axis, plan.names)
+    try:
+        with np.errstate(all="ignore"):
+            found = refit(record, plan.axis, plan.names)
+    except (LogError, EstimatorError) as error:  # it was read, but is not like its axis
+        return {"problem": " ".join(str(error).split()), "unlike": True}
     numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset])
     if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
         raise LogError("this log tells nothing of the parameters: did the axis move?")

@@ -114,7 +114,7 @@ def write_values(
     page = LogPage(
         title=title,
         command=command,
-        remarks=[("problem", why), *log_remarks(good)],
+        remarks=[("problem", why), *log_remarks(rows)],
         tables=[("Estimates (SI)", ["log", "fit [%]", *names], lines), *_of_logs(rows)],
         figures=[],
     )
@@ -123,9 +123,13 @@ def write_values(
 
 def _of_logs(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Return tables of the logs with which something is wrong."""
-    ill = ailments([row for row in rows if not row["problem"]])
+    ill = ailments(rows)
     strange = [(log, ", and ".join(said)) for log, said in ill.items()]
-    bad = [(str(row["log"]), str(row["problem"])) for row in rows if row["problem"]]
+    bad = [
+        (str(row["log"]), str(row["problem"]))
+        for row in rows
+        if row["problem"] and not row.get("unlike")
+    ]
     tables: list[Table] = []
     if strange:
         tables.append(("Logs that are not like the others", ("log", "what"), strange))

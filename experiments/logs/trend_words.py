@@ -97,7 +97,7 @@ def remarks(
     order = sorted(found, key=lambda v: (CHANGED, OPEN, EXPLAINED).index(v.kind)
                    if v.kind in kinds else len(kinds))  # fmt: skip
     quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
-    lines = log_remarks([row for row in rows if not row["problem"]])
+    lines = log_remarks(rows)
     lines += [
         (kinds.get(v.kind, "ok") if i == 0 else "note", text)
         for v in order
@@ -133,12 +133,13 @@ def remarks(
     return lines
 
 
-def log_remarks(good: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Return what is wrong with logs that have estimates, kind and text."""
-    ill = ailments(good)
+def log_remarks(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Return what is wrong with logs that could be read, kind and text."""
+    ill = ailments(rows)
+    good = [row for row in rows if not row["problem"]]
     lines = [("problem", f"{log}: {', and '.join(said)}") for log, said in list(ill.items())[:TOLD]]
     if len(ill) > TOLD:
-        lines.append(("problem", f"{len(ill) - TOLD} more of {len(good)} logs; see below"))
+        lines.append(("problem", f"{len(ill) - TOLD} more of {len(rows)} logs; see below"))
     return lines + [("note", text) for text in common(good)]
 
 

@@ -12,7 +12,7 @@ from flexaxis.experiments.logs import trend
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.dates import dated, found_in
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.refit import _colour, _problem, _solved, refit
+from flexaxis.experiments.logs.refit import _colour, _other_delay, _problem, _solved, refit
 from flexaxis.experiments.running.rows import read
 from flexaxis.sim.record import Record
 
@@ -324,6 +324,31 @@ def test_intervals_are_the_spread_of_estimates(axis):
     spread = np.std([one.theta for one in every], axis=0)
     claimed = np.sqrt(np.mean([one.deviations**2 for one in every], axis=0))
     assert np.all((claimed / spread > 0.75) & (claimed / spread < 1.9))
+
+
+def test_a_refused_log_tells_whether_its_torque_is_late(axis):
+    """No speed that such a torque would make, until it is shifted by three samples."""
+    rng = np.random.default_rng(3)
+    fast = replace(driven(0.05), torque=rng.standard_normal(N))
+    y = np.zeros(N)
+    keep = np.exp(-0.05 * T / J)
+    for k in range(N - 1):
+        y[k + 1] = keep * y[k] + (1 - keep) / 0.05 * fast.torque[k]
+    late = replace(fast, speed=y, torque=np.append(fast.torque[2:], [0.0, 0.0]))
+    problem = _problem(late, axis, ["J_m", "f_m"])
+    assert "2 samples later, the known axis fits by 9" in _other_delay(problem)
+    nothing = replace(late, torque=rng.standard_normal(N))
+    assert not _other_delay(_problem(nothing, axis, ["J_m", "f_m"]))
+
+
+def test_a_log_of_another_axis_is_a_problem(days, tmp_path, capsys):
+    for day in range(12):
+        record = driven(F, seed=50 + day, inertia=40 * J if day == 6 else J)
+        write(tmp_path / f"2026-05-{day + 1:02}.csv", record, day)
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    status, out, _ = run(capsys, "trend", tmp_path, *given)
+    assert status == 1
+    assert "✗ 2026-05-07.csv" in out
 
 
 def test_another_axis_is_refused(axis):
