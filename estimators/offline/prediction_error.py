@@ -340,6 +340,25 @@ def finished(problem: Problem, z: Array, colour: Colour, converged: bool = True)
     return Fitted(z, covariance, colour, point.square, residual, white, slopes, good, converged)
 
 
+def discretisation(problem: Problem, fitted: Fitted) -> Array:
+    """
+    Return by how much unknowns (q,) depend on the steps that laws are solved in; zero without laws.
+
+    One step of Gauss and Newton from the fit with fine steps to that with coarse ones, which are
+    twice as long: as the error where friction reverses is of the first order, that is about what
+    fine steps are off themselves (L. F. Richardson, 1911).
+    """
+    step = np.zeros_like(fitted.z)
+    if problem.course.model.laws is None:
+        return step
+    coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
+    e = (fitted.colour.white(coarse) - fitted.white)[fitted.good]
+    free = np.diag(fitted.covariance) > 0
+    J = fitted.slopes[:, fitted.good][free]
+    step[free] = damped_step(J @ J.T, J @ e, 0.0)
+    return abs(step)
+
+
 def _covariance(point: Point, problem: Problem, samples: int) -> Array:
     """Return σ² (J Jᵀ)⁻¹, zero for what is held."""
     free, covariance = ~problem.held, np.zeros_like(point.H)

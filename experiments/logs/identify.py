@@ -12,6 +12,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import (
     HIGHEST_ORDER,
     Fitted,
+    discretisation,
     noise_model,
     settled,
 )
@@ -49,6 +50,8 @@ class Identification:
         Estimates.
     noise_deviations, spread : ndarray (p,)
         Standard deviations for white residuals, and from the spread over pieces of the record.
+    discretisation : ndarray (p,)
+        What the steps that laws are solved in may make estimates off.
     delay, delay_deviation : float
         By which the torque acts late [s]; the deviation is zero if it was given.
     offset, offset_deviation : float
@@ -73,6 +76,7 @@ class Identification:
     theta: Array
     noise_deviations: Array
     spread: Array
+    discretisation: Array
     delay: float
     delay_deviation: float
     offset: float
@@ -87,8 +91,8 @@ class Identification:
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations (p,), the larger of both."""
-        return np.maximum(self.noise_deviations, self.spread)
+        """Standard deviations (p,): the larger of both, with the discretisation of laws."""
+        return np.hypot(np.maximum(self.noise_deviations, self.spread), self.discretisation)
 
     @property
     def residual(self) -> Array:
@@ -231,7 +235,8 @@ def _found(
 ) -> Identification:
     log, p = attempt.log, len(attempt.names)
     noise, pieces = fitted.deviations, spread(fitted)
-    honest = np.maximum(noise, pieces)
+    steps = discretisation(attempt.problem(), fitted)
+    honest = np.hypot(np.maximum(noise, pieces), steps)
     model = attempt.having(attempt.values(fitted)).model
     found = replace(
         axis,
@@ -252,6 +257,7 @@ def _found(
         theta=fitted.z[:p],
         noise_deviations=noise[:p],
         spread=pieces[:p],
+        discretisation=steps[:p],
         delay=float(fitted.z[-1]),
         delay_deviation=float(honest[-1]),
         offset=float(fitted.z[-2]),
