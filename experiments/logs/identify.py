@@ -9,13 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import (
-    HIGHEST_ORDER,
-    Fitted,
-    discretisation,
-    noise_model,
-    settled,
-)
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, noise_model, settled
+from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from flexaxis.estimators.offline.prediction_error import HIGHEST_ORDER, noise_model, settled
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, noise_model, settled
 from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.trajectory import Course, course
 from flexaxis.experiments.logs.attempt import log_of
