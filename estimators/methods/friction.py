@@ -16,6 +16,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.methods.start import CALM, ROBUST, Nominal
 from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.meaning import dry_friction
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.sizes import measured
@@ -140,7 +141,7 @@ def _known(
     if not isinstance(nominal, Model):
         nominal = {name: value for name, value in nominal.items() if name != "poles"}
     model = with_laws(nominal, torque=torque, period=period)
-    dry = [name for name in ("f_c",) if name in model.law_parameters and name not in identify]
+    dry = [name for name in dry_friction(model) if name not in identify]
     tracked = (*identify, *dry)
     learn = structure_names(model, tracked)
     told = told_of(nominal)

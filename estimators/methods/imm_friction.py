@@ -10,10 +10,11 @@ from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError, did_you_mean
 from flexaxis.estimators.methods.start import Nominal
 from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.meaning import fixable as fixable_of
+from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.structure import (
-    LEARNT,
     TRACKED,
     Prior,
     prior,
@@ -24,7 +25,7 @@ from flexaxis.estimators.offline.structure import (
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance, with_state
 from flexaxis.estimators.recursion.modal import Modes
-from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD, FIXABLE
+from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD
 from flexaxis.estimators.recursion.tracker import Tracker
 from flexaxis.estimators.sampling.pattern import split
 
@@ -124,8 +125,8 @@ def imm_friction(
         noise=noise,
         scale=thought.scale,
     )
-    stated = (*told, *LEARNT)  # which every axis has
-    fixable = FIXABLE if learn == "auto" else ()
+    stated = (*told, *structure(model))  # which every axis has
+    fixable = fixable_of(model) if learn == "auto" else ()
     if commissioning is None:
         commissioning = COMMISSIONING if deviations is None else 0.0
     at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
@@ -198,8 +199,8 @@ def _told_groups(
     model: Model, names: Sequence[str], learnt: Sequence[str], stated: Sequence[str]
 ) -> list[dict[str, float]]:
     """Return to what groups of parameters are drawn: as stated, and zero where nothing is."""
-    structure = tuple(n for n in LEARNT if n in learnt)
-    groups = [group for group in (structure, *ABSENT) if group and set(group) <= set(names)]
+    linear = tuple(n for n in structure(model) if n in learnt)
+    groups = [group for group in (linear, *ABSENT) if group and set(group) <= set(names)]
     return [{n: model.nominal[n] if n in stated else 0.0 for n in group} for group in groups]
 
 

@@ -18,6 +18,8 @@ from flexaxis.estimators.sampling.extended import discretize
 
 Array = NDArray[np.float64]
 
+SETTLED = 5000  # times of the fastest mode, after which the others have shown how large they are
+
 
 @dataclass(frozen=True)
 class Sizes:
@@ -88,10 +90,21 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
 
 def _linear(model: Model) -> tuple[Array, Array]:
     """Return A (n, n) and B (n,) of a model without its laws."""
+    A, B, _ = _matrices(model)
+    return A, B[:, 0]
+
+
+def _output(model: Model) -> Array:
+    """Return C (n,) of a model, for an output in the unit of the motor speed."""
+    C = _matrices(model)[2].ravel()
+    return C / np.abs(C).sum()
+
+
+def _matrices(model: Model) -> tuple[Array, Array, Array]:
     linear = replace(model, laws=())
     one = linear.parametrize(linear.parameters[:1])
-    A, B, _ = one.matrices(one.theta)
-    return A, B[:, 0]
+    A, B, C = one.matrices(one.theta)
+    return A, B, C
 
 
 class Motion(NamedTuple):
@@ -130,28 +143,85 @@ def natural_motion(model: Model) -> Motion:
     return Motion(0.01 * pace**2 / float(max(abs(B))), 0.01 * pace, 0.01)
 
 
-def moved(model: Model, moves: Motion) -> list[tuple[Law, Sizes]]:
+def moved(
+    model: Model, moves: Motion, torque: ArrayLike | None = None, period: float = 1.0
+) -> list[tuple[Law, Sizes]]:
     """
     Return the laws of an axis with their sizes, from how it moves rather than how it would.
 
-    The gear twists as a torque at rest twists it; what else drives a law, or how fast contacts
-    are, the linear model says.
+    What is measured is taken as it is: the output, its angle, the torque. How far anything else
+    moves beside the output, the linear model says, and how fast contacts are. The gear of the
+    three-mass axis twists as a torque at rest twists it.
+
+    Parameters
+    ----------
+    model : Model
+    moves : Motion
+    torque : (N,) array_like, optional
+        By which the axis moved so [N m]; without it that of an impulse, which has all frequencies.
+    period : float
+        Sampling period of the torque [s].
+
+    Raises
+    ------
+    EstimatorError
+        If no torque moves what drives a law.
     """
     A, B = _linear(model)
     fastest = float(max(abs(np.linalg.eigvals(A))))
-    stiffness = abs(model.nominal.get("r", 1.0)) * model.nominal.get("k_g", 1.0)
-    drives = {
-        "speed_motor": moves.speed,
-        "angle_motor": moves.angle,
-        "twist_gear": abs(model.nominal["k_T"]) * moves.torque / stiffness,
-        INPUT: moves.torque,
-    }
     rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
+    u = np.zeros(0) if torque is None else np.ascontiguousarray(torque, float)
     found = []
     for law in model.laws:
-        drive = next((drives[name] for name in law.drive if name in drives), moves.speed)
+        drive = _seen(model, law, moves)
+        if drive is None:
+            drive = moves.speed * _beside_the_output(model, law, u, period)
         found.append((law, Sizes(drive, _force(model, law, B) * moves.torque, rate)))
     return found
+
+
+def _seen(model: Model, law: Law, moves: Motion) -> float | None:
+    """Return how far what drives a law moves, if that is measured itself; None if it is not."""
+    A, _ = _linear(model)
+    speed = _output(model)
+    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+    if set(law.drive) == {INPUT}:
+        return abs(law.drive[INPUT]) * moves.torque
+    if INPUT in law.drive:
+        return None
+    if set(law.drive) == {"twist_gear"} and {"k_T", "k_g", "r"} <= set(model.nominal):
+        stiffness = abs(model.nominal["r"]) * model.nominal["k_g"]
+        return abs(law.drive["twist_gear"] * model.nominal["k_T"]) * moves.torque / stiffness
+    for row, size in ((drive, moves.speed), (drive @ A, moves.angle)):
+        factor = float(row @ speed) / float(speed @ speed)
+        if factor and np.array_equal(row, factor * speed):
+            return abs(factor) * size
+    return None
+
+
+def _beside_the_output(model: Model, law: Law, u: Array, period: float) -> float:
+    """Return how far what drives a law moves over how far the output does, by a torque (N,)."""
+    _, B = _linear(model)
+    drive = np.array([law.drive.get(state, 0.0) for state in model.states])
+    if not u.any():
+        u, period = _impulse(model)
+    w, y = _respond(model, B, np.array([drive, _output(model)]), u, period)
+    ratio = float(np.std(w + law.drive.get(INPUT, 0.0) * u) / np.std(y)) if y.any() else 0.0
+    if not ratio > 0:
+        raise EstimatorError(f"the torque does not move {', '.join(law.drive)}, that drives a law")
+    return ratio
+
+
+def _impulse(model: Model) -> tuple[Array, float]:
+    """Return an impulse (N,) and its period [s]: it moves all modes, and lets all but creep end."""
+    A, _ = _linear(model)
+    return np.eye(1, SETTLED)[0], 1.0 / float(max(abs(np.linalg.eigvals(A))))
+
+
+def _respond(model: Model, B: Array, rows: Array, u: Array, period: float) -> Array:
+    """Return rows @ x (m, N) of the linear model, driven by u (N,) through B (n,), from rest."""
+    transition, gain = discretize(_linear(model)[0], B[:, None], period)
+    return respond(transition.copy(), gain[:, 0].copy(), rows, u).T
 
 
 def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
@@ -186,16 +256,31 @@ def _sizes(model: Model, law: Law, linear: tuple[Array, Array, float], u: Array)
 
 
 def _force(model: Model, law: Law, B: Array) -> float:
-    """Return the torque of a law that moves its state as an input of one does."""
+    """
+    Return the torque of a law that moves its state as an input of one does.
+
+    Where the input does not act on any of its states, such as friction of a load: that moves the
+    output so.
+    """
+    acts = _acts(model, law)
+    for i in (list(model.states).index(state) for state in law.acts):
+        if B[i] and acts[i]:
+            return abs(float(B[i] / acts[i]))
+    u, period = _impulse(model)
+    output = _output(model)[None]
+    ours, theirs = (np.std(_respond(model, b, output, u, period)) for b in (acts, B))
+    return float(theirs / ours) if ours > 0 and theirs > 0 else 1.0
+
+
+def _acts(model: Model, law: Law) -> Array:
+    """Return by what (n,) the torque of a law enters the derivatives of the states."""
+    acts = np.zeros(len(model.states))
     for state, formula in law.acts.items():
-        i = list(model.states).index(state)
-        factor = sum(
+        acts[list(model.states).index(state)] = sum(
             c * float(np.prod([model.nominal[name] ** e for name, e in powers.items()]))
             for c, powers in multiply_out(formula)
         )
-        if B[i] and factor:
-            return abs(float(B[i]) / factor)
-    return 1.0
+    return acts
 
 
 def _stored(model: Model, law: Law) -> Sizes:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import PAPER, real_axis
 from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.meaning import DATA_SHEET, named, structure
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import Motion, Sizes, measured, moved
 
@@ -73,10 +74,6 @@ GUESSES: Mapping[str, Mapping[str, Guess]] = {
 
 TRACKED = ("k_T", "1/J_a", "f_m", "f_c")
 """What changes while an axis is in use: the paper's three, and dry friction."""
-LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
-"""What of the linear model is computed rather than measured, but does not change in use."""
-DATA_SHEET = ("poles", "torque_limit")
-"""Parameters of laws that are told or not there at all."""
 
 TOLD = 0.2  # relative deviation of a parameter that a data sheet or an old log tells
 DAMPING = 0.3  # of one that damps, which hardly anybody measures
@@ -138,7 +135,7 @@ def with_laws(
     period : float
         Sampling period [s].
     motion : Motion, optional
-        How the axis moves, where that was measured; it goes before ``torque``.
+        How the axis moves, where that was measured; ``torque`` is then that by which it did.
 
     Raises
     ------
@@ -198,9 +195,10 @@ def structure_names(model: Model, tracked: Sequence[str] = TRACKED) -> tuple[str
         What is tracked instead.
     """
     taken = {name.removeprefix("1/") for name in tracked}
-    laws = [name for law in model.laws for name in law.names if name not in DATA_SHEET]
+    stated = named(model.laws, DATA_SHEET)
+    laws = [name for law in model.laws for name in law.names if name not in stated]
     # what is zero is not there, and has no size of its own
-    linear = [p for p in LEARNT if p in model.parameters and model.nominal[p]]
+    linear = [p for p in structure(model) if model.nominal[p]]
     found = dict.fromkeys([*linear, *laws])
     return tuple(name for name in found if name not in taken)
 
@@ -252,7 +250,9 @@ def prior(
 def _sized(
     model: Model, torque: ArrayLike | None, period: float, motion: Motion | None
 ) -> list[tuple[Law, Sizes]]:
-    return measured(model, torque, period) if motion is None else moved(model, motion)
+    return (
+        measured(model, torque, period) if motion is None else moved(model, motion, torque, period)
+    )
 
 
 def _relative(model: Model, name: str, spread: float) -> float:

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 SEEN = 0.25  # standard deviation after the first seconds over that before, below which it is learnt
-FIXABLE = ("k_g", "J_m", "k_a", "d_g", "d_a", "kappa", "gap")
-"""What is fixed where it is not seen; friction is tracked, and cogging shows at any speed."""
 
 AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
 AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"

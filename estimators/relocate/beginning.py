@@ -13,16 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models import meaning
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import motion
-from flexaxis.estimators.offline.structure import LEARNT as SHEET
-from flexaxis.estimators.offline.structure import TRACKED, guessed
+from flexaxis.estimators.offline.structure import guessed
 from flexaxis.estimators.offline.structure import prior as thought
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.seen import (
     AS_ABSENT,
     AS_TOLD,
-    FIXABLE,
     NOT_ASKED_FOR,
     NOT_THERE,
     seen,
@@ -43,16 +42,8 @@ OTHER = 0.2  # of the logarithm of a variance: then that of the noise is another
 WORSE = 40.0  # Σε²/σ² that a model with less parameters may leave more: 20 nats, for ten of them
 ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
-LINEAR = ("c_sin", "c_cos")  # what is fitted first, beside what is tracked
-WALKS = {"f_m": 3.0, "f_c": 3.0}
-"""How much faster than inertias these walk with temperature, for what they are expected to be."""
-ABSENT = (
-    (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
-    (("kappa",), ()),
-    (("gap",), ()),
-    (("c_sin", "c_cos"), ()),
-)
-"""What an axis may not have at all, and what means nothing then."""
+WARMING = 3.0
+"""How much faster than inertias frictions walk with it, for what they are expected to be."""
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -127,10 +118,12 @@ class Beginning:
         u, y, _ = memory.signals(memory.first)
         speed = y / output_gain(self.design)
         period, known = self.design.period, self.roles.known
-        moves = motion(u[:-1, 0], speed, period)
+        torque = u[:-1, 0]
+        moves = motion(torque, speed, period)
         of = thought(
-            guessed(self.model, self.told, period=period, motion=moves),
+            guessed(self.model, self.told, torque=torque, period=period, motion=moves),
             self.design.model.names[:known],
+            torque=torque,
             period=period,
             told=self.told,
             motion=moves,
@@ -162,20 +155,24 @@ class Beginning:
         theta, in_use = state["theta"], np.diag(state["P"]) > 0
         walks, laws = np.zeros(len(theta)), np.array(design.model.additive, bool)
         size = np.where(laws, np.maximum(abs(theta), abs(prior.theta)), abs(prior.theta))
+        warm = (*meaning.motor_friction(self.model), *meaning.dry_friction(self.model))
         for i, name in enumerate(design.model.names[: self.roles.tracked]):
-            walks[i] = walk * WALKS.get(name, 1.0) * size[i] * in_use[i]
+            walks[i] = walk * (WARMING if name in warm else 1.0) * size[i] * in_use[i]
         drift = np.diag(walks**2 * T / prior.noise)
-        if design.output == "speed" and "c_sin" in design.model.names:
-            turning = [design.model.names.index(name) for name in ("c_sin", "c_cos")]
+        for a_sine, poles in meaning.ripples(self.model) if design.output == "speed" else ():
+            if not set(a_sine) <= set(design.model.names):
+                continue
+            turning = [design.model.names.index(name) for name in a_sine]
             a, b = (in_use * theta)[turning] * design.scale[turning]
-            along = self.model.nominal["poles"] * T * np.array([-b, a]) / design.scale[turning]
+            along = poles * T * np.array([-b, a]) / design.scale[turning]
             drift[np.ix_(turning, turning)] += np.outer(along, along)
         return drift
 
     def fit(self, memory: Memory, prior: Prior) -> Fitted | None:
         """Explain all data that are remembered, with no more parameters than they ask for."""
         names, every = self.design.model.names, np.arange(self.roles.known)
-        few = np.array([i for i in every if i < self.roles.tracked or names[i] in LINEAR])
+        ripple = meaning.named(self.model.laws, ("sine", "cosine"))  # as linear as what is tracked
+        few = np.array([i for i in every if i < self.roles.tracked or names[i] in ripple])
         now = memory.state["theta"].copy()
         first = self._descend(memory, prior, few, (prior.theta, now))
         whole = self._descend(memory, prior, every, (first.theta,))
@@ -248,7 +245,7 @@ class Beginning:
         found = {}
         for i in np.setdiff1d(np.arange(self.roles.known), active):
             name = self.design.model.names[i]
-            stated = name in self.told or name in SHEET
+            stated = name in self.told or name in meaning.structure(self.model)
             words = (AS_TOLD, AS_ABSENT) if int(i) in hidden else (NOT_ASKED_FOR, NOT_THERE)
             found[name] = words[not stated]
         return found
@@ -257,7 +254,8 @@ class Beginning:
         """Return the questions about what the excitation does not show."""
         known = seen(np.diag(np.linalg.inv(posterior.H)), np.ones(len(posterior.H)))
         names = self.design.model.names
-        hidden = [i for i, name in enumerate(names[: len(known)]) if name in FIXABLE]
+        fixable = meaning.fixable(self.model)
+        hidden = [i for i, name in enumerate(names[: len(known)]) if name in fixable]
         return [
             q for q in questions if np.isin(q.places, hidden).all() and not known[q.places].any()
         ]
@@ -272,12 +270,15 @@ class Beginning:
         def places(of: Sequence[str]) -> NDArray[np.int64]:
             return np.array([names.index(name) for name in of if name in names], np.int64)
 
+        dry = set(meaning.dry_friction(self.model))
         absent = [
             Question(places(of), theta[places(of)], places(with_them))
-            for of, with_them in ABSENT
-            if set(of) <= set(names) and not set(of) & set(self.told) & set(TRACKED)
+            for of, with_them in dict.fromkeys(meaning.may_be_absent(self.model))
+            if set(of) <= set(names) and not set(of) & set(self.told) & dry
         ]
-        sheet = [places([name]) for name in SHEET if name in names]
+        asked = set(names[: self.roles.tracked]) - set(meaning.LEARNT)
+        structure = [name for name in meaning.structure(self.model) if name not in asked]
+        sheet = [places([name]) for name in structure if name in names]
         return absent + [Question(i, prior.theta[i], places([])) for i in sheet]
 
     def _descend(

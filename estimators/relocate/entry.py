@@ -9,9 +9,10 @@ from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.methods.start import Nominal, factor, forgetting_P, model_of
 from flexaxis.estimators.models.axes import PAPER, three_mass
+from flexaxis.estimators.models.meaning import DATA_SHEET, dry_friction, named
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import natural_motion
-from flexaxis.estimators.offline.structure import DATA_SHEET, structure_names, told_of, with_laws
+from flexaxis.estimators.offline.structure import structure_names, told_of, with_laws
 from flexaxis.estimators.recursion.design import as_numbers
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.filter import Relocate
@@ -78,10 +79,10 @@ def relocate_friction(
     """
     Make the filter that rewinds and refits, on a real axis: with friction and what it has besides.
 
-    Tracked are what is identified and f_c; structure, of the axis and of its friction, is learnt
-    once, in the first four seconds of motion, of which no alarm is raised. What is told of laws is
-    where they begin; told of all of them, a second does. Parameters of laws that are identified
-    come behind the others.
+    Tracked are what is identified and dry friction; structure, of the axis and of its friction, is
+    learnt once, in the first four seconds of motion, of which no alarm is raised. What is told of
+    laws is where they begin; told of all of them, a second does. Parameters of laws that are
+    identified come behind the others.
 
     Parameters
     ----------
@@ -93,8 +94,7 @@ def relocate_friction(
     model = _with_laws(nominal, period)
     given = [name for name in identify if name not in model.law_parameters]
     theta = _start(model, given)
-    dry = [name for name in ("f_c",) if name in model.law_parameters]
-    track = tuple(dict.fromkeys([*_laws_of(model, identify, given), *dry]))
+    track = tuple(dict.fromkeys([*_laws_of(model, identify, given), *dry_friction(model)]))
     known = {name.removeprefix("1/") for name in given} | set(model.fixed)
     return Relocate(
         model,
@@ -136,7 +136,7 @@ def _laws_of(model: Model, identify: Sequence[str], given: Sequence[str]) -> lis
     """Return the parameters of laws that are identified."""
     asked = [name for name in identify if name not in given]
     names = dict.fromkeys(name for law in model.laws for name in law.names)
-    allowed = [name for name in names if name not in DATA_SHEET]
+    allowed = [name for name in names if name not in named(model.laws, DATA_SHEET)]
     for name in asked:
         if name not in allowed:
             raise EstimatorError(

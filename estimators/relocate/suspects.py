@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.models.meaning import nonnegative_of_laws, strengths
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.offline.sizes import natural_motion
 from flexaxis.estimators.offline.structure import prior as thought
@@ -20,9 +21,6 @@ from flexaxis.estimators.recursion.design import Design
 Array = NDArray[np.float64]
 
 SUSPECT_BOX = (0.4, 2.5)  # times nominal
-INERT = ("f_c", "f_s", "kappa", "gap", "c_sin", "c_cos")
-"""Without these no law does anything, whatever its other parameters are."""
-POSITIVE = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "v_0", "gap")
 LAW_BOX = 1e-9, 1e6  # times a scale that depends on units: no more than a guard
 
 
@@ -97,10 +95,9 @@ def widened(
     P = np.zeros((len(wide.theta),) * 2)
     P[:p, :p] = narrow.P0
     scale = np.r_[narrow.scale, own]
-    positive = np.array([name in POSITIVE for name in wide.names[p:]], bool)
+    positive = np.isin(wide.names[p:], nonnegative_of_laws(model))
     least = np.where(law, np.where(positive, LAW_BOX[0], -LAW_BOX[1]), SUSPECT_BOX[0])
-    waits = [name in INERT and name in prior and name not in told for name in wide.names[p:]]
-    inert = np.array(waits, bool)
+    inert = np.isin(wide.names[p:], [n for n in strengths(model) if n in prior and n not in told])
     design = replace(
         narrow,
         model=wide.relative(scale),

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.given import is_given, written
+from flexaxis.experiments.building.neighbours import imported_neighbours
 from flexaxis.experiments.building.specs import PIPE
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
@@ -20,8 +21,9 @@ SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to r
 def digest(estimator: str) -> str | None:
     """Return a digest of the files that an estimator names, None for a registered one.
 
-    That is the file of ``path.py:Class`` or ``module:Class``, and of ``pipe:COMMAND`` every word
-    of the command that is a file here. What these import or call in turn is not looked at.
+    That is the file of ``path.py:Class`` with what it imports from its folder, the file of
+    ``module:Class``, and of ``pipe:COMMAND`` every word of the command that is a file here. What
+    the latter two import or call in turn is not looked at.
 
     Parameters
     ----------
@@ -41,7 +43,7 @@ def _named(estimator: str) -> list[Path]:
         return [Path(word) for word in shlex.split(estimator.removeprefix(PIPE))]
     module = estimator.partition("[")[0].rpartition(":")[0]
     if module.endswith(".py"):
-        return [Path(module)]
+        return [Path(module), *imported_neighbours(Path(module).resolve())]
     try:
         found = find_spec(module)
     except (ImportError, ValueError):  # it does not exist: said where it is to be built

@@ -5,11 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from typing import Any
+from uuid import uuid4
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 
 _HELD: dict[str, Callable[..., Any]] = {}
+_UNSEEN: dict[str, tuple[Callable[..., Any], bytes]] = {}
 
 
 def give(make: Callable[..., Any]) -> str:
@@ -47,10 +49,19 @@ def given(name: str) -> Callable[..., Any] | None:
 
 
 def written(name: str) -> bytes:
-    """Return the text of a class of this session; empty where it is not known."""
+    """Return the text of a class of this session; where it is not known, what no other has."""
     import inspect
 
     try:
-        return inspect.getsource(_HELD[name]).encode()
+        return inspect.getsource(_HELD[name]).encode() or _unseen(name)
     except (OSError, TypeError):
-        return b""
+        return _unseen(name)
+
+
+def _unseen(name: str) -> bytes:
+    """Return a mark of a class whose text cannot be read: of it alone, and of this session."""
+    make, mark = _UNSEEN.get(name, (None, b""))
+    if make is not _HELD[name]:
+        mark = uuid4().bytes
+        _UNSEEN[name] = _HELD[name], mark
+    return mark

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
+from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
 
@@ -20,10 +21,12 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.given import is_given
+from flexaxis.experiments.building.neighbours import code_file, move_to
 
 LIMIT = 600.0
 """s for one run of a user's estimator, or for making one: far more than a benchmark is for."""
 SHOWN = 3  # lines that a run may print; the rest is counted
+CHARACTERS = 1000  # that a run may print, however few lines they are
 
 _limit: ContextVar[float] = ContextVar("limit", default=LIMIT)
 
@@ -52,7 +55,18 @@ def time_limit() -> float:
 
 @contextmanager
 def limited(seconds: float | None) -> Iterator[None]:
-    """Set how long guests may take inside [s]; None leaves it as it is."""
+    """Set how long guests may take inside [s]; None leaves it as it is.
+
+    Raises
+    ------
+    EstimatorError
+        If that is no time.
+    """
+    if seconds is not None and not 0 < seconds < float("inf"):
+        raise EstimatorError(
+            f"a time limit of {seconds:g} s (--time-limit) is none: give a finite number of "
+            f"seconds above 0, or leave it out for {LIMIT:g}"
+        )
     token = _limit.set(_limit.get() if seconds is None else seconds)
     try:
         yield
@@ -91,6 +105,7 @@ def hosted(
     first: int = 0,
     period: float | None = None,
     refusing: bool = False,
+    guest: bool | None = None,
 ) -> Iterator[None]:
     """Run a user's code inside, and say what goes wrong in it.
 
@@ -106,13 +121,17 @@ def hosted(
         Sampling period [s], to say when a sample is.
     refusing : bool
         Whether an `EstimatorError` is passed on as what it says; else it is a crash as well.
+    guest : bool, optional
+        Whether it is code of a user; as `text` says by default.
 
     Raises
     ------
     EstimatorCrash
         For whatever it raises, and where it takes longer than `time_limit`.
     """
-    ours = not is_guest(text)
+    ours = not (is_guest(text) if guest is None else guest)
+    if file := code_file(text):
+        move_to(Path(file).resolve().parent)
     try:
         if ours:
             yield
@@ -143,21 +162,46 @@ def _sample(error: BaseException, first: int, period: float | None) -> str:
 def _heard(text: str, doing: str) -> Iterator[None]:
     """Pass some lines on to stderr, for stdout is for results; count the others."""
     to = _Few(sys.stderr)
-    with redirect_stdout(to):
-        yield
+    try:
+        with redirect_stdout(to):
+            yield
+    finally:
+        to.finish()
     if to.lines:
         note(text, PRINTED, to.lines, doing)
 
 
 class _Few(io.TextIOBase):
+    """Passes on the first lines of a text, and no more than some characters; counts its lines."""
+
     def __init__(self, target: Any) -> None:
-        self._target, self.lines = target, 0
+        self._target, self._ended, self._room = target, 0, CHARACTERS
+        self._open = self._hanging = False
+
+    @property
+    def lines(self) -> int:
+        """Lines so far, with the one that has not ended."""
+        return self._ended + self._open
 
     def write(self, text: str) -> int:
-        if self.lines < SHOWN:
-            self._target.write(text)
-        self.lines += text.count("\n")
+        if not text:
+            return 0
+        lines = text.split("\n", SHOWN - self._ended) if self._ended < SHOWN else []
+        rest = lines[SHOWN - self._ended :]
+        shown = text[: len(text) - len(rest[0]) if rest else len(text)] if lines else ""
+        shown = shown[: self._room]
+        if shown:
+            self._target.write(shown)
+            self._room -= len(shown)
+            self._hanging = not shown.endswith("\n")
+        self._ended += text.count("\n")
+        self._open = not text.endswith("\n")
         return len(text)
+
+    def finish(self) -> None:
+        """End the line that was begun, so that what others say begins one."""
+        if self._hanging:
+            self._target.write("\n")
 
 
 @contextmanager
@@ -192,8 +236,9 @@ def in_words(remarks: Sequence[Remark]) -> list[str]:
 def _sentence(estimator: str, what: str, found: Sequence[Remark]) -> str:
     times = sum(remark.times for remark in found)
     if what == PRINTED:
+        lines = "1 line" if times == 1 else f"{times} lines"
         return (
-            f"{estimator} printed {times} lines: to stderr, for results go to stdout, and of each "
+            f"{estimator} printed {lines}: to stderr, for results go to stdout, and of each "
             f"run the first {SHOWN} only"
         )
     runs = "once" if times == 1 else f"{times} times"

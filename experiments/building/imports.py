@@ -6,12 +6,14 @@ import importlib
 import sys
 from collections.abc import Callable
 from functools import lru_cache
+from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.guest import hosted
+from flexaxis.experiments.building.neighbours import PRIVATE, move_to
 from flexaxis.sim.errors import did_you_mean
 
 
@@ -46,25 +48,28 @@ def imported(name: str, load: Callable[[], Any]) -> Any:
     except EstimatorError as error:
         cause = error.__cause__ or error
         told = f"{type(cause).__name__}: {cause}" if error.__cause__ else str(error)
-        raise EstimatorError(f"{name} cannot be imported: {told}{_hidden(name)}") from error
+        raise EstimatorError(f"{name} cannot be imported: {told}{_hidden(name, cause)}") from error
 
 
 @lru_cache
 def _file(path: Path) -> Any:
-    # Last, so that it can import its neighbours, and none of them takes the place of a library.
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
-    spec = spec_from_file_location(path.stem, path)
+    move_to(path.parent)
+    name = f"{PRIVATE}{sha256(str(path).encode()).hexdigest()[:12]}_{path.stem}"
+    spec = spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # a .py file always has both
-    module = module_from_spec(spec)
-    sys.modules.setdefault(path.stem, module)
-    spec.loader.exec_module(module)
+    sys.modules[name] = module = module_from_spec(spec)  # dataclasses look for theirs there
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
     return module
 
 
-def _hidden(name: str) -> str:
+def _hidden(name: str, error: BaseException) -> str:
     """Return which neighbours of a file have names of Python's own modules, which go before."""
-    if not name.endswith(".py"):
+    missed = isinstance(error, ImportError | AttributeError)  # as what was not meant would be
+    if not missed or not name.endswith(".py"):
         return ""
     near = sorted(f.name for f in Path(name).resolve().parent.glob("*.py"))
     taken = [file for file in near if file.removesuffix(".py") in sys.stdlib_module_names]

@@ -97,12 +97,6 @@ def written_options(text: str) -> dict[str, Any]:
     return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
 
 
-def code_file(text: str) -> str:
-    """Return the file of an estimator given as path/file.py:Class, and nothing for any other."""
-    file = text.partition("[")[0].rpartition(":")[0]
-    return file if file.endswith(".py") else ""
-
-
 def build(spec: Spec, scenario: Scenario) -> Estimator:
     """Return the estimator, told what an estimator may know of a scenario.
 
@@ -257,9 +251,12 @@ def _find(name: str) -> Callable[..., Estimator]:
         return held
     module, colon, attribute = name.rpartition(":")
     if colon:
-        found = getattr(module_of(module), attribute, None)
+        home = module_of(module)
+        found = getattr(home, attribute, None)
         if found is None:
-            raise EstimatorError(f"{name}: {module} has no {attribute!r}")
+            raise EstimatorError(
+                f"{name}: {module} has no {attribute!r}.{did_you_mean(attribute, _classes(home))}"
+            )
         return found
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
@@ -268,3 +265,7 @@ def _find(name: str) -> Callable[..., Estimator]:
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
     )
+
+
+def _classes(module: Any) -> list[str]:
+    return [name for name, value in vars(module).items() if isinstance(value, type)]

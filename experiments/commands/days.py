@@ -2,12 +2,14 @@
 
 Every day the axis makes the same test motion, and its log goes to a file of that day, with a
 column `temp` [°C]. Friction follows the temperature (--warm) and, from a day on, grows until the
-last one (--wear). The folder also gets axis.toml, what the owner knew before the first day, and
-truth.json. SCENARIO is what is driven, without its faults: by default a published robot axis.
+last one (--wear). The folder also gets axis.toml, what the owner knew before the first day: values
+of data sheets, up to 5 % off; and truth.json. SCENARIO is what is driven, without its faults: by
+default a published robot axis.
 
 example:
   flexaxis days --wear f_c=+12% --from-day 30 --days 60 -o days/
-  flexaxis trend days/ --model days/axis.toml --covariate temp -o trend/
+  flexaxis identify days/2026-01-01.csv --model days/axis.toml -o axis.toml
+  flexaxis trend days/ --model axis.toml --covariate temp -o trend/
   flexaxis days coulomb_fc_step-v1 --warm f_c=-1.5%/K --temperature 25 -o warm/
 """
 

@@ -49,7 +49,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
     from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.building.specs import code_file, parse
+    from flexaxis.experiments.building.neighbours import code_file
+    from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
     from flexaxis.experiments.running.files import dumps

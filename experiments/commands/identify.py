@@ -20,9 +20,13 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
 from flexaxis.experiments.logs.ticker import ticker
+
+if TYPE_CHECKING:
+    from flexaxis.sim.record import Record
 
 HELP = "identify the nominal values of your axis from a log"
 GROUP = "your own axis"
@@ -79,10 +83,9 @@ def main(args: argparse.Namespace) -> int:
         identification_page,
         print_identification,
     )
-    from flexaxis.experiments.logs.importing import read_any
     from flexaxis.experiments.logs.log_page import write_page
     from flexaxis.experiments.logs.obvious import with_the_obvious
-    from flexaxis.experiments.logs.own import spare_foreign
+    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
@@ -91,6 +94,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model, args.validate), path, report)
+    require_suffix(path, ".toml", "an axis")
     spare_foreign(path, report)
     fixed, starts = assignments("fix", args.fix), assignments("start", args.start)
     if None in starts.values():
@@ -100,10 +104,8 @@ def main(args: argparse.Namespace) -> int:
     axis = axis.having(values)
     if starts:
         axis = replace(axis, known=True)
-    # laws hold for signals as they are: residuals are filtered and not the log
-    options = treatment(args) | {"highpass": None}
-    record = read_any(args.log, tables_of(args), **options)
-    other = read_any(args.validate, tables_of(args), **options) if args.validate else None
+    record = _read(args.log, args)
+    other = _read(args.validate, args) if args.validate else None
     with ticker("identifying") as tell:
         run = partial(
             identify,
@@ -130,3 +132,15 @@ def main(args: argparse.Namespace) -> int:
         print(path)
         print(report)
     return 1 if found.warnings or (tried is not None and tried.warnings) else 0
+
+
+def _read(path: Path, args: argparse.Namespace) -> Record:
+    """Return a log as a record, and say what is wrong with it but for what is done about it."""
+    from flexaxis.experiments.logs.aloud import say_problems
+    from flexaxis.experiments.logs.importing import import_any
+
+    # laws hold for signals as they are: residuals are filtered and not the log
+    found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+    met = set() if args.friction == "none" else {"friction"}
+    say_problems(path, found.checks, met=met if args.highpass is None else met | {"highpass"})
+    return found.record

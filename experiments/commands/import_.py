@@ -51,7 +51,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.import_page import import_page
     from flexaxis.experiments.logs.importing import import_log
     from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import record_beside, spare_foreign
+    from flexaxis.experiments.logs.own import record_beside, require_suffix, spare_foreign
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
@@ -59,6 +59,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or record_beside(args.log)
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model), path, report)
+    require_suffix(path, ".nc", "a record")
     spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
     found = import_log(args.log, tables_of(args), **treatment(args))

@@ -42,6 +42,7 @@ def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.own import spare_foreign
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
@@ -55,6 +56,7 @@ def main(args: argparse.Namespace) -> int:
     if style_given := [w for w in args.words if w.partition("=")[0] in _STYLE and not args.as_log]:
         raise LogError(f"{style_given[0]} is for a log: add --as-log csv, mat or h5")
     spare([args.scenario], path)
+    spare_foreign(path)
     with progress(f"simulating {scenario.name}", 1.0) as advance:
         done = 0.0
 

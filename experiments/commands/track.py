@@ -55,12 +55,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.building.specs import code_file, parse
+    from flexaxis.experiments.building.neighbours import code_file
+    from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.logs.aloud import say_problems
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.forgetting import with_forgetting
-    from flexaxis.experiments.logs.importing import read_any
-    from flexaxis.experiments.logs.own import spare_foreign
+    from flexaxis.experiments.logs.importing import import_any
+    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
@@ -72,6 +74,7 @@ def main(args: argparse.Namespace) -> int:
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
     spare((args.log, args.map, args.model, code_file(args.estimator or "")), path, report)
+    require_suffix(path, ".nc", "a file of estimates")
     spare_foreign(path, report)
     if not args.start > 0:
         raise LogError(f"--start {args.start}: give a factor above 0")
@@ -81,7 +84,9 @@ def main(args: argparse.Namespace) -> int:
             f"--model {args.model}: has no nominal values; give the file that "
             "`flexaxis identify` wrote"
         )
-    record = read_any(args.log, tables_of(args), **treatment(args))
+    log = import_any(args.log, tables_of(args), **treatment(args))
+    say_problems(args.log, log.checks, met={"friction"} if axis.model.laws else ())
+    record = log.record
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator or default_estimator(axis))
     if args.forgetting is not None:

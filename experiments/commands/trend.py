@@ -4,7 +4,7 @@ Each log gives estimates with intervals, from the values of AXIS.toml on; the pa
 parameter from log to log, when it changed, and what a covariate such as the temperature explains.
 Dates are taken from the logs or their names, else the logs are numbered. A log is computed once:
 run it again when there are more, or after Ctrl-C, and only what is new is done. Status 1 if
-something changed.
+something changed, or a log is not like the others.
 
 example:
   flexaxis trend days/ --model axis.toml --covariate temp -o trend/
@@ -42,6 +42,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="probability that a page of an axis that does not change says that it does; "
         "default: 0.01",
     )  # fmt: skip
+    parser.add_argument(
+        "--smallest", type=float, default=1.0, metavar="X",
+        help="change that is worth a word [%%]; default: 1",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; default: 1")
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("trend"), metavar="FOLDER", help="default: trend"
@@ -54,10 +58,13 @@ def main(args: argparse.Namespace) -> int:
     """Estimate, judge, report."""
     from flexaxis.experiments.logs.covariates import clock, covariates_of
     from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.log_health import ailments
     from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdicts
 
     if not 0 < args.false_alarms < 0.5:
         raise LogError(f"--false-alarms {args.false_alarms}: give a probability, such as 0.01")
+    if not 0 <= args.smallest < 100:
+        raise LogError(f"--smallest {args.smallest}: give per cent, such as 1")
     rows = _rows(args)
     good = [row for row in rows if not row["problem"]]
     if not good:
@@ -66,9 +73,31 @@ def main(args: argparse.Namespace) -> int:
     when = clock(good)
     ordered = [good[i] for i in when.order]
     covariates = covariates_of(ordered, args.covariate)
-    found = verdicts(ordered, when.time, covariates, false_alarms=args.false_alarms)
+    try:
+        found = verdicts(
+            ordered, when.time, covariates,
+            false_alarms=args.false_alarms, smallest=args.smallest / 100,
+        )  # fmt: skip
+    except LogError as error:
+        raise LogError(f"{error}; {_values(args, ordered, rows, str(error))}") from None
     _report(args, found, when, covariates, rows)
-    return 1 if any(one.kind in (CHANGED, OPEN) for one in found) else 0
+    return 1 if ailments(good) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
+
+
+def _values(args: argparse.Namespace, good: Any, rows: list[dict[str, Any]], why: str) -> str:
+    """Write a page of the estimates without verdicts; return where it is."""
+    from flexaxis.experiments.logs.trend_page import write_values
+    from flexaxis.experiments.running.names import REPORT
+    from flexaxis.experiments.studies.benchmark import command_line
+
+    write_values(
+        args.output / REPORT,
+        [*good, *(row for row in rows if row["problem"])],
+        command=command_line(args.words),
+        title=f"Estimates of {Path(args.model).stem} from {len(good)} logs",
+        why=why,
+    )
+    return f"the estimates are in {args.output / REPORT}"
 
 
 def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
@@ -83,6 +112,7 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
         plan_for,
         tasks,
     )
+    from flexaxis.experiments.logs.wear import fewest_logs
     from flexaxis.experiments.running.progress import progress
 
     if args.jobs < 1:
@@ -93,6 +123,9 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
     axis.having(dict.fromkeys(args.free, 1.0))  # raises for unknown names
     check_folder(args.output, args.logs)
     logs = find_logs(args.logs)
+    fewest = fewest_logs(len(args.covariate))
+    if len(logs) < fewest:
+        raise LogError(f"{len(logs)} logs; a trend needs {fewest}")
     plan = plan_for(logs, axis, Source(tables_of(args), treatment(args)), args.free)
     with progress(f"{len(logs)} logs", len(logs)) as advance:
         try:
@@ -106,6 +139,7 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
 def _report(
     args: argparse.Namespace, found: Any, when: Any, covariates: Any, rows: list[dict[str, Any]]
 ) -> None:
+    from flexaxis.experiments.logs.log_health import ailments
     from flexaxis.experiments.logs.trend import RESULT
     from flexaxis.experiments.logs.trend_page import write_trend
     from flexaxis.experiments.logs.trend_words import remarks, summary
@@ -125,7 +159,9 @@ def _report(
         "parameters": {one.name: summary(one, when, [*covariates]) for one in found},
         "logs": len(rows),
         "problems": {row["log"]: row["problem"] for row in rows if row["problem"]},
+        "unlike_the_others": ailments([row for row in rows if not row["problem"]]),
         "false_alarms": args.false_alarms,
+        "smallest": args.smallest / 100,
         "report": str(report),
     }
     write_json(args.output / RESULT, content)

@@ -31,6 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
+    _check(args)
     if args.output is not None:
         from flexaxis.experiments.reporting.offscreen import draw_offscreen
 
@@ -39,6 +40,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.view import picture, window
     from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate
 
@@ -47,9 +49,31 @@ def main(args: argparse.Namespace) -> int:
         record = load_record(Path(args.what))
     else:
         record = simulate(find_scenario(args.what), [args.seed])[0]
+    if args.at > record.time[-1]:
+        raise FlexaxisError(
+            f"--at {args.at:g}: the run ends at {record.time[-1]:g} s; give a time [s] before that"
+        )
     if args.output is None:
         window(record, start=args.at, exaggerate=args.exaggerate)
         return 0
     picture(record, args.output, at=args.at, exaggerate=args.exaggerate)
     print(dumps({"picture": str(args.output)}) if args.json else args.output)
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse numbers and names that no picture can be made of."""
+    from flexaxis.sim.errors import FlexaxisError
+
+    if not 0 <= args.at < float("inf"):
+        raise FlexaxisError(f"--at {args.at:g}: give a time of the run [s], from 0 on")
+    if not 0 <= args.exaggerate < float("inf"):
+        raise FlexaxisError(
+            f"--exaggerate {args.exaggerate:g}: give a finite factor, 0 or more; 1 draws the twist "
+            "as it is"
+        )
+    if args.output is not None and args.output.suffix.lower() != ".png":
+        raise FlexaxisError(
+            f"-o {args.output}: a picture is written as PNG, so give a name that ends in .png, "
+            f"such as {args.output.stem or 'axis'}.png"
+        )

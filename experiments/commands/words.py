@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -15,7 +16,27 @@ _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that names the nearest right word for a wrong one."""
+    """An argument parser that names the nearest right word for a wrong one.
+
+    A beginning of an option is not taken for it: the next version may have another with it.
+    """
+
+    def __init__(self, *args: Any, **more: Any) -> None:
+        super().__init__(*args, **({"allow_abbrev": False} | more))
+        self._typed: Sequence[str] = ()
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Return what was typed, and what no option goes by."""
+        self._typed = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def _unknown_options(self) -> list[str]:
+        """Return the options typed that this parser has not; a command's own are its parser's."""
+        if any(isinstance(action, argparse._SubParsersAction) for action in self._actions):
+            return []
+        options = [word for word in self._typed if re.match(r"--[a-z]", word)]
+        known = self._option_string_actions
+        return [word for word in options if word.partition("=")[0] not in known]
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return what was typed; what no option goes by is refused with the nearest one."""
@@ -39,7 +60,10 @@ class Parser(argparse.ArgumentParser):
         from flexaxis.sim.errors import did_you_mean
 
         found = _CHOICE.search(message)
-        if found:
+        wrong = self._unknown_options()
+        if wrong and (found or "required" in message):  # its value was taken for another word
+            message = " ".join(self.refused(word) for word in wrong)
+        elif found:
             known = re.findall(r"[\w.-]+", found[2])
             hint = did_you_mean(found[1], known)
             message = message[: found.start()] + f"unknown {found[1]!r}.{hint}"
@@ -62,6 +86,11 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     problems = []
     if "jobs" in args:
         check_jobs(args)
+    if getattr(args, "time_limit", None) is not None:
+        from flexaxis.experiments.building.guest import limited
+
+        with limited(args.time_limit):  # refuses what is no time
+            pass
     for check, word in _looked_up(parser, args):
         try:
             check(word)
@@ -103,7 +132,8 @@ def _of_suites(text: str) -> None:
 def _estimator(text: str) -> None:
     from flexaxis.experiments.building.consent import names_code
     from flexaxis.experiments.building.imports import no_file
-    from flexaxis.experiments.building.specs import code_file, parse
+    from flexaxis.experiments.building.neighbours import code_file
+    from flexaxis.experiments.building.specs import parse
 
     path = Path(code_file(text))
     if not names_code(text):
@@ -137,13 +167,20 @@ def _study(text: str) -> None:
 
 
 def _anything(text: str) -> None:
-    from flexaxis.sim.errors import ScenarioError
+    from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
     try:
         _of_suites(text)
     except ScenarioError:
-        if text not in _estimators():
+        if text in _estimators():
+            return
+        hint = did_you_mean(text, [*_scenarios(), *_estimators()])
+        if not hint or text.endswith(".toml"):
             raise
+        raise FlexaxisError(
+            f"unknown scenario, suite or estimator {text!r}.{hint} `flexaxis list` shows them; a "
+            "path to a TOML file works too"
+        ) from None
 
 
 def _seeds(text: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis._given import seed_of
 from flexaxis._records import changed
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.loop import Changes
@@ -57,7 +58,7 @@ class Axis:
                 f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
                 "your own torque back, and leave `delay` out of the scenario"
             )
-        self.scenario, self._seed = scenario, seed
+        self.scenario, self._seed = scenario, seed_of(seed)
         self.reset()
 
     def reset(self) -> Sample:
@@ -105,15 +106,14 @@ class Axis:
         SimulationError
             If the axis becomes unstable.
         """
-        if not np.isfinite(torque):
-            raise FlexaxisError(f"the torque is {torque}; give a finite number [N m]")
+        held = _number(torque)
         if self.done:
             raise FlexaxisError(
                 f"{self.scenario.name} is over after {self.scenario.duration:g} s: start again "
                 "with reset(), or make a longer axis with duration=…"
             )
         more = 0.0 if self._disturbance is None else self._disturbance[self._k]
-        self._plant.step(np.array([float(torque) + more]))
+        self._plant.step(np.array([held + more]))
         self._k += 1
         return self._measure()
 
@@ -130,6 +130,14 @@ class Axis:
 
     def __repr__(self) -> str:
         return f"Axis {self.scenario.name} at {self.sample.time:g} of {self.scenario.duration:g} s"
+
+
+def _number(torque: Any) -> float:
+    """Return a torque as a number; an array of one dimension is none, even of one element."""
+    given = np.asarray(torque)
+    if given.ndim or given.dtype.kind not in "iuf" or not np.isfinite(given):
+        raise FlexaxisError(f"the torque is {torque!r}; give one finite number [N m]")
+    return float(given)
 
 
 def make_axis(scenario: str | Scenario = "fm_step-v1", *, seed: int = 0, **changes: Any) -> Axis:

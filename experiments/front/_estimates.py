@@ -16,12 +16,13 @@ from flexaxis._records import Recording, changed
 from flexaxis._table import Table, html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
+from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.results.results import needed
 from flexaxis.experiments.running.case import case_id, followed, track_of
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.scoring.pooling import scored
-from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.experiments.scoring.theta import known_names, physical, true_theta
 from flexaxis.sim.errors import RecordError, unknown
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.scenario import Scenario
@@ -157,8 +158,9 @@ class Estimate:
         found = []
         for name, value in self.last.items():
             true = self.truth[name][-1] if name in self.truth else None
-            known = ("", "") if not true else (f"{true:.6g}", f"{100 * (value / true - 1):+.2f}")
-            found.append([name, f"{value:.6g}", *known])
+            shown = "" if true is None else f"{true:.6g}"
+            error = f"{100 * (value / true - 1):+.2f}" if true else ""  # no share of zero
+            found.append([name, f"{value:.6g}", shown, error])
         return found
 
     def __repr__(self) -> str:
@@ -216,7 +218,8 @@ def estimate(
         )
     built = build(spec, told)
     _check_output(built, shown, spec.text)
-    theta, claimed, innovations = followed(spec.text, built, told, shown)
+    happened = shown.definition or told  # what is claimed is kept before the fault of the record
+    theta, claimed, innovations = followed(spec.text, built, happened, shown)
     return Estimate(
         spec.text, tuple(built.names), theta, shown, told, _findings(built), claimed, innovations,
         _maker(spec, told) if hasattr(built, "covariance") else None,
@@ -226,7 +229,9 @@ def estimate(
 def _of_instance(estimator: Estimator, record: Recording, scenario: Scenario | None) -> Estimate:
     name = type(estimator).__name__
     _check_output(estimator, record, name)
-    theta, _, _ = run_on(estimator, record, claims=False)
+    own = type(estimator).__module__.startswith("flexaxis.estimators.")
+    with hosted(name, f"on {record!r}", refusing=True, guest=not own):
+        theta, _, _ = run_on(estimator, record, claims=False)
     return Estimate(name, tuple(estimator.names), theta, record, scenario, _findings(estimator))
 
 
@@ -263,23 +268,44 @@ def score(
     ------
     RecordError
         If the truth is not known: only simulated records can be scored.
+
+    Notes
+    -----
+    Faults and truth are those of the record, whatever scenario the estimator was told.
     """
     found = record if isinstance(record, Estimate) else estimate(record, estimator, options=options)
-    if found.record.true_parameters is None or found.scenario is None:
-        raise RecordError("the record does not know the true parameters: there is nothing to score")
+    scenario = _scenario_of(found)
     track = track_of(
-        found.scenario, found.record, found.names, found.theta,
+        scenario, found.record, found.names, found.theta,
         found._claimed, found._innovations, found.findings,
     )  # fmt: skip
     seed = found.record.seed or 0
     identity = {
-        "case": case_id(found.scenario.hash, found.estimator, seed),
-        "scenario": found.scenario.name,
+        "case": case_id(scenario.hash, found.estimator, seed),
+        "scenario": scenario.name,
         "estimator": found.estimator,
         "seed": seed,
     }
     case = scored(track, estimator=found.estimator, seed=seed, identity=identity, cost={})
     return Table([_plain(row) for row in case.rows], _SCORES)
+
+
+def _scenario_of(found: Estimate) -> Scenario:
+    """Return the scenario of a record's faults; what was told only where the record says none."""
+    record, scenario = found.record, found.record.definition or found.scenario
+    if record.true_parameters is None or scenario is None:
+        raise RecordError("the record does not know the true parameters: there is nothing to score")
+    if tuple(record.parameter_names) != tuple(scenario.parameter_names):
+        raise RecordError(
+            f"the record has the true {', '.join(record.parameter_names)}, but {scenario.name} has "
+            f"{', '.join(scenario.parameter_names)}: give the scenario that the record was made of"
+        )
+    if not known_names(scenario, found.names):
+        raise RecordError(
+            f"{found.estimator} estimates {', '.join(found.names)}, and the record of "
+            f"{scenario.name} knows the truth of none of them: give an estimate of what it has"
+        )
+    return scenario
 
 
 _SCORES: Sequence[str] = (

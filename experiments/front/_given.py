@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.given import give, is_given
 from flexaxis.experiments.building.specs import Spec, parse
@@ -23,9 +25,23 @@ def spec_of(estimator: str | Callable[..., Any], options: Mapping[str, Any] | No
     """Return what builds an estimator, from its text or its class, with some options set."""
     text = text_of(estimator)
     if options:
-        inside = ", ".join(f"{key}={json.dumps(value)}" for key, value in options.items())
+        inside = ", ".join(f"{key}={_written(key, value)}" for key, value in options.items())
         text = f"{text.removesuffix(']')}, {inside}]" if "[" in text else f"{text}[{inside}]"
     return parse(text)
+
+
+def _written(key: str, value: Any) -> str:
+    """Return a value of an option as text: what TOML has, lists of it included."""
+    plain = value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+    kinds = (bool, int, float, str)
+    parts = plain if isinstance(plain, list | tuple) else [plain]
+    odd = [part for part in parts if not isinstance(part, kinds)]
+    if odd or any(isinstance(part, float) and not np.isfinite(part) for part in parts):
+        raise EstimatorError(
+            f"option {key} is {value!r}: give a finite number, a text, True or False, or a list of "
+            "these"
+        )
+    return json.dumps(plain)
 
 
 def text_of(estimator: str | Callable[..., Any]) -> str:
@@ -47,12 +63,15 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
     Raises
     ------
     EstimatorError
-        If there is an instance among them, or other processes are to run a class that is only
-        in this one.
+        If there is none or an instance among them, if two classes have one name, or if other
+        processes are to run a class that is only in this one.
     """
     several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
+    if not wanted:
+        raise EstimatorError("no estimator was given: give at least one, such as 'relocate'")
     texts = [text_of(one) for one in wanted]
+    _check_names(wanted, texts)
     here = [text for text in texts if is_given(text)]
     if here and jobs > 1:
         raise EstimatorError(
@@ -62,6 +81,22 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
     return tuple(dict.fromkeys(texts))
 
 
+def _check_names(wanted: Sequence[Any], texts: Sequence[str]) -> None:
+    """Refuse two classes of one text, for their rows could not be told apart."""
+    seen: dict[str, Any] = {}
+    for one, text in zip(wanted, texts, strict=True):
+        other = seen.setdefault(text, one)
+        if not isinstance(one, str) and other is not one:
+            raise EstimatorError(
+                f"two classes have the name {text}, {_whole(other)} and {_whole(one)}: their rows "
+                "could not be told apart, so rename one"
+            )
+
+
+def _whole(make: Any) -> str:
+    return f"{getattr(make, '__module__', '')}.{getattr(make, '__qualname__', make)}".lstrip(".")
+
+
 def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
     """Return scenarios by their names, those of suites, those from files, or as they are."""
     one = isinstance(scenarios, str | Scenario)
@@ -69,6 +104,8 @@ def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
     found: list[Scenario] = []
     for each in wanted:
         found += [each] if isinstance(each, Scenario) else select([str(each)]).scenarios
+    if not found:
+        raise FlexaxisError("no scenario was given: give at least one, such as 'fm_step-v1'")
     return tuple({scenario.hash: scenario for scenario in found}.values())
 
 
@@ -80,12 +117,33 @@ def seeds_of(seeds: int | str | Iterable[int]) -> tuple[int, ...]:
     >>> seeds_of(2), seeds_of("5:7"), seeds_of(range(3))
     ((1000, 1001), (5, 6), (0, 1, 2))
     """
-    if isinstance(seeds, int | str):
+    if isinstance(seeds, str) or _whole_number(seeds):
         return tuple(parse_seeds(str(seeds)))
-    found = tuple(dict.fromkeys(int(seed) for seed in seeds))
-    if not found or min(found) < 0:
-        raise FlexaxisError(f"seeds {list(found)}: give numbers from 0 on, at least one")
+    if not isinstance(seeds, Iterable):
+        raise FlexaxisError(
+            f'seeds {seeds!r}: give a number of them, such as 8, a range as "0:20", or a list'
+        )
+    found = tuple(dict.fromkeys(seed_of(seed) for seed in seeds))
+    if not found:
+        raise FlexaxisError("seeds []: give whole numbers from 0 on, at least one")
     return found
+
+
+def seed_of(seed: Any) -> int:
+    """Return the number of a run.
+
+    Raises
+    ------
+    FlexaxisError
+        If it is no whole number from 0 on.
+    """
+    if not _whole_number(seed) or seed < 0:
+        raise FlexaxisError(f"seed {seed!r}: give a whole number from 0 on")
+    return int(seed)
+
+
+def _whole_number(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def path_of(text: Any) -> Path | None:

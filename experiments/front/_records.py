@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis._given import scenarios_of
+from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
 from flexaxis.experiments.results.results import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
@@ -142,7 +142,7 @@ def simulate(scenario: str | Scenario, /, *, seed: int = 0, **changes: Any) -> R
     """
     from flexaxis.sim.simulate import simulate as run
 
-    return Recording.of(run(changed(scenario, changes), [seed])[0])
+    return Recording.of(run(changed(scenario, changes), [seed_of(seed)])[0])
 
 
 def changed(scenario: str | Scenario, changes: Mapping[str, Any]) -> Scenario:

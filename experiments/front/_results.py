@@ -19,6 +19,8 @@ from flexaxis._given import (
     texts_of,
 )
 from flexaxis._table import Table
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
@@ -73,7 +75,8 @@ class Results(kept.Results):
         from flexaxis.experiments.reporting.sweep_figures import draw_lags
 
         if x and x not in self.axes:
-            raise FlexaxisError(unknown("axis", x, self.axes))
+            known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
+            raise FlexaxisError(f"{known}; leave it out for lag against noise")
         if ax is None:
             _, ax = pyplot.subplots(figsize=(8.0, 4.0), layout="constrained")
         key = x or next(iter(self.axes), "")
@@ -189,6 +192,12 @@ def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool 
     from flexaxis.experiments.running.engine import Means, run_study
     from flexaxis.experiments.running.progress import progress
 
+    if resume and (here := [text for text in wanted.estimators if is_given(text)]):
+        raise EstimatorError(
+            f"{here[0]} is a class of this session, of which nobody knows whether it is still what "
+            f'the rows were made with: put it in a file and give "path/file.py:{here[0]}", or '
+            "leave resume out"
+        )
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
     remarks: list[Remark] = []

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import UNITS
+from flexaxis.experiments.logs.own import WRITTEN
 from flexaxis.experiments.running.files import new_file
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
@@ -20,6 +21,7 @@ Array = NDArray[np.float64]
 FORMATS = ("csv", "mat", "h5")
 SIGNALS = ("torque", "angle", "speed")
 LONGEST_GAP = 20  # samples
+MAT_HEAD = 116  # bytes of text at the head of a MAT file of version 5, by its specification
 
 _SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
 
@@ -141,7 +143,7 @@ def write_log(
     Parameters
     ----------
     path : Path
-        Ends in one of `FORMATS`.
+        Ends in one of `FORMATS`. The file says whose it is, for `own.spare_foreign`.
     columns : mapping of str to ndarray (M,)
         As from `logged`, and others in whatever unit their name says.
     style : LogStyle
@@ -164,7 +166,7 @@ def _write_csv(
 ) -> None:
     mark = ";" if style.decimal_comma else ","
     names = [f"{name} [{units[name]}]" if name in units else name for name in columns]
-    lines = [f"# date: {date}"] if date else []
+    lines = [f"# {WRITTEN}", *([f"# date: {date}"] if date else [])]
     if style.header:
         lines.append(mark.join(names))
     rows = ["%.10g"] * len(columns)
@@ -188,6 +190,8 @@ def _write_mat(
     del units  # a MAT file has no place for them
     content = dict(columns) if style.header else {"data": np.column_stack([*columns.values()])}
     savemat(path, content | ({"date": date} if date else {}))
+    with path.open("r+b") as file:  # over the date of the file: equal runs write equal files
+        file.write(f"MATLAB 5.0 MAT-file, {WRITTEN}".encode().ljust(MAT_HEAD))
 
 
 def _write_h5(
@@ -200,6 +204,7 @@ def _write_h5(
     import h5py
 
     with h5py.File(path, "w") as file:
+        file.attrs["flexaxis"] = WRITTEN
         if date:
             file.attrs["date"] = date
         if not style.header:
@@ -215,10 +220,11 @@ def import_words(path: Path, columns: Sequence[str], style: LogStyle) -> list[st
     """Return the command line that imports a log, as somebody would have to find it."""
     words = ["flexaxis", "import", str(path), "--torque-is", "held"]
     bare = not style.header
+    column = "column{1}" if path.suffix == ".csv" else "data[{0}]"
     if bare:
         for place, name in enumerate(columns):
             if name in UNITS:
-                words += [f"--{name}", str(place) if path.suffix == ".csv" else f"data[{place}]"]
+                words += [f"--{name}", column.format(place, place + 1)]
     if bare or path.suffix == ".mat":
         for name in columns:
             if name in UNITS and style.unit(name) != _SI[name]:

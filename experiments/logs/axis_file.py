@@ -17,6 +17,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.own import WRITTEN
 from flexaxis.experiments.running.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import read_toml
@@ -114,7 +115,7 @@ class Axis:
             content["deviation"] = dict(self.deviation)
         if self.model.laws:
             content["law"] = [_table(law) for law in self.model.laws]
-        write_text(path, toml_text(content))
+        write_text(path, f"# {WRITTEN}\n{toml_text(content)}")
 
 
 def _table(law: Law) -> dict[str, Any]:

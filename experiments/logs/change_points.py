@@ -8,8 +8,7 @@ with a level and covariates in Z, and e as `flexaxis.experiments.logs.scatter` h
 a step, a ramp that begins at some log, or one log that is out of line. They are looked for by
 generalised least squares with the likelihood-ratio scan over all places and shapes (M. Basseville
 and I. Nikiforov, *Detection of Abrupt Changes*, 1993, section 2.4), one after the other. The
-greatest of the ratios has no closed distribution: it is simulated, for these very times, covariates
-and deviations.
+greatest of the ratios has no closed distribution: `flexaxis.experiments.logs.chances`.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.logs.chances import chance_of, ratios
 from flexaxis.experiments.logs.scatter import Scatter
 
 Array = NDArray[np.float64]
@@ -29,7 +29,6 @@ MOST = 6  # changes and logs out of line in a sequence
 PLACES = 150  # that are scanned of a long sequence
 CURVED = 20  # logs from which on the effect of a covariate may be curved
 ALONGSIDE = 2  # changes beside which the scatter is estimated: one can hide another
-LOOK, DRAWS = 500, 10_000  # simulated sequences: at a time, and at most
 SURE = 3.84  # 95 % point of χ² with one degree of freedom, for the place of a change
 
 
@@ -183,7 +182,7 @@ class _Scan:
         # they are by chance
         largest = float(ratio[top] if self.noise.size else min(ratio[top], gain[top]))
         white = self.noise.white
-        chance = _chance(largest, white(self.design), white(self.courses), false_alarms, rng)
+        chance = chance_of(largest, white(self.design), white(self.courses), false_alarms, rng)
         if chance > false_alarms:
             return None
         shape, place = self.places[top]
@@ -266,38 +265,3 @@ def _places(n: int) -> list[tuple[str, int]]:
     steps = [("step", k) for k in range(EDGE, n - EDGE + 1, thin)]
     ramps = [("ramp", k) for k in range(0, n - EDGE, thin)]
     return [*steps, *ramps, *(("outlier", k) for k in range(n))]
-
-
-def ratios(x: Array, design: Array, courses: Array) -> tuple[Array, Array]:
-    """Return F (m, S) of each of m courses in each of S white sequences, and what each explains.
-
-    Parameters
-    ----------
-    x : ndarray (n,) or (n, S)
-    design : ndarray (n, q)
-        What explains the sequences already.
-    courses : ndarray (n, m)
-    """
-    Q, _ = np.linalg.qr(design)
-    left = courses - Q @ (Q.T @ courses)
-    length = np.linalg.norm(left, axis=0)
-    # what the design explains already is no change of its own
-    there = length > 1e-3 * np.linalg.norm(courses, axis=0)
-    unit = np.where(there, left / np.where(there, length, 1.0), 0.0)
-    residual = x - Q @ (Q.T @ x)
-    gain = (unit.T @ residual) ** 2
-    freedom = len(x) - design.shape[1] - 1
-    total = (residual**2).sum(axis=0)
-    return gain * freedom / np.maximum(total - gain, 1e-300), gain
-
-
-def _chance(
-    largest: float, design: Array, courses: Array, enough: float, rng: np.random.Generator
-) -> float:
-    """Return the probability that white noise has as large a ratio; roughly where it is likely."""
-    above = drawn = 0
-    while drawn < DRAWS and above <= drawn * enough + 5 * np.sqrt(drawn * enough) + 1:
-        ratio, _ = ratios(rng.standard_normal((len(design), LOOK)), design, courses)
-        above += int((ratio.max(axis=0) >= largest).sum())
-        drawn += LOOK
-    return (above + 1) / (drawn + 1)

@@ -17,7 +17,9 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.running.files import make_folder, write_text
+from flexaxis.experiments.logs.identify import GIVEN
+from flexaxis.experiments.logs.own import spare_foreign
+from flexaxis.experiments.running.files import OutputError, make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.faults import CHANGEABLE
 from flexaxis.sim.record import Record
@@ -32,6 +34,9 @@ MEAN = 25.0  # °C, at which the parameters are those of the scenario
 WEATHER = 5.0  # days, over which the temperature forgets
 SEASON = 0.5  # part of the variance of the temperature that is a slow wave over all days
 WITHIN = 0.3  # K, by which a test motion warms the axis
+AXIS, TRUTH = "axis.toml", "truth.json"  # in the folder, besides the logs
+TOLD = ("scenario", "seed", "days")  # in the truth
+SHEET = 0.05  # part by which a value of a data sheet is off, at most
 STIFF = 1e4  # N m/rad, of the bristles that stand for Coulomb's friction
 
 
@@ -172,7 +177,7 @@ def write_day(
     time = columns["time"]
     warming = WITHIN * (time - time[0]) / (time[-1] - time[0])
     read = day.temperature + warming + 0.1 * rng.standard_normal(len(time))
-    path = folder / f"{day.date[:10]}.{suffix}"
+    path = _path(folder, day, suffix)
     write_log(path, columns | {"temp": np.round(read, 1)}, style, date=day.date)
     return path
 
@@ -185,7 +190,7 @@ def write_days(
     Parameters
     ----------
     folder : Path
-        Made if it is missing; of its files those of the same names are replaced.
+        Made if it is missing; of an earlier set the files of the same names are replaced.
     scenario : Scenario
         As from `without_faults`.
     days : Days
@@ -193,18 +198,45 @@ def write_days(
     suffix : str
         Kind of file, one of `flexaxis.experiments.logs.as_log.FORMATS`.
     style : LogStyle
+
+    Raises
+    ------
+    OutputError
+        If somebody else's files are in the folder.
     """
     plan = calendar(scenario, days, seed)
+    _spare_others(folder)
+    spare_foreign(folder / AXIS, *(_path(folder, day, suffix) for day in plan))
     make_folder(folder)
-    known_axis(scenario).save(folder / "axis.toml")
-    truth = {"scenario": scenario.resolved(), "seed": seed, "days": [vars(day) for day in plan]}
-    write_text(folder / "truth.json", json.dumps(truth, indent=1) + "\n")
+    told_axis(scenario, seed).save(folder / AXIS)
+    told = (scenario.resolved(), seed, [vars(day) for day in plan])
+    truth = dict(zip(TOLD, told, strict=True))
+    write_text(folder / TRUTH, json.dumps(truth, indent=1) + "\n")
     for day in plan:
         yield write_day(folder, scenario, day, seed=seed, suffix=suffix, style=style)
 
 
+def _path(folder: Path, day: Day, suffix: str) -> Path:
+    return folder / f"{day.date[:10]}.{suffix}"
+
+
+def _spare_others(folder: Path) -> None:
+    """Refuse a folder with files in which there is no truth that `write_days` wrote."""
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    try:
+        ours = json.loads((folder / TRUTH).read_bytes()).keys() >= set(TOLD)
+    except (OSError, ValueError, AttributeError):
+        ours = False
+    if not ours:
+        raise OutputError(
+            f"{folder} holds files but no {TRUTH} of `flexaxis days`: they might be logs of a real "
+            "axis, and are left as they are. Choose another folder with -o"
+        )
+
+
 def known_axis(scenario: Scenario) -> Axis:
-    """Return the axis as its owner knows it from before the first day: the truth at 25 °C."""
+    """Return the axis as it truly is at 25 °C."""
     laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
     values: dict[str, Any] = dict(scenario.initial)
     if _COULOMB in laws:
@@ -213,6 +245,20 @@ def known_axis(scenario: Scenario) -> Axis:
     kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
     model = replace(three_mass(kept), laws=tuple(laws))
     return Axis(model, {"model": "three_mass"}, known=True)
+
+
+def told_axis(scenario: Scenario, seed: int) -> Axis:
+    """Return the axis as its owner knows it before the first log: by data sheets.
+
+    The torque constant and the gear ratio, which no log tells, are right; the bristles that stand
+    for Coulomb's friction are no property of an axis. All else is off by up to `SHEET`.
+    """
+    axis, rng = known_axis(scenario), stream(scenario.key, seed, "days.sheet")
+    off = {name: 1 + SHEET * rng.uniform(-1.0, 1.0) for name in axis.model.nominal}
+    right = {*GIVEN, *(("sigma_0",) if scenario.friction is not None else ())}
+    return axis.having(
+        {n: value * off[n] for n, value in axis.model.nominal.items() if n not in right}
+    )
 
 
 _LINEAR = ("k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "r")

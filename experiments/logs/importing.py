@@ -23,8 +23,10 @@ from flexaxis.experiments.logs.doubts.torque_kind import (
 )
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
+from flexaxis.experiments.logs.own import is_ours
 from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
 from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.remedies import ON_RECORDS, remedied
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -130,11 +132,7 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
     if burn_in is None:
         resting = np.max(abs(moving[:5])) < 0.05 * np.std(moving)
         burn_in = 0.0 if resting else min(BURN_IN, 0.1 * len(moving) * found.period)
-    if not 0 <= burn_in < 0.9 * len(moving) * found.period:
-        raise LogError(
-            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
-            f"{len(moving) * found.period:.4g} s"
-        )
+    _check_burn_in(burn_in, len(moving) * found.period)
     return Record(
         time=found.time,
         torque=signals["torque"],
@@ -148,13 +146,67 @@ def _record(found: Prepared, burn_in: float | None, told: dict[str, str]) -> Rec
     )
 
 
-def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
-    """Return a record from a record file, or import a log with the options of `import_log`."""
-    if path.suffix == ".nc" and not tables and not any(v is not None for v in options.values()):
+def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
+    """Return a record from a record file, or import a log with the options of `import_log`.
+
+    A record that flexaxis wrote takes burn-in and high-pass, and is no log of columns and units:
+    its signals are on an even grid and its torque is a mean over each sample already. What was
+    looked at when it was imported is on the page of that import: it has no checks here.
+
+    Raises
+    ------
+    LogError
+        If the log cannot be used, or an option is not for a record.
+    RecordError
+        If the record cannot be read.
+    """
+    asked: dict[str, Any] = {name: v for name, v in options.items() if v is not None}
+    if path.suffix == ".nc" and (is_ours(path) or not (tables or asked)):
         try:
-            return load_record(path)
+            record = load_record(path)
         except RecordError as error:
             if path.is_file():
                 raise RecordError(f"{error} To import it as a log, name its columns") from error
             raise
-    return import_log(path, tables, **options).record
+        try:
+            return Imported(_treated(record, dict(tables) | asked), ())
+        except LogError as error:
+            raise LogError(f"{path}: {error}") from error
+    return import_log(path, tables, **options)
+
+
+def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
+    """Return a record as `import_any` does, without what was looked at."""
+    return import_any(path, tables, **options).record
+
+
+def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
+    """Return a record with what can still be done to it: high-pass, kind of torque, burn-in."""
+    wrong = [name for name in asked if name not in (*ON_RECORDS, "burn_in")]
+    if wrong:
+        words = ", ".join(f"--{name.replace('_', '-')}" for name in wrong)
+        raise LogError(
+            f"is a record that flexaxis wrote, with signals in SI on an even grid; {words} "
+            f"{'is' if len(wrong) == 1 else 'are'} for logs (and so in --map). Leave it out, or "
+            f"import the log {record.versions.get('log', '')!r} again with it"
+        )
+    before = record.versions.get("highpass")
+    if "highpass" in asked and before is not None:
+        if float(before) != asked["highpass"]:
+            raise LogError(
+                f"--highpass {asked['highpass']:g} Hz: the record has passed one of {before} Hz "
+                "already; import the log again with another"
+            )
+        asked = {name: value for name, value in asked.items() if name != "highpass"}
+    if "burn_in" in asked:
+        _check_burn_in(asked["burn_in"], len(record.time) * record.period)
+        record = replace(record, burn_in=asked["burn_in"])
+    return remedied(record, asked)
+
+
+def _check_burn_in(burn_in: float, seconds: float) -> None:
+    if not 0 <= burn_in < 0.9 * seconds:
+        raise LogError(
+            f"--burn-in {burn_in:g} s: give 0 or more, and less than nine tenths of the log, "
+            f"{seconds:.4g} s"
+        )

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "torque": {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "A": 1.0, "%": 0.01, "1": 1.0},
+    "torque": {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "A": 1.0, "mA": 1e-3, "%": 0.01, "1": 1.0},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi},
     "speed": {
         "rad/s": 1.0,
@@ -35,6 +35,7 @@ k_T is then the torque of one such unit."""
 _SPELLINGS = {
     "µs": "us", "μs": "us", "sec": "s", "seconds": "s", "second": "s",
     "nm": "Nm", "newtonmeter": "Nm", "mnm": "mNm", "amp": "A", "ampere": "A", "a": "A",
+    "ma": "mA", "milliampere": "mA",
     "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "degrees/s": "deg/s",
     "radian": "rad", "radians": "rad", "radians/s": "rad/s", "turn": "rev", "turns": "rev",
     "radps": "rad/s", "degps": "deg/s",
@@ -43,7 +44,7 @@ _SPELLINGS = {
 
 _ENDINGS = {
     "time": {"ms", "us", "ns", "sec"},
-    "torque": {"nm", "mnm"},
+    "torque": {"nm", "mnm", "mA"},
     "angle": {"rad", "mrad", "deg", "rev"},
     "speed": {"rpm", "radps", "degps"},
 }
@@ -250,8 +251,9 @@ def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
     """Return the unit of a signal: as the mapping says, the file, or the end of the name."""
     stated = mapping.unit.get(name) or log.units.get(column, "")
-    ending = column.rpartition("_")[2].lower()
-    return stated or (ending if ending in _ENDINGS[KINDS[name]] else "")
+    ending, known = column.rpartition("_")[2], _ENDINGS[KINDS[name]]
+    # torque_mA is a current, torque_ma may be a moving average
+    return stated or next((text for text in (ending, ending.lower()) if text in known), "")
 
 
 def _factor(log: Log, name: str, column: str, text: str) -> float:

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.outputs import same
-from flexaxis.sim.reading import read_toml
 
-HEAD = 2048  # bytes in which a page says whose it is
-MARK = b"<title>flexaxis"
+HEAD = 2048  # bytes in which a file says whose it is
+WRITTEN = "written by flexaxis"
+"""What stands at the head of files that have room for remarks: axes and simulated logs."""
+
+_MARKS = {
+    ".html": b"<title>flexaxis",
+    **dict.fromkeys((".toml", ".csv", ".mat"), WRITTEN.encode()),
+}
+_ATTRIBUTES = {"versions", "estimator", "flexaxis"}  # of records, estimates, simulated logs
 
 
 def spare_foreign(*outputs: Path) -> None:
-    """Refuse to write over records, pages and axes of somebody else; called before any work.
+    """Refuse to write over files of somebody else; called before any work.
 
     Raises
     ------
@@ -31,14 +36,20 @@ def spare_foreign(*outputs: Path) -> None:
             )
 
 
+def require_suffix(path: Path, suffix: str, what: str) -> None:
+    """Raise a LogError for an output whose name does not say what will be in it."""
+    if path.suffix != suffix:
+        raise LogError(f"-o {path}: {what} ends in {suffix}; give such a name")
+
+
 def is_ours(path: Path) -> bool:
-    """Whether a record, page or axis was written by flexaxis; of other files nobody can tell."""
-    if path.suffix == ".html":
+    """Whether a file was written by flexaxis; not if that cannot be told."""
+    if not path.is_file():
+        return False
+    if (mark := _MARKS.get(path.suffix)) is not None:
         with path.open("rb") as file:
-            return MARK in file.read(HEAD)
-    if path.suffix == ".toml":
-        return {"nominal", "delay"} <= _tables(path).keys()
-    return path.suffix != ".nc" or bool(_attributes(path).keys() & {"versions", "estimator"})
+            return mark in file.read(HEAD)
+    return bool(_attributes(path).keys() & _ATTRIBUTES)
 
 
 def record_beside(log: Path) -> Path:
@@ -54,14 +65,6 @@ def source_of(path: Path) -> str | None:
         return str(json.loads(_attributes(path)["versions"])["log"])
     except (KeyError, TypeError, ValueError):
         return None
-
-
-def _tables(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file; none of one that cannot be read."""
-    try:
-        return read_toml(path, LogError)
-    except LogError:
-        return {}
 
 
 def _attributes(path: Path) -> dict[str, str]:

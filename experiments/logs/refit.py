@@ -8,13 +8,12 @@ logs. What that leaves out is alike in all logs of a test motion, and no change.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from flexaxis.estimators.offline.colour import HIGHEST_ORDER, noise_model, settled
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
 from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.trajectory import Course, course
 from flexaxis.experiments.logs.attempt import log_of
@@ -44,7 +43,13 @@ class Refit:
     offset : float
         Constant torque that acts besides the logged one, in its unit.
     fit : float
-        100 (1 − |y − ŷ|/|y − mean y|) of a simulation from the torque alone.
+        100 (1 − |y − ŷ|/|y − mean y|) of a simulation from the torque alone, above the high-pass
+        of the axis if it has one.
+    late, late_deviation : float
+        By which the torque acts later than the axis has it [s]: to first order, as nothing else is
+        changed for it.
+    left : float
+        Greatest step that a parameter would still go, in its deviations.
     """
 
     names: tuple[str, ...]
@@ -52,6 +57,9 @@ class Refit:
     deviations: Array
     offset: float
     fit: float
+    late: float
+    late_deviation: float
+    left: float
 
 
 @dataclass(frozen=True)
@@ -64,13 +72,14 @@ class _Problem:
     y: Array
     ok: NDArray[np.bool_]
     delay: float
+    plain: Colour  # the high-pass of the axis, if it has one
 
     def error(self, z: Array) -> tuple[Array, Array]:
-        """Return y − ŷ (N,), and the derivatives (N, q) of ŷ, by θ relative to itself."""
+        """Return y − ŷ (N,), and derivatives (N, q + 1) of ŷ by θ relative to itself … delay."""
         simulated, slopes = self.course.along(np.append(z, self.delay), coarse=True)
         if not (np.isfinite(simulated).all() and np.isfinite(slopes).all()):
             raise LogError("a simulation of this log runs away with the values of the axis")
-        psi = slopes[:-1].T.copy()
+        psi = slopes.T.copy()
         psi[:, : self.course.p] *= z[: self.course.p]
         return self.y - simulated, psi
 
@@ -99,21 +108,36 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     bounds = np.sort(np.outer(RANGE, z[:p]), axis=0)
     for _ in range(STEPS):
         error, psi = problem.error(z)
-        whitening = _whitening(problem, error)
-        step, covariance = _solved(problem, z, error, psi, whitening)
+        step, covariance = _solved(problem, z, error, psi[:, :-1], _colour(problem, error))
         z[:p] = np.clip(z[:p] * (1 + np.clip(step[:p], -FARTHEST, FARTHEST)), *bounds)
         z[p:] += step[p:]
         if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
             break
+    return _found(problem, z, bounds)
+
+
+def _found(problem: _Problem, z: Array, bounds: Array) -> Refit:
+    """Return what there is to know where the steps came to."""
+    p, names = problem.course.p, problem.course.model.names
     error, psi = problem.error(z)
-    whitening = _whitening(problem, error)
-    covariance = _solved(problem, z, error, psi, whitening)[1]
+    colour = _colour(problem, error)
+    step, covariance = _solved(problem, z, error, psi[:, :-1], colour)
     claimed = np.sqrt(np.diag(covariance))
-    deviations = np.maximum(claimed, _block_deviations(problem, z, error, psi, whitening))[:p]
-    fit = 100 * float(1 - np.std(error[problem.ok]) / np.std(problem.y[problem.ok]))
-    theta = z[:p]
-    _check(problem.course.model.names, theta, bounds, fit)
-    return Refit(problem.course.model.names, theta, deviations * abs(theta), float(z[-1]), fit)
+    blocks = _block_deviations(problem, z, error, psi[:, :-1], colour)
+    with_delay, its_covariance = _solved(problem, z, error, psi, colour)
+    e, y = (colour.high(signal)[problem.ok] for signal in (error, problem.y))
+    fit = 100 * float(1 - np.std(e) / np.std(y))
+    _check(names, z[:p], bounds, fit)
+    return Refit(
+        names,
+        z[:p],
+        np.maximum(claimed, blocks)[:p] * abs(z[:p]),
+        float(z[-1]),
+        fit,
+        late=float(with_delay[-1]),
+        late_deviation=float(np.sqrt(its_covariance[-1, -1])),
+        left=float(np.max(abs(step[:p]) / claimed[:p])),
+    )
 
 
 def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
@@ -125,7 +149,8 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     while left:
         problem = _problem(record, axis, left)
         error, psi = problem.error(problem.start)
-        covariance = _solved(problem, problem.start, error, psi, _whitening(problem, error))[1]
+        colour = _colour(problem, error)
+        covariance = _solved(problem, problem.start, error, psi[:, :-1], colour)[1]
         deviations = np.sqrt(np.diag(covariance))[: len(left)]
         worst = int(np.argmax(deviations))
         if deviations[worst] <= SEEN:
@@ -147,6 +172,8 @@ def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
     )
     ok = log.ok.copy()
     ok[0] = False  # an increment has no past there, and a state no consequence yet
+    plain = colourless(axis.highpass, log.period)
+    ok[: plain.skip] = False
     start = np.concatenate([along.model.theta, np.zeros(len(along.free))])
     size = np.full(len(start), np.inf)
     moving = len(along.free) - 1
@@ -155,44 +182,47 @@ def _problem(record: Record, axis: Axis, names: Sequence[str]) -> _Problem:
         states = state_sizes(axis.model, log.u, log.period)
         own = np.full(moving - len(states), np.sqrt(np.mean(log.u**2)))
         size[along.p : -1] = np.maximum([*states, *own], 1e-9 * max([*states, *own]))
-    return _Problem(along, start, size, log.y, ok, axis.delay)
+    if axis.highpass is not None:
+        size[-1] = np.sqrt(np.mean(log.u**2))  # nothing of an offset passes
+    return _Problem(along, start, size, log.y, ok, axis.delay, plain)
 
 
-def _whitening(problem: _Problem, error: Array) -> Array:
-    return noise_model(error[problem.ok], HIGHEST_ORDER)
+def _colour(problem: _Problem, error: Array) -> Colour:
+    high = problem.plain.high(error)
+    return replace(problem.plain, inverse=noise_model(high[problem.ok], HIGHEST_ORDER))
 
 
 def _system(
-    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+    problem: _Problem, z: Array, error: Array, psi: Array, colour: Colour
 ) -> tuple[Array, Array, float]:
     """Return the whitened error and gradient, with a row for each size known beforehand, and σ."""
-    ok = settled(problem.ok, len(whitening))
+    ok = colour.settled(problem.ok)
     if ok.sum() <= 10 * psi.shape[1]:
         raise LogError(f"{ok.sum()} usable samples cannot tell {psi.shape[1]} unknowns")
-    e, gradient = lfilter(whitening, 1.0, error)[ok], lfilter(whitening, 1.0, psi, axis=0)[ok]
+    e, gradient = colour.white(error)[ok], colour.white(psi.T).T[ok]
     step = np.linalg.lstsq(gradient, e, rcond=1e-12)[0]
     sigma = float(np.std(e - gradient @ step))
     known = np.flatnonzero(np.isfinite(problem.size))
-    rows = np.zeros((len(known), len(z)))
+    rows = np.zeros((len(known), psi.shape[1]))
     rows[np.arange(len(known)), known] = sigma / problem.size[known]
-    return np.r_[e, -rows @ z], np.vstack([gradient, rows]), sigma
+    return np.r_[e, -rows[:, : len(z)] @ z], np.vstack([gradient, rows]), sigma
 
 
 def _solved(
-    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+    problem: _Problem, z: Array, error: Array, psi: Array, colour: Colour
 ) -> tuple[Array, Array]:
     """Return the Gauss-Newton step of all, and its covariance."""
-    e, gradient, sigma = _system(problem, z, error, psi, whitening)
+    e, gradient, sigma = _system(problem, z, error, psi, colour)
     norm = np.linalg.norm(gradient, axis=0)
     inverse = np.linalg.pinv(gradient / norm, rcond=1e-12)
     return inverse @ e / norm, sigma**2 * inverse @ inverse.T / np.outer(norm, norm)
 
 
 def _block_deviations(
-    problem: _Problem, z: Array, error: Array, psi: Array, whitening: Array
+    problem: _Problem, z: Array, error: Array, psi: Array, colour: Colour
 ) -> Array:
     """Return the standard deviations by leaving out a tenth of the log at a time: the jackknife."""
-    e, gradient, _ = _system(problem, z, error, psi, whitening)
+    e, gradient, _ = _system(problem, z, error, psi, colour)
     norm = np.linalg.norm(gradient, axis=0)
     known = int(np.isfinite(problem.size).sum())
     scaled, samples = gradient / norm, len(e) - known

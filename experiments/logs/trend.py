@@ -16,7 +16,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.dates import date_of
+from flexaxis.experiments.logs.dates import dated
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
@@ -36,7 +36,7 @@ SUFFIXES = (
     ".bag", ".db3",
 )  # fmt: skip
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 1  # of the estimates; another number and all are made anew
+METHOD = 2  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Plan:
         axis = {
             "tables": self.axis.tables,
             "nominal": dict(self.axis.model.nominal),
-            "delay": self.axis.delay,
+            **{key: getattr(self.axis, key) for key in ("delay", "torque_is", "highpass")},
         }
         return json.dumps(
             [METHOD, version("flexaxis"), axis, self.names, *vars(self.source).values()],
@@ -150,8 +150,15 @@ def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[s
     Raises
     ------
     LogError
-        If none of the first `TRIES` can be used, as of the last of them.
+        If a name is of a parameter that is zero, or none of the first `TRIES` can be used, as of
+        the last of them.
     """
+    for name in names:
+        if not axis.model.nominal[name]:
+            raise LogError(
+                f"--free {name}: is 0 in the axis, and steps are parts of what is known: give a "
+                f"value of about its size in the axis, or leave it out"
+            )
     candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
     problem: FlexaxisError | EstimatorError | None = None
     for path in logs[:TRIES]:
@@ -218,7 +225,14 @@ def estimate_all(
                 file.append(line)
                 advance(1)
         every = {row["case"]: row for row in read(rows)}
-    return [every[task.case] | {"log": task.path.name} for task in wanted]
+    # the same content may come by another name, and with it by another date
+    return [every[task.case] | {"log": task.path.name} | _date(task.path) for task in wanted]
+
+
+def _date(path: Path) -> dict[str, str | None]:
+    """Return when a log began, and what says so."""
+    date, source = dated(path) or (None, None)
+    return {"date": date.isoformat() if date else None, "dated": source}
 
 
 def row_of(plan: Plan, task: Task) -> bytes:
@@ -240,9 +254,8 @@ def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
     numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset])
     if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
         raise LogError("this log tells nothing of the parameters: did the axis move?")
-    date = date_of(path)
     return {
-        "date": date.isoformat() if date else None,
+        "period": record.period,
         "seconds": len(record.time) * record.period,
         "estimates": {
             name: {"value": value, "sd": sd}
@@ -252,6 +265,8 @@ def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
         },
         "offset": found.offset,
         "fit": found.fit,
+        "late": {"value": found.late, "sd": found.late_deviation},
+        "left": found.left,
         "columns": _means(path),
     }
 

@@ -66,6 +66,42 @@ def overview_figure(found: Sequence[Verdict], clock: Clock, first: datetime | No
     return fig
 
 
+def logs_figure(rows: Sequence[Mapping[str, Any]], clock: Clock, first: datetime | None) -> Figure:
+    """Draw how well each log is fitted, and how late its torque acts.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        In the order of the clock.
+    clock : Clock
+    first : datetime or None
+    """
+    fig = Figure(figsize=(8.0, 3.6), layout="constrained")
+    above, below = fig.subplots(2, 1, sharex=True)
+    times = _times(clock.time, first)
+    above.plot(times, [row["fit"] for row in rows], "o", color=BLUE, ms=3)
+    above.set_ylabel("fit [%]")
+    late, bars = (
+        np.array([row["late"][key] / row["period"] for row in rows]) for key in ("value", "sd")
+    )
+    below.errorbar(times, late, 2 * bars, fmt="o", color=BLUE, ms=3, elinewidth=0.7)
+    below.axhline(0.0, color="0.5", lw=0.8)
+    below.set_ylabel("later than\nthe axis has it\n[samples]")
+    _label_time(below, first)
+    for ax in (above, below):
+        ax.grid(alpha=0.25)
+    return fig
+
+
+def _label_time(ax: Axes, first: datetime | None) -> None:
+    if first is None:
+        ax.set_xlabel("log")
+        return
+    locator = AutoDateLocator(minticks=3, maxticks=8)
+    ax.xaxis.set_major_locator(locator)
+    ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+
+
 def _over_time(
     ax: Axes,
     found: Verdict,
@@ -94,12 +130,8 @@ def _over_time(
         ax.plot(
             times[outlier.place], percent[outlier.place], "o", mfc="none", mec=ORANGE, ms=9, mew=1.3
         )
-    if first is not None:
-        locator = AutoDateLocator(minticks=3, maxticks=8)
-        ax.xaxis.set_major_locator(locator)
-        ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-    elif not small:
-        ax.set_xlabel("log")
+    if first is not None or not small:
+        _label_time(ax, first)
     ax.set_ylabel(f"{symbol(found.name)} [%]")
     ax.grid(alpha=0.25)
     if not small:

@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.covariates import Clock
+from flexaxis.experiments.logs.log_health import ailments
 from flexaxis.experiments.logs.log_page import LogPage, write_page
-from flexaxis.experiments.logs.trend_figures import overview_figure, parameter_figure
-from flexaxis.experiments.logs.trend_words import remarks, sentences
+from flexaxis.experiments.logs.trend_figures import logs_figure, overview_figure, parameter_figure
+from flexaxis.experiments.logs.trend_words import log_remarks, remarks, sentences
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, Verdict
 
 Array = NDArray[np.float64]
+Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 WORDS = {
     CHANGED: "changed",
@@ -69,12 +71,19 @@ def write_trend(
             "Over the value at the start and the mean of the covariates; bars are ±2σ of a log.",
         )
     )
-    tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = [
+    ordered = [good[i] for i in clock.order]
+    figures.append(
+        (
+            "The logs",
+            logs_figure(ordered, clock, first),
+            "How well a simulation from the torque alone fits each, and how late its torque acts; "
+            "bars are ±2σ.",
+        )
+    )
+    tables: list[Table] = [
         ("Parameters", _head(covariates), [_line(one, clock, good, covariates) for one in found])
     ]
-    bad = [(str(row["log"]), str(row["problem"])) for row in rows if row["problem"]]
-    if bad:
-        tables.append(("Logs that could not be used", ("log", "why"), bad))
+    tables += _of_logs(rows)
     page = LogPage(
         title=title,
         command=command,
@@ -83,6 +92,46 @@ def write_trend(
         figures=figures,
     )
     write_page(page, path)
+
+
+def write_values(
+    path: Path, rows: Sequence[Mapping[str, Any]], *, command: str, title: str, why: str
+) -> None:
+    """Write a page of the estimates alone, and `why` there are no verdicts."""
+    good = [row for row in rows if not row["problem"]]
+    names = list(good[0]["estimates"])
+    lines = [
+        [
+            str(row["log"]),
+            f"{row['fit']:.3g}",
+            *(
+                f"{row['estimates'][name]['value']:.5g} ± {row['estimates'][name]['sd']:.1g}"
+                for name in names
+            ),
+        ]
+        for row in good
+    ]
+    page = LogPage(
+        title=title,
+        command=command,
+        remarks=[("problem", why), *log_remarks(good)],
+        tables=[("Estimates (SI)", ["log", "fit [%]", *names], lines), *_of_logs(rows)],
+        figures=[],
+    )
+    write_page(page, path)
+
+
+def _of_logs(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """Return tables of the logs with which something is wrong."""
+    ill = ailments([row for row in rows if not row["problem"]])
+    strange = [(log, ", and ".join(said)) for log, said in ill.items()]
+    bad = [(str(row["log"]), str(row["problem"])) for row in rows if row["problem"]]
+    tables: list[Table] = []
+    if strange:
+        tables.append(("Logs that are not like the others", ("log", "what"), strange))
+    if bad:
+        tables.append(("Logs that could not be used", ("log", "why"), bad))
+    return tables
 
 
 def _heading(found: Verdict) -> str:

@@ -9,9 +9,11 @@ import numpy as np
 
 from flexaxis.experiments.logs.change_points import Change
 from flexaxis.experiments.logs.covariates import Clock
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, SMALLEST, Verdict
+from flexaxis.experiments.logs.log_health import ailments, common
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, Verdict
 
 QUIET = "did not change"
+TOLD = 3  # logs of which it is told above all else what is wrong with them
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
 
@@ -39,7 +41,7 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
         ]
     elif found.found.changes:
         sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in found.found.changes)
-        lines = [f"changed by {sizes} only, which is less than {100 * SMALLEST:g} %"]
+        lines = [f"changed by {sizes} only, which is less than {100 * found.smallest:g} %"]
     else:
         slopes = [text for text in _slopes(found, covariates) if "no effect" not in text]
         lines = [", ".join([QUIET, *slopes])]
@@ -74,7 +76,7 @@ def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
     for name, slope, sd, span in zip(
         covariates, found.found.slopes, found.found.slope_deviations, spans, strict=True
     ):
-        if abs(slope) < 2 * sd or abs(slope) * span < SMALLEST:
+        if abs(slope) < 2 * sd or abs(slope) * span < found.smallest:
             lines.append(f"{name} has no effect that can be seen")
         else:
             lines.append(
@@ -95,7 +97,8 @@ def remarks(
     order = sorted(found, key=lambda v: (CHANGED, OPEN, EXPLAINED).index(v.kind)
                    if v.kind in kinds else len(kinds))  # fmt: skip
     quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
-    lines = [
+    lines = log_remarks([row for row in rows if not row["problem"]])
+    lines += [
         (kinds.get(v.kind, "ok") if i == 0 else "note", text)
         for v in order
         if all(v is not other for other in quiet)
@@ -122,11 +125,33 @@ def remarks(
     bad = [row for row in rows if row["problem"]]
     if bad:
         lines.append(("note", f"{len(bad)} of {len(rows)} logs could not be used; see below"))
+    lines.append(("ok", dates_remark([row for row in rows if not row["problem"]], clock)))
     lines.append(
         ("ok", f"one page in {1 / false_alarms:.0f} of an axis that does not change says that it "
          "does (each time that it is made)")
     )  # fmt: skip
     return lines
+
+
+def log_remarks(good: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
+    """Return what is wrong with logs that have estimates, kind and text."""
+    ill = ailments(good)
+    lines = [("problem", f"{log}: {', and '.join(said)}") for log, said in list(ill.items())[:TOLD]]
+    if len(ill) > TOLD:
+        lines.append(("problem", f"{len(ill) - TOLD} more of {len(good)} logs; see below"))
+    return lines + [("note", text) for text in common(good)]
+
+
+def dates_remark(good: Sequence[Mapping[str, Any]], clock: Clock) -> str:
+    """Return where the dates come from."""
+    if not clock.dated:
+        undated = sum(row["date"] is None for row in good)
+        why = f"{undated} have no date" if undated else "all have the same date"
+        return f"the logs are numbered in the order given, as {why}"
+    files = sum(row["dated"] == "file" for row in good)
+    parts = [f"{files} of the logs themselves"] if files else []
+    parts += [f"{len(good) - files} of their names"] if files < len(good) else []
+    return f"dates: {' and '.join(parts)}"
 
 
 def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str, Any]:

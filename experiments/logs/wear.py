@@ -22,7 +22,7 @@ from flexaxis.experiments.logs.errors import LogError
 Array = NDArray[np.float64]
 
 STEADY, CHANGED, EXPLAINED, OPEN = "steady", "changed", "explained", "open"
-SMALLEST = 0.01  # relative change that is worth a word
+SMALLEST = 0.01  # relative change that is worth a word, where nobody says another
 GONE = 3.0  # standard deviations of a size that is none; fewer would be found by itself
 OTHER = 2.0  # standard deviations by which a size is another one
 PROPORTIONAL = 0.2  # relative deviation up to which ratios of estimates are taken
@@ -50,6 +50,8 @@ class Verdict:
         Without them.
     change : Change or None
         Of kind explained and open: the change without covariates, with its size besides them.
+    smallest : float
+        Change that was worth a word, as a part.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Verdict:
     found: Explained
     bare: Explained
     change: Change | None = None
+    smallest: float = SMALLEST
 
     def percent(self, amount: Any) -> Any:
         """Return a difference of the series as a change in per cent."""
@@ -78,6 +81,7 @@ def verdict(
     covariates: Array,
     *,
     false_alarms: float,
+    smallest: float = SMALLEST,
 ) -> Verdict:
     """Return what became of a parameter.
 
@@ -90,6 +94,8 @@ def verdict(
         NaN where a log has none: it is left out.
     false_alarms : float
         Probability of a change where there is none.
+    smallest : float
+        Change that is worth a word, as a part.
     """
     logs = np.flatnonzero(np.isfinite(covariates).all(axis=1) & np.isfinite(value))
     x, s = value[logs], deviation[logs]
@@ -104,16 +110,21 @@ def verdict(
     bare = explain(replace(series, covariates=np.empty((len(logs), 0))), false_alarms=false_alarms)
     found = explain(series, false_alarms=false_alarms) if covariates.shape[1] else bare
     kind, change = STEADY, None
-    if any(abs(c.size) >= SMALLEST for c in found.changes):
+    if any(abs(c.size) >= smallest for c in found.changes):
         kind = CHANGED
-    elif any(abs(c.size) >= SMALLEST for c in bare.changes) and not found.changes:
+    elif any(abs(c.size) >= smallest for c in bare.changes) and not found.changes:
         # of the same shape and at the same place, but with the covariates beside it
         largest = max(bare.changes, key=lambda c: abs(c.size))
         change = size_of(series, largest)
         gone = abs(change.size) < GONE * change.deviation
         other = abs(change.size - largest.size) > OTHER * change.deviation
         kind = EXPLAINED if gone and other else OPEN
-    return Verdict(name, kind, logs, series, proportional, found, bare, change)
+    return Verdict(name, kind, logs, series, proportional, found, bare, change, smallest)
+
+
+def fewest_logs(covariates: int) -> int:
+    """Return how many logs a trend needs beside that many covariates."""
+    return FEWEST + 2 * covariates
 
 
 def verdicts(
@@ -122,6 +133,7 @@ def verdicts(
     covariates: Mapping[str, Array],
     *,
     false_alarms: float,
+    smallest: float = SMALLEST,
 ) -> list[Verdict]:
     """Return what became of each parameter.
 
@@ -133,6 +145,8 @@ def verdicts(
     covariates : mapping of str to ndarray (n,)
     false_alarms : float
         Probability that any parameter of an axis that does not change is said to.
+    smallest : float
+        Change that is worth a word, as a part.
 
     Raises
     ------
@@ -141,7 +155,7 @@ def verdicts(
     """
     columns = np.column_stack([*covariates.values()]) if covariates else np.empty((len(rows), 0))
     complete = int(np.isfinite(columns).all(axis=1).sum())
-    fewest = FEWEST + 2 * columns.shape[1]
+    fewest = fewest_logs(columns.shape[1])
     if complete < fewest:
         raise LogError(
             f"{complete} logs have estimates{' and a covariate' if covariates else ''}; a trend "
@@ -153,6 +167,14 @@ def verdicts(
         each = [row["estimates"][name] for row in rows]
         value, sd = (np.array([entry[key] for entry in each]) for key in ("value", "sd"))
         found.append(
-            verdict(name, time, value, sd, columns, false_alarms=false_alarms / len(names))
+            verdict(
+                name,
+                time,
+                value,
+                sd,
+                columns,
+                false_alarms=false_alarms / len(names),
+                smallest=smallest,
+            )
         )
     return found

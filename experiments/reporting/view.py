@@ -54,7 +54,7 @@ def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None
     with camera(width=1280, height=720) as shoot:
         pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
     with new_file(path) as part:
-        matplotlib.image.imsave(part, pixels)
+        matplotlib.image.imsave(part, pixels, format="png")
 
 
 @contextmanager

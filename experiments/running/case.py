@@ -35,9 +35,21 @@ def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
     return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
 
 
-def has_batch(spec: Spec) -> bool:
-    """Whether an estimator takes all records of a task at once."""
-    return hasattr(spec.make, "run_batch")
+def has_batch(spec: Spec, scenario: Scenario) -> bool:
+    """Whether an estimator takes all records of a task at once.
+
+    A batch gives estimates alone. One that claims or finds something is run record by record, so
+    that these are scored too.
+
+    Raises
+    ------
+    EstimatorError
+        If the estimator cannot be built.
+    """
+    if not hasattr(spec.make, "run_batch"):
+        return False
+    estimator = build(spec, scenario)
+    return not any(hasattr(estimator, name) for name in ("findings", "covariance", "innovations"))
 
 
 def run_batch(
@@ -199,7 +211,7 @@ def followed(
     where, samples = f"{scenario.name}, seed {record.seed}", len(record.time)
     events = scenario.events()
     stop = events[0].index if events and hasattr(estimator, "covariance") else samples
-    y = getattr(record, scenario.output)
+    y = getattr(record, estimator.output)
     valid = record.valid
     parts, innovations = [], []
     claimed = None

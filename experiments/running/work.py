@@ -168,7 +168,8 @@ def _cases(
     spec, problem, batch = None, None, None
     try:
         spec = specs.parse(entry.text)
-        if has_batch(spec) and found and all(record.valid is None for record in found):
+        whole = found and all(record.valid is None for record in found)
+        if whole and has_batch(spec, scenario):
             batch = run_batch(scenario, found, spec)
         else:
             warm(spec, scenario)

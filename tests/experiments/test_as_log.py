@@ -1,17 +1,21 @@
 """Logs of simulated runs: as a robot writes them, and as import reads them."""
 
 import json
+import shlex
 
+import h5py
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.as_log import LONGEST_GAP, LogStyle, logged, write_log
+from flexaxis.experiments.logs.as_log import FORMATS, LONGEST_GAP, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.days import Days, calendar, without_faults
+from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
+from flexaxis.sim.record import load_record
+from flexaxis.sim.scenario import load_scenario
 from flexaxis.sim.simulate import simulate
 
 
@@ -56,7 +60,7 @@ def test_jitter_gaps_and_offset(record, tmp_path):
 def test_decimal_commas(record, tmp_path):
     path = tmp_path / "log.csv"
     back = round_trip(record, LogStyle(decimal_comma=True), path, {})
-    assert ";" in path.read_text().splitlines()[1]
+    assert ";" in path.read_text().splitlines()[2]
     np.testing.assert_allclose(back.torque, record.torque, atol=1e-8)
 
 
@@ -92,10 +96,82 @@ def test_command(tmp_path, capsys):
     said = json.loads(capsys.readouterr().out.splitlines()[0])
     assert said["import"].startswith("flexaxis import")
     assert one.read_bytes() == other.read_bytes()
-    assert one.read_text().startswith("time [s],torque [A],angle [deg],speed [rad/s]\n")
+    head = ["# written by flexaxis", "time [s],torque [A],angle [deg],speed [rad/s]"]
+    assert one.read_text().splitlines()[:2] == head
     assert main([*words, "-o", str(tmp_path / "wrong.mat")]) == 2
     assert main(["simulate", str(scenario), "--gaps", "2", "-o", str(one)]) == 2
     assert "--as-log" in capsys.readouterr().err
+
+
+@pytest.fixture
+def short(tmp_path):
+    path = tmp_path / "short.toml"
+    changes = {"duration": 11.0, "name": "short"}
+    path.write_text(find_scenario("fm_step-v1").override(changes).to_toml())
+    return path
+
+
+@pytest.mark.parametrize("style", [[], ["--no-header"]])
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_the_printed_line_imports_the_log(suffix, style, short, tmp_path, capsys):
+    log, rec = tmp_path / f"a log.{suffix}", tmp_path / "rec.nc"
+    units = ["--units", "deg,mA,ms,rpm", "--scale", "torque=0.6"]
+    words = ["simulate", str(short), "--as-log", suffix, *units, *style]
+    assert main([*words, "-o", str(log), "--json"]) == 0
+    printed = shlex.split(json.loads(capsys.readouterr().out)["import"])
+    assert main([*printed[1:], "-o", str(rec)]) == 0
+    back, true = load_record(rec), simulate(load_scenario(short), [0])[0]
+    for name in ("time", "torque", "angle", "speed"):
+        np.testing.assert_allclose(getattr(back, name), getattr(true, name), rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_logs_are_written_over_those_of_ours_only(suffix, short, tmp_path, capsys):
+    log = tmp_path / f"raw.{suffix}"
+    words = ["simulate", str(short), "--as-log", suffix, "-o", str(log)]
+    assert main(words) == 0
+    first = log.read_bytes()
+    assert main(words) == 0
+    assert log.read_bytes() == first
+    log.write_text("time,torque,angle\n0,1,2\n")
+    assert main(words) == 2
+    assert "not written by flexaxis" in capsys.readouterr().err
+    assert log.read_text() == "time,torque,angle\n0,1,2\n"
+
+
+def test_a_record_is_not_written_over_a_log(short, tmp_path, capsys):
+    log = tmp_path / "raw.nc"
+    with h5py.File(log, "w") as file:
+        file["torque"] = [1.0, 2.0]
+    before = log.read_bytes()
+    assert main(["simulate", str(short), "-o", str(log)]) == 2
+    assert "not written by flexaxis" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+@pytest.mark.parametrize("truth", [None, "{}", "[1]", "no json"])
+def test_days_do_not_go_among_other_files(truth, tmp_path, capsys):
+    mine = tmp_path / "2026-01-02.csv"
+    mine.write_text("time,torque,angle\n0,1,2\n")
+    if truth is not None:
+        (tmp_path / "truth.json").write_text(truth)
+    there = sorted(tmp_path.iterdir())
+    assert main(["days", "--days", "3", "--duration", "2", "-o", str(tmp_path)]) == 2
+    assert "no truth.json of `flexaxis days`" in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == there
+    assert mine.read_text() == "time,torque,angle\n0,1,2\n"
+
+
+def test_days_are_written_again_but_not_over_a_log_that_was_put_there(tmp_path, capsys):
+    folder = tmp_path / "days"
+    words = ["days", "--days", "2", "--from-day", "1", "--duration", "2", "-o", str(folder)]
+    assert main(words) == 0
+    assert main(words) == 0
+    mine = folder / "2026-01-02.csv"
+    mine.write_text("time,torque,angle\n0,1,2\n")
+    assert main(words) == 2
+    assert "2026-01-02.csv" in capsys.readouterr().err
+    assert mine.read_text() == "time,torque,angle\n0,1,2\n"
 
 
 def test_days_follow_temperature_and_wear():
@@ -121,14 +197,19 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
         "2026-01-01.csv", "2026-01-02.csv", "2026-01-03.csv", "axis.toml", "truth.json",
     ]  # fmt: skip
     text = (folder / "2026-01-02.csv").read_text().splitlines()
-    assert text[0] == "# date: 2026-01-02T06:00"
-    assert text[1].endswith(",temp")
+    assert text[:2] == ["# written by flexaxis", "# date: 2026-01-02T06:00"]
+    assert text[2].endswith(",temp")
     truth = json.loads((folder / "truth.json").read_text())["days"]
-    temperatures = [float(line.rpartition(",")[2]) for line in text[2:]]
+    temperatures = [float(line.rpartition(",")[2]) for line in text[3:]]
     assert np.mean(temperatures) == pytest.approx(truth[1]["temperature"] + 0.15, abs=0.05)
     axis = find_axis(str(folder / "axis.toml"))
     assert axis.known
-    assert axis.model.nominal["f_c"] == pytest.approx(0.74302635727901)
+    known = known_axis(find_scenario("wg_fc_step-v1")).model.nominal
+    off = {name: axis.model.nominal[name] / value - 1 for name, value in known.items() if value}
+    assert off["k_T"] == off["r"] == 0
+    others = [abs(part) for name, part in off.items() if name not in {"k_T", "r"}]
+    assert all(0 < part <= 0.05 for part in others)
+    assert max(others) > 0.02  # of a dozen
     capsys.readouterr()
     assert main(["days", "--wear", "f_q=+12%", "-o", str(tmp_path / "x")]) == 2
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2

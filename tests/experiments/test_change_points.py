@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.logs.change_points import Series, explain, ratios, size_of
+from flexaxis.experiments.logs.chances import DRAWS, beyond, chance_of, ratios
+from flexaxis.experiments.logs.change_points import Series, explain, size_of
 from flexaxis.experiments.logs.scatter import Scatter
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
 
@@ -100,6 +101,34 @@ def test_ratios_are_those_of_two_fits():
         assert found[j] == pytest.approx((rest(Z) - more) / (more / 26))
 
 
+@pytest.mark.parametrize("n", [12, 40])
+def test_chances_below_those_of_the_draws_are_those_of_many_more(n):
+    """200 000 sequences: 20 of a chance of 1e-4, ± 22 %; the tail may err upwards."""
+    rng = np.random.default_rng(12)
+    design = np.column_stack([np.ones(n), rng.standard_normal(n)])
+    number = np.arange(n)
+    steps = (number[:, None] >= np.arange(3, n - 2)).astype(float)
+    ramps = np.maximum(number[:, None] - np.arange(n - 3), 0.0)
+    courses = np.column_stack([steps, ramps, np.eye(n)])
+    many = np.concatenate(
+        [ratios(rng.standard_normal((n, 2000)), design, courses)[0].max(axis=0) for _ in range(100)]
+    )
+    for chance in (1e-3, 1e-4):
+        largest = float(np.quantile(many, 1 - chance))
+        told = beyond(largest, many[:DRAWS], n - 3, courses.shape[1])
+        assert 0.6 * chance < told < 2.0 * chance, chance
+    assert chance_of(1e3 * largest, design, courses, 1e-6, rng) < 1e-6
+    assert chance_of(largest, design, courses, 1e-6, rng) > 1e-5
+
+
+def test_a_low_rate_of_false_alarms_does_not_hide_a_large_change():
+    rng = np.random.default_rng(13)
+    value = series(0.29 * (DAYS >= 40) + noise(rng))
+    (change,) = explain(value, false_alarms=1e-4 / 12).changes
+    assert change.place == 40
+    assert change.chance < 1e-5
+
+
 def test_scatter_and_memory_are_those_of_the_sequence():
     rng = np.random.default_rng(8)
     scatter = Scatter(np.arange(250.0), np.ones(250))
@@ -108,6 +137,21 @@ def test_scatter_and_memory_are_those_of_the_sequence():
     assert 2.5 < scatter.size < 6
     assert 0.45 <= scatter.memory <= 0.75
     assert 0.9 < np.std(scatter.white(x - x.mean())) < 1.1
+
+
+def test_estimates_scatter_by_what_they_claim_at_least():
+    """The covariance that is made white is that of the formula, with each log's own variance."""
+    rng = np.random.default_rng(14)
+    deviation = np.where(np.arange(60) % 2, 0.5, 3.0)
+    x = deviation * rng.standard_normal(60)
+    scatter = Scatter(np.arange(60.0), deviation)
+    np.testing.assert_allclose(scatter.white(x), x / deviation)
+    scatter.fit(x, np.ones((60, 1)))
+    assert scatter.size < 1.0  # all there is, 2 of it, is claimed
+    white = scatter.white(np.eye(60))
+    lags = abs(np.subtract.outer(np.arange(60), np.arange(60)))
+    formula = np.diag(deviation**2) + scatter.size**2 * scatter.memory**lags
+    np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
 
 
 def temperature(rng):

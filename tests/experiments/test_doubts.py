@@ -1,13 +1,17 @@
 """What import sees in logs of an axis that is known, each with one thing wrong with it."""
 
+import json
+
 import h5py
 import numpy as np
 import pytest
 from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt, sosfiltfilt
 
+from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.doubts.clocks import updates_every
 from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log, read_any
 from flexaxis.experiments.logs.prepare import unwrapped
 from flexaxis.experiments.logs.remedies import remedied
@@ -361,3 +365,70 @@ def test_slow_motion_ruled_by_friction_is_no_opposite_sign():
         told = {doubt.name: doubt for doubt in doubts_of(record)}
         wanted = "" if sign > 0 else "--scale torque=-1"
         assert told["dead time from torque to angle"].command == wanted
+
+
+def gapped(folder, columns, **more):
+    """Return the path of a record from a log without some of its samples, and the record."""
+    kept = np.r_[0:3000, 3010 : len(columns["time"])]
+    found = imported(folder, {name: values[kept] for name, values in columns.items()}, **more)
+    assert (~found.record.valid).sum() == 11
+    return found.record.save(folder / "rec.nc"), found.record
+
+
+def test_options_on_a_record_do_not_make_a_log_of_it(clean, tmp_path):
+    path, record = gapped(tmp_path, clean, tables={"torque_is": "smooth"})
+    given = read_any(path, {}, burn_in=1.5, highpass=None, resample=None)
+    assert given.burn_in == 1.5
+    for name in ("time", "torque", "angle", "increment", "valid"):
+        np.testing.assert_array_equal(getattr(given, name), getattr(record, name), err_msg=name)
+    assert given.versions == record.versions
+    same = read_any(path, {"torque_is": "smooth"})
+    np.testing.assert_array_equal(same.torque, record.torque)
+    passed = read_any(path, {}, highpass=3.0)
+    wanted = gapped(tmp_path, clean, tables={"torque_is": "smooth"}, highpass=3.0)[1]
+    for name in ("torque", "angle", "increment"):
+        np.testing.assert_allclose(getattr(passed, name), getattr(wanted, name), atol=1e-9)
+    np.testing.assert_array_equal(passed.valid, wanted.valid)
+    assert passed.versions == wanted.versions
+
+
+@pytest.mark.parametrize(
+    ("tables", "treatment", "word"),
+    [
+        ({"torque": "current"}, {}, "--torque is for logs"),
+        ({"unit": {"angle": "deg"}, "scale": {"torque": 2}}, {}, "--unit, --scale are for logs"),
+        ({"load_angle": "phi_l"}, {}, "--load-angle is for logs"),
+        ({}, {"resample": 500.0}, "--resample is for logs.*'log.h5'"),
+        ({"torque_is": "held"}, {}, "--torque-is held"),
+        ({}, {"highpass": 4.0}, "has passed one of 3 Hz"),
+        ({}, {"burn_in": 19.0}, "--burn-in 19 s"),
+        ({}, {"burn_in": -1.0}, "--burn-in -1 s"),
+    ],
+)
+def test_what_a_record_cannot_take_is_refused(tables, treatment, word, clean, tmp_path):
+    path, _ = gapped(tmp_path, clean, tables={"torque_is": "smooth"}, highpass=3.0)
+    with pytest.raises(LogError, match=f"rec.nc.*{word}"):
+        read_any(path, tables, **treatment)
+
+
+def test_identify_and_track_say_what_is_wrong_with_a_log(clean, tmp_path, capsys):
+    """An offset of the torque spoils a simulation."""
+    imported(tmp_path, clean | {"torque": clean["torque"] + 0.3})
+    log, axis, rec = (str(tmp_path / name) for name in ("log.h5", "axis.toml", "rec.nc"))
+    text = 'model = "one_mass"\nnominal = {k_T = 1, J_m = 0.01, f_m = 0.05}\n'
+    (tmp_path / "axis.toml").write_text(text)
+    line = f"✗ {log}: offset of the torque: "
+    track = ["track", log, "--model", axis, "--identify", "f_m", "-o", str(tmp_path / "est.nc")]
+    identify = ["identify", log, "--model", "one_mass", "-o", str(tmp_path / "found.toml")]
+    for words in (track, identify):
+        assert main([*words, "--json"]) in (0, 1)
+        out, err = capsys.readouterr()
+        assert line in err and "--highpass" in err
+        json.loads(out)  # which nothing of it spoils
+        assert main([*words, "--highpass", "3"]) in (0, 1)
+        assert line not in capsys.readouterr().err
+    assert main(["import", log, "-o", rec]) == 0
+    capsys.readouterr()
+    track[1] = rec
+    assert main(track) in (0, 1)
+    assert "✗" not in capsys.readouterr().err  # told at its import

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.own import is_ours
 
 made = SimpleNamespace(**run_path(str(Path(__file__).with_name("hostile_logs.py"))))
 
@@ -126,6 +128,11 @@ def test_strict_is_status_1_if_something_spoils_the_estimates(tmp_path, capsys):
         (["identify", "--model", "one_mass"], "log-axis.html", "<title>Our lab</title>"),
         (["track", "--model", "AXIS", "--identify", "f_m"], "est.html", "<title>Our lab</title>"),
         (["track", "--model", "AXIS", "--identify", "f_m"], "est.nc", "my own log"),
+        (
+            ["identify", "--model", "one_mass"],
+            "belt.toml",
+            'model = "one_mass"\ndelay = 0.0\nnominal = {k_T = 1, J_m = 0.1, f_m = 0.1}\n',
+        ),
     ],
 )
 def test_no_command_of_logs_replaces_what_is_not_its_own(words, name, content, tmp_path, capsys):
@@ -138,3 +145,40 @@ def test_no_command_of_logs_replaces_what_is_not_its_own(words, name, content, t
     status, _, err = answer(capsys, command, log, *given, "-o", out)
     assert status == 2 and name in err and "not written by flexaxis" in err
     assert there.read_text(encoding="utf-8") == content
+
+
+@pytest.mark.parametrize(
+    ("words", "out", "suffix"),
+    [
+        (["import"], "other.csv", ".nc"),
+        (["track", "--model", "AXIS", "--identify", "f_m"], "other.csv", ".nc"),
+        (["identify", "--model", "one_mass"], "other.nc", ".toml"),
+    ],
+)
+def test_outputs_are_called_what_they_are(words, out, suffix, tmp_path, capsys):
+    """Else a second log, a forgotten option away, becomes a record."""
+    log, other, axis = tmp_path / "log.csv", tmp_path / out, tmp_path / "axis.toml"
+    for path in (log, other):
+        made.csv().write(path)
+    before = other.read_bytes()
+    axis.write_text('model = "one_mass"\nnominal = {k_T = 1, J_m = 0.1, f_m = 0.1}\n')
+    command, *given = [str(axis) if word == "AXIS" else word for word in words]
+    status, _, err = answer(capsys, command, log, *given, "-o", other)
+    assert status == 2 and f"ends in {suffix}" in err and other.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "log.parquet", "log.csv", "log.mat", "log.h5"])
+def test_of_what_is_not_known_nothing_is_ours(name, tmp_path):
+    path = tmp_path / name
+    path.write_text("time,torque\n0,1\n")
+    assert not is_ours(path)
+
+
+def test_an_axis_of_ours_is_written_again(tmp_path):
+    path = tmp_path / "axis.toml"
+    path.write_text('model = "one_mass"\nnominal = {k_T = 1, J_m = 0.1, f_m = 0.1}\n')
+    axis = find_axis(str(path))
+    assert not is_ours(path)
+    axis.save(path)
+    assert is_ours(path)
+    assert find_axis(str(path)) == axis

@@ -10,9 +10,9 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs import trend
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.dates import date_of, found_in
+from flexaxis.experiments.logs.dates import dated, found_in
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.refit import refit
+from flexaxis.experiments.logs.refit import _colour, _problem, _solved, refit
 from flexaxis.experiments.running.rows import read
 from flexaxis.sim.record import Record
 
@@ -177,7 +177,81 @@ def test_too_few_logs(days, tmp_path, capsys):
         capsys, "trend", *logs, "--model", days / "axis.toml", "-o", tmp_path / "t"
     )
     assert status == 2
-    assert "3 logs have estimates" in err
+    assert "3 logs; a trend needs 8" in err
+
+
+def test_values_are_shown_where_too_few_logs_can_be_used(days, tmp_path, capsys):
+    logs = [*sorted(days.glob("*.csv"))[:7], days / "2026-05-25.csv"]
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    status, _, err = run(capsys, "trend", *logs, *given)
+    assert status == 2
+    assert "7 logs have estimates" in err
+    page = (tmp_path / "t" / "report.html").read_text()
+    assert "7 logs have estimates" in page
+    assert page.count("<td>2026-05-0") == 7
+
+
+def test_a_parameter_that_is_zero_is_refused(days, tmp_path, capsys):
+    (tmp_path / "zero.toml").write_text(AXIS.replace("f_m = 0.05", "f_m = 0.0"))
+    given = ("--model", tmp_path / "zero.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    status, _, err = run(capsys, "trend", days, *given, "--free", "f_m")
+    assert status == 2
+    assert "--free f_m: is 0 in the axis" in err
+
+
+def test_a_date_in_a_name_is_read_anew(days, tmp_path, capsys):
+    """The same content under another name: nothing is computed, and it is another day."""
+    names = [f"2026-05-{day:02}.csv" for day in range(1, 13)]
+    for name in names:
+        (tmp_path / name).write_bytes((days / name).read_bytes())
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    _, out, _ = run(capsys, "trend", tmp_path, *given)
+    assert "dates: 12 of their names" in out
+    (tmp_path / names[0]).rename(tmp_path / "axis 01.04.2026.csv")
+    rows = (tmp_path / "t" / "rows.jsonl").read_bytes()
+    run(capsys, "trend", tmp_path, *given)
+    assert (tmp_path / "t" / "rows.jsonl").read_bytes() == rows
+    _, out, _ = run(capsys, "trend", tmp_path, *given, "--json")
+    assert json.loads(out)["logs"] == 12
+    found = trend.dated(tmp_path / "axis 01.04.2026.csv")
+    assert found == (datetime(2026, 4, 1), "name")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda r: replace(r, torque=np.append(r.torque[1:], 0.0)), "later than in others"),
+        (lambda r: replace(r, speed=r.speed + 2 * np.sin(40 * r.time)), "is fitted by"),
+    ],
+)
+def test_a_log_unlike_the_others_is_told(days, tmp_path, capsys, spoil, said):
+    for day in range(12):
+        record = driven(F, seed=50 + day)
+        write(tmp_path / f"2026-05-{day + 1:02}.csv", spoil(record) if day == 6 else record, day)
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    status, out, _ = run(capsys, "trend", tmp_path, *given)
+    assert status == 1
+    (line,) = [line for line in out.splitlines() if said in line]
+    assert line.startswith("✗ 2026-05-07.csv")
+    page = (tmp_path / "t" / "report.html").read_text()
+    assert "Logs that are not like the others" in page
+
+
+def test_logs_alike_are_no_problem(days, tmp_path, capsys):
+    for day in range(12):
+        write(tmp_path / f"2026-05-{day + 1:02}.csv", driven(F, seed=50 + day), day)
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    status, out, _ = run(capsys, "trend", tmp_path, *given)
+    assert status == 0
+    assert "✗" not in out
+
+
+def test_a_change_may_be_too_small_for_a_word(days, tmp_path, capsys):
+    status, out, _ = run(
+        capsys, *words(days, tmp_path / "t", "--covariate", "temp", "--smallest", "20")
+    )
+    assert status == 0
+    assert "which is less than 20 %" in out
 
 
 @pytest.fixture(scope="module")
@@ -202,6 +276,48 @@ def test_a_beginning_that_is_forgotten_does_no_harm(axis):
     assert np.all(found.deviations < [0.05 * J, 0.05 * 0.06])
 
 
+@pytest.mark.parametrize("samples", [0.0, 1.0])
+def test_a_torque_that_is_late_is_seen(axis, samples):
+    """Logged a sample early, it acts one later; to first order, so to a third of it."""
+    record = driven(0.06)
+    if samples:
+        record = replace(record, torque=np.append(record.torque[1:], 0.0))
+    found = refit(record, axis, ["J_m", "f_m"])
+    assert found.late / T == pytest.approx(samples, abs=0.3)
+    assert found.late_deviation < 0.1 * T
+
+
+def test_a_high_pass_of_the_axis_keeps_a_drift_out(axis):
+    """A slow disturbance of the speed, four times what the torque does: below the corner."""
+    record = driven(0.06)
+    drift = 40 * np.sin(2 * np.pi * 0.2 * record.time)
+    drifting = replace(record, speed=record.speed + drift)
+    found = refit(drifting, replace(axis, highpass=1.0), ["J_m", "f_m"])
+    assert np.all(abs(found.theta - [J, 0.06]) < 3 * found.deviations)
+    assert found.fit > 80
+
+
+@pytest.mark.parametrize(
+    "change", [{"torque_is": "smooth"}, {"highpass": 1.0}, {"delay": 0.001}], ids=str
+)
+def test_rows_are_those_of_the_whole_axis(axis, change):
+    source = trend.Source({}, {})
+    plan = trend.Plan(axis, ("J_m",), source)
+    assert trend.Plan(replace(axis, **change), ("J_m",), source).text != plan.text
+
+
+def test_a_beginning_that_nothing_tells_is_as_large_as_motion_makes_it(axis):
+    """Of the states at first, what is known beforehand is a row for each, of σ over its size."""
+    late = replace(driven(0.06, speed=8.0), burn_in=1.0)
+    problem = _problem(late, axis, ["J_m", "f_m"])
+    error, psi = problem.error(problem.start)
+    colour = _colour(problem, error)
+    covariance = _solved(problem, problem.start, error, psi[:, :-1], colour)[1]
+    size = problem.size[2]
+    assert 0.3 < size / np.std(late.speed) < 30
+    assert np.sqrt(covariance[2, 2]) == pytest.approx(size, rel=0.01)
+
+
 def test_intervals_are_the_spread_of_estimates(axis):
     """40 logs: the rms claim over the spread within what 40 values tell, and a little wide."""
     every = [refit(driven(0.06, seed=seed), axis, ["J_m", "f_m"]) for seed in range(100, 140)]
@@ -224,6 +340,7 @@ def test_another_axis_is_refused(axis):
         ("run 20269901", None),
         ("log_123456789012", None),
         ("2026-02-31 then 2026-03-02", datetime(2026, 3, 2)),
+        ("Achse 1 01.03.2026", datetime(2026, 3, 1)),
     ],
 )
 def test_dates(text, date):
@@ -233,4 +350,18 @@ def test_dates(text, date):
 def test_the_date_in_a_file_goes_before_that_in_its_name(tmp_path):
     path = tmp_path / "2026-01-01.csv"
     write(path, driven(F), 20.0, date="2026-02-02T08:00")
-    assert date_of(path) == datetime(2026, 2, 2, 8)
+    assert dated(path) == (datetime(2026, 2, 2, 8), "file")
+
+
+@pytest.mark.parametrize(
+    ("comment", "found"),
+    [
+        ("# calibrated 2020-01-01", (datetime(2026, 1, 1), "name")),
+        ("# Date: 2026-02-02T08:00", (datetime(2026, 2, 2, 8), "file")),
+        ("% start_time = 02.02.2026", (datetime(2026, 2, 2), "file")),
+    ],
+)
+def test_a_date_in_a_comment_needs_its_key(tmp_path, comment, found):
+    path = tmp_path / "2026-01-01.csv"
+    path.write_text(f"{comment}\ntime,torque\n0,1\n")
+    assert dated(path) == found

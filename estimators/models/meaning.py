@@ -1,0 +1,157 @@
+"""
+What the parameters of a model mean, by where they stand rather than by their names.
+
+A coulomb friction is whatever a law has in that role; a viscous one brakes a state by that state
+alone; springs and dampers couple states and are divided by an inertia.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from flexaxis.estimators.models.formula import multiply_out
+from flexaxis.estimators.models.laws import SIGNED, Law
+from flexaxis.estimators.models.model import Model
+
+STRENGTHS: Mapping[str, tuple[tuple[str, ...], ...]] = {
+    "bristle": (("coulomb", "breakaway"),),
+    "static": (("coulomb", "breakaway"),),
+    "spring": (("cubic",), ("gap",)),
+    "sinusoid": (("sine", "cosine"),),
+    "clip": (),
+}
+"""Roles that make a law nothing where they are 0, in the groups in which an axis has them."""
+DATA_SHEET = ("poles", "limit")
+"""Roles that are told or not there at all."""
+LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
+"""The structure of the three-mass axis, in the order of estimates; that of others follows it."""
+
+
+class Absent(NamedTuple):
+    """Parameters that may be 0 together, and what means nothing then."""
+
+    parameters: tuple[str, ...]
+    without: tuple[str, ...]
+
+
+def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
+    """Return the parameters that laws have in some roles, in the order of laws and roles."""
+    found = (law.parameters.get(role) for law in laws for role in roles)
+    return tuple(dict.fromkeys(name for name in found if isinstance(name, str)))
+
+
+def dry_friction(model: Model) -> tuple[str, ...]:
+    """Return the levels of dry friction, such as f_c."""
+    return named(model.laws, ("coulomb",))
+
+
+def strengths(model: Model) -> tuple[str, ...]:
+    """Return the parameters without which no law does anything."""
+    found = (name for absent in may_be_absent(model) for name in absent.parameters)
+    return tuple(dict.fromkeys(found))
+
+
+def nonnegative_of_laws(model: Model) -> tuple[str, ...]:
+    """Return the parameters of laws that may not be below zero, but those of a data sheet."""
+    found = (
+        name
+        for law in model.laws
+        for role, name in law.parameters.items()
+        if isinstance(name, str) and role not in (*SIGNED, *DATA_SHEET)
+    )
+    return tuple(dict.fromkeys(found))
+
+
+def may_be_absent(model: Model) -> tuple[Absent, ...]:
+    """Return what of the laws an axis may not have at all."""
+    found = []
+    for law in model.laws:
+        groups = STRENGTHS[law.kind]
+        for group in groups:
+            rest = [role for role in law.parameters if role not in (*group, *DATA_SHEET)]
+            alone = len(groups) == 1  # else the other group makes it a law still
+            of = Absent(named([law], group), named([law], rest) if alone else ())
+            if of.parameters:
+                found.append(of)
+    return tuple(found)
+
+
+def fixable(model: Model) -> tuple[str, ...]:
+    """
+    Return what is fixed where the first seconds do not show it: the structure, play and springs.
+
+    Friction is tracked, and cogging shows at any speed.
+    """
+    springs = [law for law in model.laws if law.kind == "spring"]
+    return (*structure(model), *named(springs, ("cubic", "gap")))
+
+
+def ripples(model: Model) -> tuple[tuple[tuple[str, str], float], ...]:
+    """Return sine and cosine of each torque that depends on an angle, and its periods in 2π."""
+    found = []
+    for law in model.laws:
+        sine, cosine, poles = (law.parameters.get(r, 0.0) for r in ("sine", "cosine", "poles"))
+        if law.kind == "sinusoid" and isinstance(sine, str) and isinstance(cosine, str):
+            times = model.nominal[poles] if isinstance(poles, str) else float(poles)
+            found.append(((sine, cosine), times))
+    return tuple(found)
+
+
+def motor_friction(model: Model) -> tuple[str, ...]:
+    """Return the viscous frictions where the input acts: they brake a state by that state alone."""
+    driven = {i for i, entry in enumerate(model.B) if multiply_out(entry)}
+    found = []
+    for name in _linear(model):
+        places = {(i, j) for i, j, powers in _terms(model) if powers.get(name, 0)}
+        if all(i == j and i in driven for i, j in places) and _always(model, name, 1):
+            found.append(name)
+    return tuple(found)
+
+
+def structure(model: Model) -> tuple[str, ...]:
+    """
+    Return what of a linear model is computed rather than measured, but does not change in use.
+
+    Springs and dampers between states, and where there are any the inertia on which the input acts,
+    which the modes weigh against the others; a single inertia leaves the scale of all torques open.
+    """
+    springs = [name for name in _linear(model) if _couples(model, name)]
+    inertias = [name for name in _linear(model) if _is_driven(model, name)] if springs else []
+    found = [name for name in (*inertias, *springs) if name not in model.fixed]
+    return tuple(sorted(found, key=lambda name: (name not in LEARNT, _place(name))))
+
+
+def _place(name: str) -> int:
+    return LEARNT.index(name) if name in LEARNT else 0
+
+
+def _couples(model: Model, name: str) -> bool:
+    """Return whether a parameter is a spring or a damper: between states, over an inertia."""
+    terms = [(i, j, powers) for i, j, powers in _terms(model) if powers.get(name, 0)]
+    couples = any(i != j and j < len(model.states) for i, j, _ in terms)
+    forces = all(min(powers.values()) < 0 and j < len(model.states) for _, j, powers in terms)
+    return couples and forces and _always(model, name, 1)
+
+
+def _is_driven(model: Model, name: str) -> bool:
+    """Return whether the input is divided by a parameter, as by the inertia of a motor."""
+    inputs = [powers for _, j, powers in _terms(model) if j == len(model.states)]
+    return any(powers.get(name, 0) < 0 for powers in inputs) and _always(model, name, -1)
+
+
+def _always(model: Model, name: str, power: int) -> bool:
+    """Return whether a parameter has the same power wherever it stands."""
+    return {p[name] for *_, p in _terms(model) if p.get(name, 0)} == {power}
+
+
+def _linear(model: Model) -> tuple[str, ...]:
+    """Return the parameters of A and B, in the order of the model."""
+    used = {name for *_, powers in _terms(model) for name in powers}
+    return tuple(name for name in model.parameters if name in used)
+
+
+def _terms(model: Model) -> Iterator[tuple[int, int, Mapping[str, int]]]:
+    """Row, column and powers of every term of [A B]."""
+    for i, (row, entry) in enumerate(zip(model.A, model.B, strict=True)):
+        for j, formula in enumerate((*row, entry)):
+            for _, powers in multiply_out(formula):
+                yield i, j, powers

@@ -1,0 +1,151 @@
+"""What is thought of the laws of an axis whose parameters have names of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.models import meaning
+from flexaxis.estimators.models.axes import N1, one_mass, two_mass
+from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.sizes import measured, motion, moved
+from flexaxis.estimators.offline.structure import with_laws
+from flexaxis.estimators.registry import REGISTRY
+
+PERIOD = 0.005
+RNG = np.random.default_rng(0)
+TORQUE = np.convolve(RNG.normal(size=4000), np.ones(4) / 2, "same")
+
+PLAY = Law(
+    "spring",
+    {"twist": 1.0},
+    {"speed_motor": "-r*k/J_m", "speed_load": "k/J_l"},
+    {"gap": "play"},
+)
+FRICTION = {"coulomb": "level", "beta": 10.0}
+BELT = Model(
+    "belt",
+    states=("twist", "speed_motor", "speed_load"),
+    A=[["0", "r", "-1"], ["-r*k/J_m", "-b_m/J_m", "0"], ["k/J_l", "0", "-b_l/J_l"]],
+    B=["0", "gain/J_m", "0"],
+    C=["0", "1", "0"],
+    nominal={
+        **{"gain": 1.0, "J_m": 1e-3, "J_l": 0.02, "k": 300.0, "b_m": 1e-3, "b_l": 1e-2, "r": 0.2},
+        **{"play": 1e-3, "level": 0.1},
+    },
+    positive=("J_m", "J_l", "k"),
+    nonnegative=("b_m", "b_l"),
+    laws=(
+        PLAY,
+        Law("static", {"speed_load": 1.0}, {"speed_load": "-1/J_l"}, FRICTION),
+        Law("static", {"speed_motor": 1.0}, {"speed_motor": "-1/J_m"}, FRICTION),
+    ),
+)
+MASS = Model(
+    "mass",
+    states=("speed",),
+    A=[["-b/J"]],
+    B=["gain/J"],
+    C=["1"],
+    nominal={"gain": 1.0, "J": 1e-3, "b": 5e-3, "level": 0.1},
+    positive=("J",),
+    nonnegative=("b",),
+    nonzero=("gain",),
+    laws=(Law("static", {"speed": 1.0}, {"speed": "-1/J"}, {"coulomb": "level", "beta": 1.0}),),
+)
+
+
+def run(model, torque, **changed):
+    """Return the output of a model of whose parameters some are others."""
+    there = replace(model, nominal=dict(model.nominal) | changed)
+    one = there.parametrize(there.parameters[:1])
+    return predict(one, one.theta, torque, period=PERIOD)[0]
+
+
+def of_motion(model, speed, torque=None):
+    moves = motion(TORQUE, speed, PERIOD)
+    return [sizes for _, sizes in moved(model, moves, torque, PERIOD)]
+
+
+def test_sizes_of_a_motion_are_those_of_the_linear_model_of_any_axis():
+    expected = [sizes for _, sizes in measured(BELT, TORQUE, PERIOD)]
+    speed = run(replace(BELT, laws=()), TORQUE)
+    for found, model in zip(of_motion(BELT, speed, TORQUE), expected, strict=True):
+        assert found.drive == pytest.approx(model.drive, rel=0.1)  # the rms speed has its mean
+        assert found.force == pytest.approx(model.force, rel=0.01)
+    for found, model in zip(of_motion(BELT, speed), expected, strict=True):  # by an impulse
+        assert found.drive == pytest.approx(model.drive, rel=0.5)
+    # that moves twice as far as the linear model would
+    for found, model in zip(of_motion(BELT, 2 * speed, TORQUE), expected, strict=True):
+        assert found.drive == pytest.approx(2 * model.drive, rel=0.1)
+
+
+def test_friction_of_a_load_has_the_size_that_the_gear_makes_of_a_torque():
+    load, motor = measured(BELT, TORQUE, PERIOD)[1:]
+    # the motor turns 1/r as far as the load: so many torques are as one behind the gear
+    assert load[1].force == pytest.approx(motor[1].force / 0.2, rel=0.2)
+
+
+def test_what_no_torque_moves_has_no_size():
+    loose = replace(
+        BELT,
+        states=(*BELT.states, "loose"),
+        A=(*((*row, "0") for row in BELT.A), ("0", "0", "0", "-1")),
+        B=(*BELT.B, "0"),
+        C=(*BELT.C, "0"),
+        laws=(Law("static", {"loose": 1.0}, {"loose": "-1"}, FRICTION),),
+    )
+    with pytest.raises(EstimatorError, match="does not move loose"):
+        of_motion(loose, TORQUE)
+
+
+def test_an_axis_whose_torque_constant_has_another_name_is_tracked():
+    make = REGISTRY["relocate-friction"].factory
+    estimator = make(MASS, PERIOD, identify=("gain", "b"))
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(TORQUE))
+    theta = estimator.run(TORQUE, run(MASS, TORQUE, gain=1.1, b=6e-3, level=0.13) + noise)
+    found = dict(zip(estimator.names, theta[-1], strict=True))
+    assert found["gain"] == pytest.approx(1.1, rel=0.02)
+    assert found["b"] == pytest.approx(6e-3, rel=0.05)
+    assert found["level"] == pytest.approx(0.13, rel=0.05)
+
+
+def test_what_parameters_are_is_told_by_the_model():
+    real = with_laws(N1 | {"poles": 24.0, "torque_limit": 1.75}, period=PERIOD)
+    assert meaning.structure(real) == ("k_g", "J_m", "k_a", "d_g", "d_a")
+    assert meaning.motor_friction(real) == ("f_m",)
+    assert meaning.dry_friction(real) == ("f_c",)
+    assert meaning.strengths(real) == ("f_c", "f_s", "kappa", "gap", "c_sin", "c_cos")
+    assert [tuple(absent) for absent in meaning.may_be_absent(real)] == [
+        (("f_c", "f_s"), ("v_s", "sigma_0", "sigma_1", "v_0")),
+        (("kappa",), ()),
+        (("gap",), ()),
+        (("c_sin", "c_cos"), ()),
+    ]
+    assert meaning.ripples(real) == ((("c_sin", "c_cos"), 24.0),)
+    assert meaning.fixable(BELT) == ("J_m", "k", "play")  # and not the ratio, nor the load
+    assert meaning.motor_friction(BELT) == ("b_m",)
+    assert meaning.dry_friction(BELT) == ("level",)
+
+
+def test_a_single_inertia_is_not_weighed_against_another():
+    nominal = {"k_T": 1.0, "J_m": 1e-3, "J_l": 1e-3, "k": 100.0, "d": 0.01, "f_m": 0.1, "f_l": 0.1}
+    assert meaning.structure(one_mass(nominal)) == ()
+    assert meaning.structure(two_mass(nominal)) == ("J_m", "k", "d")
+    assert meaning.structure(replace(two_mass(nominal), fixed=("k",))) == ("J_m", "d")
+
+
+def test_what_is_told_right_of_a_belt_is_fixed_and_said():
+    belt = replace(BELT, laws=BELT.laws[2:])
+    make = REGISTRY["relocate-friction"].factory
+    noise = 0.05 * np.random.default_rng(1).standard_normal(len(TORQUE))
+    estimator = make(belt, PERIOD, identify=("gain", "b_m"))
+    theta = estimator.run(TORQUE, run(belt, TORQUE, gain=1.1, level=0.13) + noise)
+    found = dict(zip(estimator.names, theta[-1], strict=True))
+    assert found["gain"] == pytest.approx(1.1, rel=0.02)
+    assert found["level"] == pytest.approx(0.13, rel=0.1)
+    assert set(estimator.fixed_because) == {"J_m", "k"}
+    assert "stays" in estimator.fixed_because["k"]

@@ -1,0 +1,183 @@
+"""Mistakes at the front door and on the command line: each is one clear error, before any work."""
+
+import numpy as np
+import pytest
+
+import flexaxis as fx
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.crashes import EstimatorCrash
+from flexaxis.experiments.building.given import give
+from flexaxis.experiments.building.guest import CHARACTERS, _Few
+from flexaxis.experiments.cli import main
+from flexaxis.sim.errors import FlexaxisError
+
+
+class Still:
+    """Stays at nominal f_m."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period, *, factor=1.0):
+        self.theta = [factor * nominal["f_m"]]
+
+    def step(self, u, y):
+        return self.theta
+
+
+def named_still():
+    class Still:
+        names, output = ("f_m",), "speed"
+
+    return Still
+
+
+def made(source):
+    """A class whose text nobody can read."""
+    content = {"__name__": "__main__"}
+    exec(source, content)
+    return content["Hidden"]
+
+
+def test_two_classes_of_one_name_are_refused(short):
+    one, other = named_still(), named_still()
+    with pytest.raises(EstimatorError, match=r"two classes have the name Still.*named_still"):
+        fx.benchmark([one, other], scenarios=short, seeds=1)
+
+
+def test_rows_of_a_class_of_the_session_are_not_gone_on_with(short, tmp_path):
+    with pytest.raises(EstimatorError, match="leave resume out"):
+        fx.benchmark(named_still(), scenarios=short, folder=tmp_path, resume=True)
+
+
+def test_classes_without_text_are_told_apart():
+    first = digest(give(made("class Hidden: a = 1")))
+    assert first == digest("Hidden")
+    assert first != digest(give(made("class Hidden: a = 2")))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"estimators": []}, "no estimator"),
+        ({"scenarios": []}, "no scenario"),
+        ({"seeds": 2.0}, "seeds 2.0"),
+        ({"seeds": True}, "seeds True"),
+        ({"seeds": [1.5]}, "seed 1.5"),
+        ({"seeds": []}, "at least one"),
+    ],
+)
+def test_a_benchmark_of_nothing(short, given, words):
+    given = {"estimators": "frozen", "scenarios": short, "seeds": 1} | given
+    with pytest.raises((FlexaxisError, EstimatorError), match=words):
+        fx.benchmark(given.pop("estimators"), **given)
+
+
+@pytest.mark.parametrize("seed", [1.5, True, None, "1", -1])
+def test_a_seed_that_is_no_number_of_a_run(short, seed):
+    for take in (fx.simulate, fx.make_axis):
+        with pytest.raises(FlexaxisError, match="whole number"):
+            take(short, seed=seed)
+
+
+def test_a_seed_of_numpy_is_one(short):
+    assert fx.simulate(short, seed=np.int64(3)).seed == 3
+
+
+@pytest.mark.parametrize("value", [None, float("nan"), np.inf, {"a": 1}, [None]])
+def test_an_option_that_cannot_be_written(short, value):
+    with pytest.raises(EstimatorError, match="option forgetting is"):
+        fx.estimate(fx.simulate(short), "rpem-forgetting", options={"forgetting": value})
+
+
+def test_an_option_of_numpy_is_a_number(short):
+    found = fx.estimate(fx.simulate(short), "frozen")
+    assert found.last
+    options = {"forgetting": np.float32(0.5)}
+    found = fx.estimate(fx.simulate(short), "rpem-forgetting", options=options)
+    assert found.estimator == "rpem-forgetting[forgetting=0.5]"
+
+
+@pytest.mark.parametrize("torque", ["a", None, np.array([0.1]), [0.1], float("nan"), 1j, True])
+def test_a_torque_that_is_no_number(short, torque):
+    with pytest.raises(FlexaxisError, match="one finite number"):
+        fx.make_axis(short).step(torque)
+
+
+def test_a_torque_of_numpy_is_one(short):
+    samples = [fx.make_axis(short).step(torque) for torque in (1, np.float32(1), np.array(1.0))]
+    assert len({sample.speed for sample in samples}) == 1
+
+
+def test_an_axis_of_no_study_is_not_drawn(short):
+    found = fx.benchmark("frozen", scenarios=short, seeds=1)
+    with pytest.raises(FlexaxisError, match="nothing was swept"):
+        found.plot("nope")
+
+
+def test_an_instance_is_a_guest(short, capsys):
+    class Ends(Still):
+        def step(self, u, y):
+            print("in between")
+            raise SystemExit(3)
+
+    with pytest.raises(EstimatorCrash, match=r"Ends crashed .*sample 0"):
+        fx.estimate(fx.simulate(short), Ends(short.nominal.as_dict(), 0.005))
+    out, err = capsys.readouterr()
+    assert not out and "in between" in err
+
+
+class Heard:
+    def __init__(self):
+        self.text = ""
+
+    def write(self, text):
+        self.text += text
+
+
+@pytest.mark.parametrize(
+    ("parts", "shown", "lines"),
+    [
+        (["a\n", "b\n", "c\n", "d\n", "e\n"], "a\nb\nc\n", 5),
+        (["a\nb\nc\nd\ne\n"], "a\nb\nc\n", 5),
+        (["a", "b", "\n"], "ab\n", 1),
+        (["abc"], "abc\n", 1),
+        ([""], "", 0),
+        (["x" * 3 * CHARACTERS] * 3, "x" * CHARACTERS + "\n", 1),
+    ],
+)
+def test_of_what_is_printed_a_little_is_shown(parts, shown, lines):
+    heard = Heard()
+    few = _Few(heard)
+    for part in parts:
+        assert few.write(part) == len(part)
+    few.finish()
+    assert (heard.text, few.lines) == (shown, lines)
+
+
+MISTAKES = [
+    (["view", "fm_step-v1", "-o", "b"], "b.png"),
+    (["view", "fm_step-v1", "-o", "b.jpg"], "PNG"),
+    (["view", "fm_step-v1", "-o", "b.png", "--at", "99"], "the run ends at"),
+    (["view", "fm_step-v1", "-o", "b.png", "--at", "-1"], "--at -1"),
+    (["view", "fm_step-v1", "-o", "b.png", "--at", "nan"], "--at nan"),
+    (["view", "fm_step-v1", "-o", "b.png", "--exaggerate", "nan"], "--exaggerate nan"),
+    *[(["run", "smoke", "--time-limit", text], "above 0") for text in ("-1", "0", "nan", "inf")],
+    (["check", "frozen", "--time-limit", "nan"], "above 0"),
+    (["list", "--gruop", "steps"], "unknown option '--gruop'. Did you mean '--group'?"),
+    (["list", "--gruop=steps"], "unknown option '--gruop=steps'. Did you mean '--group'?"),
+    (["list", "--grou", "steps"], "Did you mean '--group'?"),
+    (["show", "relocat"], "Did you mean 'relocate'?"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), MISTAKES)
+def test_a_mistake_on_the_command_line(capsys, tmp_path, monkeypatch, words, said):
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = main(words)
+    except SystemExit as stop:
+        status = stop.code
+    out, err = capsys.readouterr()
+    assert (status, out) == (2, "") and said in err
+    assert not list(tmp_path.iterdir())

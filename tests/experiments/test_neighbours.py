@@ -1,0 +1,96 @@
+"""Estimators in files: each has the neighbours of its own folder, and takes no library's place."""
+
+import statistics
+import sys
+
+import pytest
+
+import flexaxis as fx
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.specs import parse
+
+MINE = """
+from __future__ import annotations
+from dataclasses import dataclass
+
+import helper_of_mine
+
+class Mine:
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self.now = helper_of_mine.VALUE
+
+    def step(self, u, y):
+        import late_helper_of_mine
+        return [self.now + late_helper_of_mine.VALUE]
+
+@dataclass
+class Data:
+    value: int = 0
+"""
+
+
+@pytest.fixture
+def two(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for folder, value in (("old", 1.0), ("new", 2.0)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "mine.py").write_text(MINE)
+        (tmp_path / folder / "helper_of_mine.py").write_text(f"VALUE = {value}\n")
+        (tmp_path / folder / "late_helper_of_mine.py").write_text(f"VALUE = {10 * value}\n")
+    return tmp_path
+
+
+def test_each_folder_has_its_own_helpers_also_those_imported_late(two, short):
+    record = fx.simulate(short)
+    specs = [parse(f"{folder}/mine.py:Mine") for folder in ("old", "new")]  # both before any runs
+    found = [fx.estimate(record, spec.text).last["f_m"] for spec in [*specs, *specs]]
+    assert found == [11.0, 22.0, 11.0, 22.0]
+
+
+def test_a_helper_that_changed_changes_the_digest(two):
+    text, before = "old/mine.py:Mine", digest("old/mine.py:Mine")
+    assert before == digest(text)
+    (two / "old/late_helper_of_mine.py").write_text("VALUE = 3\n")
+    after = digest(text)
+    assert after != before
+    (two / "old/deep_helper_of_mine.py").write_text("A = 1\n")
+    (two / "old/late_helper_of_mine.py").write_text("from deep_helper_of_mine import A\n")
+    one = digest(text)
+    (two / "old/deep_helper_of_mine.py").write_text("A = 2\n")
+    assert len({before, after, one, digest(text)}) == 4
+
+
+def test_a_file_with_the_name_of_a_library_hides_it_from_nobody(two, monkeypatch):
+    (two / "old/statistics.py").write_text(MINE)
+    monkeypatch.delitem(sys.modules, "statistics")
+    parse("old/statistics.py:Mine")
+    import statistics as library
+
+    assert library.__file__ == statistics.__file__
+
+
+def test_a_file_that_fails_is_not_left_half_imported(two):
+    (two / "old/fails_in_the_end.py").write_text("class Mine: pass\n1 / 0\n")
+    for _ in range(2):
+        with pytest.raises(EstimatorError, match="ZeroDivisionError"):
+            parse("old/fails_in_the_end.py:Mine")
+    assert not [name for name in sys.modules if name.endswith("fails_in_the_end")]
+
+
+def test_only_what_cannot_be_imported_is_told_to_be_renamed(two):
+    (two / "old/random.py").write_text("MINE = 1\n")
+    (two / "old/divides.py").write_text("1 / 0\n")
+    (two / "old/wants.py").write_text("from random import MINE\n")
+    with pytest.raises(EstimatorError) as seen:
+        parse("old/divides.py:Mine")
+    assert "rename" not in str(seen.value)
+    with pytest.raises(EstimatorError, match="rename it"):
+        parse("old/wants.py:Mine")
+
+
+def test_a_class_is_told_from_one_of_nearly_its_name(two):
+    with pytest.raises(EstimatorError, match="Did you mean 'Mine'"):
+        parse("old/mine.py:Mone")
