@@ -7,6 +7,7 @@ it at once or only when they run.
 from __future__ import annotations
 
 import ast
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,11 @@ PRIVATE = "_flexaxis_file_"
 """How the modules of estimators' files begin; their names take the place of no library."""
 
 _left: dict[str, dict[str, ModuleType]] = {}
-_added: list[str] = []
+_HANDED_ON = "FLEXAXIS_NEIGHBOURS"
+# A worker process begins with the import path of its parent: what was put there is to go as well.
+_added: list[str] = [
+    place for place in [os.environ.get(_HANDED_ON, "")] if place and place in sys.path
+]
 
 
 def code_file(text: str) -> str:
@@ -39,6 +44,7 @@ def move_to(folder: Path) -> None:
     if home not in sys.path:
         sys.path.append(home)
         _added.append(home)
+        os.environ[_HANDED_ON] = home
         sys.modules.update(_left.pop(home, {}))
 
 

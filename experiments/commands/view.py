@@ -31,6 +31,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
+    from flexaxis.experiments.running.outputs import spare
+
+    spare([args.what], args.output)
     _check(args)
     if args.output is not None:
         from flexaxis.experiments.reporting.offscreen import draw_offscreen
@@ -39,12 +42,10 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.reporting.view import picture, window
     from flexaxis.experiments.running.files import dumps
-    from flexaxis.experiments.running.outputs import spare
     from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate
 
-    spare([args.what], args.output)
     if args.what.endswith(".nc"):
         record = load_record(Path(args.what))
     else:

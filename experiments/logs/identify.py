@@ -9,12 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import (
-    HIGHEST_ORDER,
-    Fitted,
-    noise_model,
-    settled,
-)
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, noise_model, settled
+from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
@@ -49,6 +45,8 @@ class Identification:
         Estimates.
     noise_deviations, spread : ndarray (p,)
         Standard deviations for white residuals, and from the spread over pieces of the record.
+    discretisation : ndarray (p,)
+        What the steps that laws are solved in may make estimates off.
     delay, delay_deviation : float
         By which the torque acts late [s]; the deviation is zero if it was given.
     offset, offset_deviation : float
@@ -73,6 +71,7 @@ class Identification:
     theta: Array
     noise_deviations: Array
     spread: Array
+    discretisation: Array
     delay: float
     delay_deviation: float
     offset: float
@@ -87,8 +86,8 @@ class Identification:
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations (p,), the larger of both."""
-        return np.maximum(self.noise_deviations, self.spread)
+        """Standard deviations (p,): the larger of both, with the discretisation of laws."""
+        return np.hypot(np.maximum(self.noise_deviations, self.spread), self.discretisation)
 
     @property
     def residual(self) -> Array:
@@ -231,7 +230,8 @@ def _found(
 ) -> Identification:
     log, p = attempt.log, len(attempt.names)
     noise, pieces = fitted.deviations, spread(fitted)
-    honest = np.maximum(noise, pieces)
+    steps = discretisation(attempt.problem(), fitted)
+    honest = np.hypot(np.maximum(noise, pieces), steps)
     model = attempt.having(attempt.values(fitted)).model
     found = replace(
         axis,
@@ -252,6 +252,7 @@ def _found(
         theta=fitted.z[:p],
         noise_deviations=noise[:p],
         spread=pieces[:p],
+        discretisation=steps[:p],
         delay=float(fitted.z[-1]),
         delay_deviation=float(honest[-1]),
         offset=float(fitted.z[-2]),

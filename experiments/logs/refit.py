@@ -14,12 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.prediction_error import (
-    HIGHEST_ORDER,
-    Colour,
-    colourless,
-    noise_model,
-)
+from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
 from flexaxis.estimators.offline.sizes import state_sizes
 from flexaxis.estimators.offline.trajectory import Course, course
 from flexaxis.experiments.logs.attempt import log_of

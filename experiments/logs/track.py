@@ -14,8 +14,8 @@ from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.offline.colour import colourless
 from flexaxis.estimators.offline.delay import delayed
-from flexaxis.estimators.offline.prediction_error import colourless
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.prediction_error import Colour, colourless, finished
+from flexaxis.estimators.offline.colour import Colour, colourless
+from flexaxis.estimators.offline.prediction_error import finished
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError

@@ -183,8 +183,7 @@ def _stuck(attempt: Attempt, fitted: Fitted) -> tuple[list[str], list[str]]:
 
 
 def _bounds(attempt: Attempt, fitted: Fitted) -> list[str]:
-    stuck, _ = _stuck(attempt, fitted)
-    found = []
+    found, (stuck, _) = [], _stuck(attempt, fitted)
     if LEVEL in stuck:
         stuck.remove(LEVEL)
         found += [
@@ -201,13 +200,9 @@ def _bounds(attempt: Attempt, fitted: Fitted) -> list[str]:
 
 def _shapeless(attempt: Attempt, fitted: Fitted) -> list[str]:
     """Return which shape of a law has come to its limit, such as bristles that do not give."""
-    _, shapes = _stuck(attempt, fitted)
-    if not shapes:
-        return []
-    return [
-        f"{', '.join(shapes)}: at the limit of the law, of which a simpler one is the limit; its "
-        "value means no more than that"
-    ]
+    shapes = ", ".join(_stuck(attempt, fitted)[1])
+    text = "at the limit of the law, which is a simpler law; the value means no more than that"
+    return [f"{shapes}: {text}"] if shapes else []
 
 
 def _restless(fitted: Fitted) -> list[str]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flexaxis.estimators.offline.prediction_error import BRIDGED, colourless
+from flexaxis.estimators.offline.colour import BRIDGED, colourless
 
 PERIOD, N = 0.002, 10_000
 GAP = slice(4000, 4200)

@@ -432,3 +432,22 @@ def test_identify_and_track_say_what_is_wrong_with_a_log(clean, tmp_path, capsys
     track[1] = rec
     assert main(track) in (0, 1)
     assert "✗" not in capsys.readouterr().err  # told at its import
+
+
+@pytest.mark.parametrize(
+    ("top", "verdict"), [(1500.0, "ok"), (6000.0, "problem"), (12_000.0, None)]
+)
+def test_the_speed_of_a_spindle_is_doubted_and_not_refused(top, verdict, clean, tmp_path):
+    """60 000 rpm are 6283 rad/s."""
+    speed = np.gradient(clean["angle"], T)
+    speed *= top / np.percentile(abs(speed), 95)
+    columns = {"time": clean["time"], "torque": clean["torque"], "speed": speed}
+    if verdict is None:
+        with pytest.raises(LogError, match=r"would turn at 1\.2e"):
+            imported(tmp_path, columns)
+    else:
+        found = seen(imported(tmp_path, columns), "units")
+        assert found.verdict == verdict
+        assert (found.command == "--unit speed=UNIT") == (verdict == "problem")
+    stated = imported(tmp_path, columns, {"unit": {"speed": "rad/s"}})
+    assert seen(stated, "units").verdict == "ok"

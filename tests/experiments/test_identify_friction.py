@@ -158,6 +158,12 @@ def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found, record):
     assert not any("bound" in text or "converge" in text for text in said(fitted))
 
 
+def test_steps_of_a_law_are_part_of_the_deviation(found):
+    assert np.all(found.discretisation > 0)
+    wider = np.hypot(np.maximum(found.noise_deviations, found.spread), found.discretisation)
+    np.testing.assert_allclose(found.deviations, wider)
+
+
 def test_a_validation_can_fail(found, record, tmp_path, capsys):
     other = log(1, 10, "moves", seed=1, seconds=20.0)
     assert validate(other, found.axis, found.fits).warnings == ()

@@ -94,3 +94,15 @@ def test_only_what_cannot_be_imported_is_told_to_be_renamed(two):
 def test_a_class_is_told_from_one_of_nearly_its_name(two):
     with pytest.raises(EstimatorError, match="Did you mean 'Mine'"):
         parse("old/mine.py:Mone")
+
+
+def test_each_worker_process_has_them_apart_too(two, short):
+    for folder, value in (("old", 0.05), ("new", 0.06)):  # near the truth, so that biases differ
+        (two / folder / "helper_of_mine.py").write_text(f"VALUE = {value}\n")
+        (two / folder / "late_helper_of_mine.py").write_text("VALUE = 0.0\n")
+    names = ["old/mine.py:Mine", "new/mine.py:Mine"]
+    for text in names:
+        parse(text)  # as a command does before it starts processes, which inherit the import path
+    rows = list(fx.benchmark(names, scenarios=short, seeds=4, jobs=2).rows)
+    found = {name: {row["bias"] for row in rows if row["estimator"] == name} for name in names}
+    assert found["old/mine.py:Mine"].isdisjoint(found["new/mine.py:Mine"])

@@ -94,6 +94,23 @@ def test_units_at_the_end_of_a_name(tmp_path):
     np.testing.assert_allclose(raw.angle, np.radians(ANGLE), atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("column", "unit", "factor"),
+    [
+        ("current_mA", None, 1e-3),
+        ("current [mA]", None, 1e-3),
+        ("current", "mA", 1e-3),
+        ("torque_ma", None, 1.0),  # a moving average
+    ],
+)
+def test_a_current_in_milliamperes(column, unit, factor, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(table(f"time,{column},angle"), encoding="utf-8")
+    given = {"unit": {"torque": unit}} if unit else {}
+    mapping = mapping_from({"torque": column.partition(" ")[0]} | given, source="")
+    np.testing.assert_allclose(pick(open_log(path), mapping).torque, TORQUE * factor, atol=1e-9)
+
+
 def test_a_table_without_names_has_numbered_columns(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(table(""), encoding="utf-8")

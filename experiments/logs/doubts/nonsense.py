@@ -11,7 +11,9 @@ from flexaxis.experiments.logs.prepare import unwrapped
 
 Array = NDArray[np.float64]
 
-FASTEST = 2000.0  # rad/s, 19 000 rpm: what no motor of an axis does
+SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
+FAST = 2000.0  # rad/s, 19 000 rpm: motors of axes stay below, spindles do not
+FASTEST = 1e4  # rad/s, 95 000 rpm: above motor spindles for milling, sold up to some 60 000 rpm
 
 
 def refuse_nonsense(raw: Raw) -> None:
@@ -76,20 +78,32 @@ def _refuse_other_speed(raw: Raw) -> None:
         )
 
 
+def usual_speed(raw: Raw, name: str) -> float | None:
+    """Return the speed [rad/s] below which a motor is for 95 % of a log, by its angle or speed.
+
+    None where there is no such signal, or somebody stated its unit.
+    """
+    values = getattr(raw, name)
+    if values is None or name in raw.stated:
+        return None
+    there = np.isfinite(values)
+    speed = values[there]
+    if name == "angle":
+        speed = np.diff(unwrapped(speed)[0]) / np.diff(raw.time[there])
+    return float(np.percentile(abs(speed), 95)) if len(speed) else None
+
+
+def other_units(name: str) -> str:
+    """Return a question for the unit of an angle or a speed, and how to state it."""
+    units = "deg or counts" if name == "angle" else "rpm or deg/s"
+    return (
+        f"is {name} in {units}? State it with --unit {name}=… or --scale {name}=FACTOR, or time "
+        f"with --unit time=…; if all is right, with --unit {name}={SI[name]}"
+    )
+
+
 def _refuse_too_fast(raw: Raw) -> None:
     for name in ("angle", "speed"):
-        values = getattr(raw, name)
-        if values is None or name in raw.stated:
-            continue
-        there = np.isfinite(values)
-        speed = values[there]
-        if name == "angle":
-            speed = np.diff(unwrapped(speed)[0]) / np.diff(raw.time[there])
-        usual = float(np.percentile(abs(speed), 95)) if len(speed) else 0.0
-        if usual > FASTEST:
-            units = "deg or counts" if name == "angle" else "rpm or deg/s"
-            raise LogError(
-                f"the motor would turn at {usual:.3g} rad/s: is {name} in {units}? State it with "
-                f"--unit {name}=… or --scale {name}=FACTOR, or time with --unit time=…; if all is "
-                f"right, with --unit {name}={'rad' if name == 'angle' else 'rad/s'}"
-            )
+        usual = usual_speed(raw, name)
+        if usual is not None and usual > FASTEST:
+            raise LogError(f"the motor would turn at {usual:.3g} rad/s: {other_units(name)}")

@@ -2,8 +2,7 @@
 
 from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
+from flexaxis.experiments.logs.doubts.nonsense import FAST, SI, other_units, usual_speed
 
 
 def _look(e: Evidence) -> Doubt | None:
@@ -13,6 +12,14 @@ def _look(e: Evidence) -> Doubt | None:
     assumed = [name for name in there if name not in e.raw.stated]
     if not assumed:
         return Doubt("units", None, "", "ok", "stated")
+    for name in ("angle", "speed"):
+        usual = usual_speed(e.raw, name)
+        if usual is not None and usual > FAST:
+            text = (
+                f"nobody stated them, and the motor would turn at {usual:.3g} rad/s, as spindles "
+                f"do but hardly an axis: {other_units(name)}"
+            )
+            return Doubt("units", usual, "rad/s", "problem", text, f"--unit {name}=UNIT")
     taken = ", ".join(f"{name} for {SI[name]}" for name in assumed)
     text = f"nobody stated them; taken {taken}, which the motion allows"
     return Doubt("units", None, "", "ok", text, "")
