@@ -266,7 +266,7 @@ def _found(
         verdict=judge(
             attempt,
             fitted,
-            honest,
+            np.maximum(noise, pieces),  # what the log shows, not how laws are solved
             seen=seen,
             tried=tried,
             word=word,
