@@ -65,7 +65,7 @@ CASES = [
     ("parameters.r = 118", "parameters.r: must be in (0, 1], arm angle over motor angle "
      "(1/118, not 118), not 118", ""),
     ("parameters.k_g = inf", "parameters.k_g: must be a finite number, not inf", ""),
-    ("start = 0", "start: must be greater than 0, not 0", ""),
+    ("start = 0", "start: must be greater than or equal to 0.01, not 0", ""),
     ("start = nan", "start: must be ", ", not nan"),
     ("output = 'angle'", "output: must be 'speed' or 'increment', not 'angle'", ""),
     ("noise.speed = -0.1", "noise.speed: must be greater than or equal to 0, not -0.1", ""),
