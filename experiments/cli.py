@@ -21,6 +21,7 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
+from flexaxis.experiments.running.interrupts import one_stage
 from flexaxis.experiments.running.told import told
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
@@ -115,7 +116,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
-    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose):
+    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose), one_stage():
         return _guarded(args)
 
 

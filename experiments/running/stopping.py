@@ -1,0 +1,109 @@
+"""Work that can be stopped in the middle: what is done of it is kept.
+
+The work of a process is a unit of cases, in its main thread. A stop is raised there, wherever it
+is, by a signal: Ctrl-C itself where the work is in the process that has it, `STOP` in a worker.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+STOP: signal.Signals | None = getattr(signal, "SIGUSR1", None)
+"""What tells a worker to stop; Windows has no such signal."""
+AGAIN = 0.01  # s after which it is tried again to raise a stop
+
+
+class Stopped(BaseException):
+    """The work is stopped; not an `Exception`, so that no `except Exception` holds it up."""
+
+
+class _State:
+    """What a process knows of a stop.
+
+    Attributes
+    ----------
+    asked : bool
+        Whether all work is to stop, also what is still to come.
+    able : bool
+        Whether work is under way that may be left where it is.
+    """
+
+    asked = able = False
+
+
+_state = _State()
+
+
+def ask(frame: FrameType | None = None) -> None:
+    """Stop the work of this process; to be called in its main thread, by the handler of a signal.
+
+    Raises
+    ------
+    Stopped
+        If work is under way; else it will end as soon as it begins.
+    """
+    _state.asked = True
+    if not _state.able:
+        return
+    if in_numba(frame):
+        later(signal.SIGINT if STOP is None else STOP)
+        return
+    _state.able = False  # raised once
+    raise Stopped
+
+
+def forget() -> None:
+    """Let work begin again."""
+    _state.asked = False
+
+
+def check() -> None:
+    """Raise Stopped if that was asked for: something may have held it up when it was raised."""
+    if _state.asked:
+        raise Stopped
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Do work inside that may be left where it is; a stop ends the block, and no more.
+
+    Inside another such block, it is the inner one that ends, and the outer one goes on.
+    """
+    before = _state.able
+    try:
+        _state.able = threading.current_thread() is threading.main_thread()
+        check()
+        yield
+    except Stopped:
+        before = False  # raised once
+    finally:
+        _state.able = before
+
+
+def heed() -> None:
+    """Let `STOP` stop the work of this process."""
+    if STOP is None:
+        return
+    signal.signal(STOP, lambda number, frame: ask(frame))
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {STOP})  # held back until now
+
+
+def later(number: int) -> None:
+    """Send this process a signal in a moment."""
+    again = threading.Timer(AGAIN, signal.raise_signal, [number])
+    again.daemon = True
+    again.start()
+
+
+def in_numba(frame: FrameType | None) -> bool:
+    """Whether compiled code has called Python, for a type; it takes no exception from there.
+
+    Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.
+    """
+    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+        frame = frame.f_back
+    return frame is not None
