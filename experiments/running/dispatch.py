@@ -15,10 +15,11 @@ from contextlib import suppress
 from functools import partial
 from typing import Generic, TypeVar
 
+from flexaxis.experiments.building.inherited import held_back
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, held_back, two_stage
+from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, two_stage
 from flexaxis.experiments.running.processes import kill, process_pool, stop
-from flexaxis.experiments.running.stopping import Stopped, stoppable
+from flexaxis.experiments.running.stopping import Stopped, check, stoppable
 
 ATTEMPTS = 3
 Task = TypeVar("Task")
@@ -74,6 +75,7 @@ def spread(
 def _done(work: Callable[[Task], Result], task: Task) -> Result:
     """Return what became of a task; work that cannot say how far it has come is lost by a stop."""
     with stoppable():
+        check()
         return work(task)
     raise Stopped
 
@@ -114,7 +116,7 @@ def _own_pools(
             try:
                 yield from flight.all(tasks, room)
                 more = False
-                if flight.given_up:
+                if interrupts.asked:  # what they do now, nobody waits for
                     kill(pool)
             except BrokenExecutor:
                 pass
@@ -135,7 +137,7 @@ def _one_by_one(
                     yield from flight.all(tasks[:1], 1)
                     del tasks[0]
                     attempt = 0
-                if flight.given_up:
+                if interrupts.asked:  # what they do now, nobody waits for
                     kill(pool)
             except BrokenExecutor as error:
                 attempt += 1

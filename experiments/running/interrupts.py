@@ -12,6 +12,7 @@ from types import FrameType
 from typing import TypeVar
 
 from flexaxis.experiments.running import stopping
+from flexaxis.experiments.running.stopping import patient
 
 Item = TypeVar("Item")
 
@@ -56,39 +57,34 @@ class Interrupts:
         if self.asked:
             raise KeyboardInterrupt
 
-    def __call__(self, number: int, frame: FrameType | None) -> None:
+    def ask(self) -> None:
         """Take a Ctrl-C."""
-        if self.asked:
-            at_once(number, frame)
-            return
+        self.tell()
         self.asked, self._until = True, time.monotonic() + GRACE
         # Not by print: what is interrupted may be in the middle of one.
         os.write(2, b"\nflexaxis: stopping; what is done is kept. Ctrl-C again ends at once\n")
         self.stop()
-        stopping.ask(frame)
+        stopping.ask()
 
 
-def at_once(number: int, frame: FrameType | None) -> None:
-    """Raise KeyboardInterrupt as soon as that can be done without a crash."""
-    if stopping.in_numba(frame):
-        stopping.later(number)
-        return
+def _at_once() -> None:
     raise KeyboardInterrupt
 
 
-_OURS = (signal.default_int_handler, at_once)
+AT_ONCE = patient(_at_once)
 
 
 @contextmanager
-def _handling(handler: Callable[[int, FrameType | None], None]) -> Iterator[bool]:
+def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
     before = signal.getsignal(signal.SIGINT)
-    if before not in _OURS or threading.current_thread() is not threading.main_thread():
-        yield False
+    ours = before in {signal.default_int_handler, AT_ONCE}
+    if not ours or threading.current_thread() is not threading.main_thread():
+        yield
         return
-    signal.signal(signal.SIGINT, handler)
+    signal.signal(signal.SIGINT, react)
     try:
-        yield True
+        yield
     finally:
         signal.signal(signal.SIGINT, before)
 
@@ -97,7 +93,7 @@ def _handling(handler: Callable[[int, FrameType | None], None]) -> Iterator[bool
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    with _handling(interrupts):
+    with _handling(patient(interrupts.ask)):
         try:
             yield interrupts
         finally:
@@ -107,22 +103,11 @@ def two_stage() -> Iterator[Interrupts]:
 @contextmanager
 def one_stage() -> Iterator[None]:
     """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
-    with _handling(at_once):
+    with _handling(AT_ONCE):
         yield
 
 
-@contextmanager
-def held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while a process may be started, which inherits that: it is for us alone.
-
-    So is what tells a worker to stop, until it knows what to do then.
-    """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    kinds = {signal.SIGINT, *([stopping.STOP] if stopping.STOP else [])}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, kinds)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def no_more_waiting() -> None:
+    """Let Ctrl-C end this process, which is about to end, without a word."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))

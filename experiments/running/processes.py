@@ -12,7 +12,8 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 
-from flexaxis.experiments.running.stopping import STOP, heed
+from flexaxis.experiments.building.inherited import STOP
+from flexaxis.experiments.running.stopping import heed
 
 
 def _start_worker() -> None:

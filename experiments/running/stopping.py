@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
 
-STOP: signal.Signals | None = getattr(signal, "SIGUSR1", None)
-"""What tells a worker to stop; Windows has no such signal."""
-AGAIN = 0.01  # s after which it is tried again to raise a stop
+from flexaxis.experiments.building.inherited import STOP
+
+AGAIN = 0.01  # s after which a signal is sent again that could not be heeded
 
 
 class Stopped(BaseException):
@@ -38,7 +37,7 @@ class _State:
 _state = _State()
 
 
-def ask(frame: FrameType | None = None) -> None:
+def ask() -> None:
     """Stop the work of this process; to be called in its main thread, by the handler of a signal.
 
     Raises
@@ -48,9 +47,6 @@ def ask(frame: FrameType | None = None) -> None:
     """
     _state.asked = True
     if not _state.able:
-        return
-    if in_numba(frame):
-        later(signal.SIGINT if STOP is None else STOP)
         return
     _state.able = False  # raised once
     raise Stopped
@@ -67,39 +63,46 @@ def check() -> None:
         raise Stopped
 
 
-@contextmanager
-def stoppable() -> Iterator[None]:
+class stoppable:
     """Do work inside that may be left where it is; a stop ends the block, and no more.
 
-    Inside another such block, it is the inner one that ends, and the outer one goes on.
+    Inside another such block, it is the inner one that ends, and the outer one goes on. A class
+    and no generator: a stop that comes on the way in or out is then no error but a `Stopped`.
     """
-    before = _state.able
-    try:
+
+    def __enter__(self) -> None:
+        self._before = _state.able
         _state.able = threading.current_thread() is threading.main_thread()
-        check()
-        yield
-    except Stopped:
-        before = False  # raised once
-    finally:
-        _state.able = before
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool:
+        stopped = kind is not None and issubclass(kind, Stopped)
+        _state.able = self._before and not stopped  # raised once
+        return stopped
 
 
 def heed() -> None:
     """Let `STOP` stop the work of this process."""
     if STOP is None:
         return
-    signal.signal(STOP, lambda number, frame: ask(frame))
+    signal.signal(STOP, patient(ask))
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {STOP})  # held back until now
 
 
-def later(number: int) -> None:
-    """Send this process a signal in a moment."""
-    again = threading.Timer(AGAIN, signal.raise_signal, [number])
-    again.daemon = True
-    again.start()
+def patient(react: Callable[[], None]) -> Callable[[int, FrameType | None], None]:
+    """Return the handler of a signal that may raise something, as soon as that can be done."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if not _in_numba(frame):
+            react()
+            return
+        again = threading.Timer(AGAIN, signal.raise_signal, [number])
+        again.daemon = True
+        again.start()
+
+    return handle
 
 
-def in_numba(frame: FrameType | None) -> bool:
+def _in_numba(frame: FrameType | None) -> bool:
     """Whether compiled code has called Python, for a type; it takes no exception from there.
 
     Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.

@@ -133,6 +133,7 @@ def run_unit(
     done = _Done()
     with threadpool_limits(1), limited(time_limit), noted() as remarks:
         with stoppable():
+            check()
             _run(done, unit, store, whole, traced)
         return done.outcome(remarks)
 
