@@ -5,6 +5,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -32,11 +33,14 @@ class Mine:
 """
 
 
-def plan(short, folder, press_at, swallow):
+def unit(short, folder, press_at, swallow):
+    """Five seeds that are run in one go."""
     folder.mkdir()
     code = OWN.replace("PRESS", str(press_at)).replace("SWALLOW", swallow)
     (folder / "own.py").write_text(code)
-    return make_plan(Study("s", (short,), (f"{folder}/own.py:Mine",), range(5)), run_code=True)
+    study = Study("s", (short,), (f"{folder}/own.py:Mine",), range(5))
+    first, *_ = make_plan(study, run_code=True).units()
+    return replace(first, seeds=tuple(study.seeds))
 
 
 @pytest.fixture
@@ -51,11 +55,11 @@ def usual():
 @pytest.mark.parametrize(("swallow", "whole"), [("raise", 2), ("pass", 3)])
 def test_the_cases_before_ctrl_c_are_kept(short, tmp_path, usual, swallow, whole):
     """Also where a user's code takes the stop for an error of its own: then after that case."""
-    every = list(plan(short, tmp_path / "a", 0, "raise").units())
-    expected = [json.loads(x) for u in every for x in run_unit(u).lines.splitlines()]
+    every = run_unit(unit(short, tmp_path / "a", 0, "raise"))
+    expected = [json.loads(line) for line in every.lines.splitlines()]
     outcomes = []
     with pytest.raises(KeyboardInterrupt):
-        for outcome in spread(plan(short, tmp_path / "b", 3, swallow).units(), run_unit):
+        for outcome in spread([unit(short, tmp_path / "b", 3, swallow)], run_unit):
             outcomes.append(outcome)
     rows = [json.loads(line) for outcome in outcomes for line in outcome.lines.splitlines()]
     assert sum(outcome.cases for outcome in outcomes) == len(rows) == whole
@@ -66,10 +70,10 @@ def test_the_cases_before_ctrl_c_are_kept(short, tmp_path, usual, swallow, whole
 
 def test_work_that_is_told_to_stop_does_not_begin(short, tmp_path, usual):
     stopping.ask()
-    (unit, *_) = plan(short, tmp_path / "a", 0, "raise").units()
-    assert run_unit(unit).cases == 0
+    work = unit(short, tmp_path / "a", 0, "raise")
+    assert run_unit(work).cases == 0
     stopping.forget()
-    assert run_unit(unit).cases == unit.cases
+    assert run_unit(work).cases == work.cases
 
 
 def slow(task):
