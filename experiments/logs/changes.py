@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,8 @@ WINDOWS = 40  # that a record is cut into
 FEWEST = 3  # windows on each side of a change
 SCATTERS = 5.0  # of a difference of means; 22 false alarms in 10 000 sequences of white noise
 SMALLEST = 0.02  # relative change that is worth a word
+STEPS = 4  # of Gauss and Newton to the values on both sides of a change
+FARTHEST = 0.5  # relative change of a parameter in one of them
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,57 @@ def find_changes(
         )
     ]
     return sorted(found, key=lambda change: (change.time, -change.scatters))
+
+
+def resized(
+    found: Sequence[Change],
+    look: Callable[[Array], Sequence[Array]],
+    time: Array,
+    theta: Array,
+    names: Sequence[str],
+) -> list[Change]:
+    """Return changes with the sizes that fits between them have; those that come out small go.
+
+    A residual is linear in small changes only, and where a motor sticks hardly at all. So the
+    parameters are fitted to each stretch between changes.
+
+    Parameters
+    ----------
+    found : sequence of Change
+        From `find_changes`, in the order of time.
+    look : callable
+        Returns ε (N,) and ψ (N, p) of the usable samples at any θ.
+    time, theta, names
+        As for `find_changes`.
+    """
+    if not found:
+        return []
+    edges = sorted({change.time for change in found})
+    stretch = np.searchsorted(edges, time, side="right")
+    values = [_fitted(look, stretch == i, theta) for i in range(len(edges) + 1)]
+    sized = []
+    for change in found:
+        i, at = names.index(change.name), edges.index(change.time)
+        relative = float(values[at + 1][i] / values[at][i] - 1)
+        if abs(relative) >= SMALLEST:
+            sized.append(replace(change, relative=relative))
+    return sized
+
+
+def _fitted(
+    look: Callable[[Array], Sequence[Array]], inside: NDArray[np.bool_], theta: Array
+) -> Array:
+    """Return the parameters (p,) of a stretch: as long as steps of Gauss and Newton help."""
+    best, least, at = theta, np.inf, theta
+    for _ in range(STEPS + 1):
+        error, psi = (signal[inside] for signal in look(at))
+        square = float(error @ error)
+        if not square < least:
+            break
+        best, least = at, square
+        step = np.linalg.lstsq(psi * at, error)[0]
+        at = at * (1 + np.clip(step, -FARTHEST, FARTHEST))
+    return best
 
 
 def _scatter(values: Array) -> float:
