@@ -46,7 +46,7 @@ def changing_log(
     stiffness = 60 * sum(value for name, value in first.items() if name.startswith("J"))
     systems = tuple(_system(masses, values, period / STEPS) for values in (first, then))
     motor = _matrices(masses, first)[2]
-    u, v, angle = _run(systems, motor, reference, stiffness, period, (f_c, then_f_c), at)
+    u, v, angle = _run(systems, motor, reference, (stiffness, period), ((f_c, then_f_c), at))
     noisy = v + noise * rng.standard_normal(N)
     return Record(time=period * np.arange(N), torque=u, speed=noisy, angle=angle)
 
@@ -61,8 +61,13 @@ def _system(masses, values, h):
 
 
 @njit
-def _run(systems, motor, reference, stiffness, period, levels, at):
-    N, x = len(reference), np.zeros(len(systems[0][1]))
+def _run(systems, motor, reference, gains, change):
+    (stiffness, period), (levels, at), N, x = (
+        gains,
+        change,
+        len(reference),
+        np.zeros(len(systems[0][1])),
+    )
     u, v, angle = np.zeros(N), np.zeros(N), np.zeros(N)
     integral, before, slope, memory = 0.0, 0.0, 0.0, np.exp(-period / 5e-4)
     for k in range(N):
