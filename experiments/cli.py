@@ -177,16 +177,23 @@ def _guarded(args: argparse.Namespace) -> int:
             return _crashed(args, error, str(error))
         told = str(error)
     except KeyboardInterrupt as error:
-        say("; ".join(["interrupted", *map(str, error.args)]))
-        return INTERRUPTED
+        return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             return _crashed(args, error, _unexpected(args, error))
         told = f"{error.filename}: {error.strerror}"  # what was given is no path at all
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
-    say(told)
-    return WRONG_USE
+    return _ended(args, WRONG_USE, told)
+
+
+def _ended(args: argparse.Namespace, status: int, text: str) -> int:
+    """Say why a command found nothing, on stderr and to who reads JSON."""
+    from flexaxis.experiments.commands.answers import no_answer
+
+    say(text)
+    no_answer(args, status, text)
+    return status
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
@@ -214,10 +221,8 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         import traceback
 
         traceback.print_exception(error)
-        say(text)
-    else:
-        say(f"{text}; {TRACEBACK} shows more")
-    return CRASH
+        return _ended(args, CRASH, text)
+    return _ended(args, CRASH, f"{text}; {TRACEBACK} shows more")
 
 
 def say(text: str) -> None:

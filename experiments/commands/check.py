@@ -17,6 +17,7 @@ import argparse
 import time
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "check that an estimator keeps the rules"
 GROUP = "judge"
@@ -26,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
     options.add_time_limit(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 class _Slow:
@@ -57,15 +58,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps
 
     with limited(args.time_limit):
         found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
-        content = {"estimator": args.estimator, "status": status}
-        print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
-        return status
+        rules = [asdict(finding) for finding in found]
+        return answer(args, {"estimator": args.estimator, "rules": rules}, status)
     table = Table("rule", "", box=None, pad_edge=False)
     table.add_column("what was seen", overflow="fold")  # a path is of no use without its end
     told: set[str] = set()

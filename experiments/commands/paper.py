@@ -13,6 +13,8 @@ import argparse
 import os
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "reproduce the paper's figures and check its claims"
 GROUP = "teach"
 
@@ -37,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-cache", action="store_true", help="simulate every record, and keep none"
     )
-    parser.add_argument("--json", action="store_true", help="print the claims as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -47,7 +49,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.paper.paper_page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.sim.errors import FlexaxisError
@@ -63,9 +64,9 @@ def main(args: argparse.Namespace) -> int:
             advance=advance,
         )
     page = args.output / PAGE
+    status = int(not all(claim.holds for claim in claims))
     if args.json:
-        print(dumps({"claims": [claim.as_json() for claim in claims], "page": str(page)}))
-    else:
-        Console().print(claims_table(claims))
-        print(page)
-    return int(not all(claim.holds for claim in claims))
+        return answer(args, {"claims": [claim.as_json() for claim in claims], "page": page}, status)
+    Console().print(claims_table(claims))
+    print(page)
+    return status

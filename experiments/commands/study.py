@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
@@ -59,7 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="keep simulated records (`flexaxis cache info`), for studies of the same records",
     )
     add_run_code(parser, "estimators of FILE.toml")
-    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -89,11 +90,17 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         told = _announced(plan, done, place[1], dry=args.dry_run)
-        (print if args.dry_run else remark)(told)
+        (remark if args.json or not args.dry_run else print)(told)
         if not args.dry_run:
             return _run(args, plan, folder, place)
     require(args.run_code, study.estimators, **consent)
-    return 0
+    return answer(args, _planned(plan, done, folder)) if args.json else 0
+
+
+def _planned(plan: Plan, done: Any, folder: Path) -> dict[str, Any]:
+    whole, todo = plan.work(), plan.work(done)
+    found = {"folder": folder, "variants": len(plan.variants), "cases": whole.cases}
+    return found | {"records": whole.records, "to_run": todo.cases}
 
 
 def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
@@ -144,7 +151,6 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running import rows
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.studies.report import report
 
     total = plan.work().cases
@@ -152,11 +158,11 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     failures = Results.load(folder).failures()
     # A share is reported on when all are merged.
     path = report(folder) if plan.shard[1] == 1 else folder
+    status = options.failed(failures, args.remarks)
     if args.json:
-        told = {"folder": str(folder), "report": str(path), "cases": counted, "of": total}
-        print(dumps(told | {"run": run, "failed": len(failures)}))
-        return options.failed(failures, args.remarks)
+        told = {"folder": folder, "report": path, "cases": counted, "of": total}
+        return answer(args, told | {"run": run, "failed": len(failures)}, status)
     print(f"{counted} of {total} cases done, {run} of them just now")
     options.tell_failures(failures)
     print(path)
-    return options.failed(failures, args.remarks)
+    return status

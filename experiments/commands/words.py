@@ -68,6 +68,12 @@ class Parser(argparse.ArgumentParser):
             hint = did_you_mean(found[1], known)
             message = message[: found.start()] + f"unknown {found[1]!r}.{hint}"
             message += "" if hint else f" It is one of: {', '.join(known)}"
+        if "--json" in self._typed:
+            from flexaxis.experiments.commands.answers import refusal
+
+            _, _, command = self.prog.partition(" ")
+            words = [*([command] if command else []), *self._typed]
+            print(refusal(command or None, words, 2, message))
         super().error(message)
 
 
