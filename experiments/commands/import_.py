@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="status 1 if something spoils the estimates (✗)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -58,7 +59,6 @@ def main(args: argparse.Namespace) -> int:
         require_suffix,
         spare_foreign,
     )
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -76,20 +76,20 @@ def main(args: argparse.Namespace) -> int:
     if not same:
         found.record.save(path)
     write_page(import_page(found, seen, args.log, command_line(args.words)), report)
+    status = int(args.strict and any(check.verdict == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
         told = {name: vars(one) for name, one in seen.items()}
-        answer = {"record": str(record), "checks": checks, "seen": told, "hidden": hidden}
-        print(dumps(answer | {"report": str(report)}))
-    else:
-        _print(found.checks, seen)
-        if hidden:
-            print(f"what the excitation can see is not known: {hidden}")
-        if already:
-            print(f"{args.log} is a record already: go on with flexaxis identify {record}")
-        print(record)
-        print(report)
-    return int(args.strict and any(check.verdict == "problem" for check in found.checks))
+        content = {"record": record, "checks": checks, "seen": told, "hidden": hidden}
+        return answer(args, content | {"report": report}, status)
+    _print(found.checks, seen)
+    if hidden:
+        print(f"what the excitation can see is not known: {hidden}")
+    if already:
+        print(f"{args.log} is a record already: go on with flexaxis identify {record}")
+    print(record)
+    print(report)
+    return status
 
 
 def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
