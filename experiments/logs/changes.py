@@ -41,7 +41,13 @@ class Change:
 
 
 def find_changes(
-    time: Array, error: Array, psi: Array, theta: Array, names: Sequence[str]
+    time: Array,
+    error: Array,
+    psi: Array,
+    theta: Array,
+    names: Sequence[str],
+    *,
+    windows: int = WINDOWS,
 ) -> list[Change]:
     """Find changes from the residual ε and its gradient ψ at fixed parameters.
 
@@ -64,14 +70,16 @@ def find_changes(
         Where ε and ψ were taken.
     names : sequence of str
         Of the p parameters.
+    windows : int
+        That the samples are cut into.
 
     Returns
     -------
     list of Change
         In the order of time.
     """
-    bounds = np.linspace(0, len(time), WINDOWS + 1).astype(int)
-    local = np.full((WINDOWS, len(names)), np.nan)
+    bounds = np.linspace(0, len(time), windows + 1).astype(int)
+    local = np.full((windows, len(names)), np.nan)
     for i, (start, stop) in enumerate(pairwise(bounds)):
         if stop - start > 10 * len(names):
             local[i] = np.linalg.lstsq(psi[start:stop] * theta, error[start:stop])[0]
@@ -86,39 +94,58 @@ def find_changes(
     return sorted(found, key=lambda change: (change.time, -change.scatters))
 
 
-def resized(
-    found: Sequence[Change],
-    look: Callable[[Array], Sequence[Array]],
-    time: Array,
-    theta: Array,
-    names: Sequence[str],
+def changes_along(
+    look: Callable[[Array], Sequence[Array]], time: Array, theta: Array, names: Sequence[str]
 ) -> list[Change]:
-    """Return changes with the sizes that fits between them have; those that come out small go.
+    """Find changes however large they are: the parameters are fitted anew on both sides of each.
 
-    A residual is linear in small changes only, and where a motor sticks hardly at all. So the
-    parameters are fitted to each stretch between changes.
+    A residual is linear in small changes only, and where a motor sticks hardly at all: seen from
+    the values after a large change, what was before has the wrong size, and changes of others
+    beside it that never were. So both sides are looked at again from their own values.
 
     Parameters
     ----------
-    found : sequence of Change
-        From `find_changes`, in the order of time.
     look : callable
         Returns ε (N,) and ψ (N, p) of the usable samples at any θ.
     time, theta, names
         As for `find_changes`.
+
+    Returns
+    -------
+    list of Change
+        In the order of time.
     """
-    if not found:
+    return _along(_Record(look, time, names), np.ones(len(time), bool), theta)
+
+
+@dataclass(frozen=True)
+class _Record:
+    look: Callable[[Array], Sequence[Array]]
+    time: Array
+    names: Sequence[str]
+
+
+def _along(record: _Record, inside: NDArray[np.bool_], theta: Array) -> list[Change]:
+    """Return the changes of a stretch, seen from its own parameters."""
+    error, psi = (signal[inside] for signal in record.look(theta))
+    windows = round(WINDOWS * np.mean(inside))
+    if windows < 2 * FEWEST:
         return []
-    edges = sorted({change.time for change in found})
-    stretch = np.searchsorted(edges, time, side="right")
-    values = [_fitted(look, stretch == i, theta) for i in range(len(edges) + 1)]
-    sized = []
-    for change in found:
-        i, at = names.index(change.name), edges.index(change.time)
-        relative = float(values[at + 1][i] / values[at][i] - 1)
-        if abs(relative) >= SMALLEST:
-            sized.append(replace(change, relative=relative))
-    return sized
+    first = find_changes(record.time[inside], error, psi, theta, record.names, windows=windows)
+    if not first:
+        return []
+    at = max(first, key=lambda change: change.scatters).time
+    sides = inside & (record.time < at), inside & (record.time >= at)
+    before, after = (_fitted(record.look, side, theta) for side in sides)
+    here = [
+        replace(change, relative=float((after / before)[record.names.index(change.name)] - 1))
+        for change in first
+        if change.time == at
+    ]
+    here = [change for change in here if abs(change.relative) >= SMALLEST]
+    if not here:
+        return []
+    return [*_along(record, sides[0], before), *here, *_along(record, sides[1], after)]
 
 
 def _fitted(

@@ -23,7 +23,7 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import Spec, made
 from flexaxis.experiments.logs.attempt import log_of
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.changes import Change, find_changes, resized
+from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.load_angle import Load, predicted_load
 from flexaxis.experiments.running.estimate import estimates_file, run_on
@@ -174,10 +174,9 @@ def track(
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
     look = _Look(model, torque, measured, colour, ok, period)
-    error, residual, psi = look.at(last)
-    first = find_changes(record.time[good], residual[good], psi[good], last, names)
-    changes = resized(
-        first, lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
+    error, residual, _ = look.at(last)
+    changes = changes_along(
+        lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
     )
     correlation = _correlation(residual[good])
     return Tracked(

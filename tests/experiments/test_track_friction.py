@@ -10,7 +10,7 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.sampling.plan import law_plan
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.changes import Change, resized
+from flexaxis.experiments.logs.changes import changes_along
 from flexaxis.experiments.logs.track import track
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -61,16 +61,33 @@ def test_laws_are_solved_in_steps_of_time(rate, steps):
 
 
 def test_a_change_has_its_size_however_large():
-    """ŷ = x/θ, as friction acts: to first order, from θ = 1.5 back, half as much is seen as .33."""
+    """ŷ = x/a + b z, as friction acts: seen from a = 1.5, to first order, half is a third."""
     rng = np.random.default_rng(0)
-    time, x = np.arange(4000.0), rng.standard_normal(4000)
+    time, x, z = np.arange(4000.0), 1 + 0.3 * rng.standard_normal(4000), rng.standard_normal(4000)
     truth = np.where(time < 1000, 1.0, 1.5)
-    y = x / truth + 0.01 * rng.standard_normal(4000)
+    y = x / truth + z + 0.01 * rng.standard_normal(4000)
 
     def look(theta):
-        return y - x / theta[0], (-x / theta[0] ** 2)[:, None]
+        a, b = theta
+        return y - x / a - b * z, np.column_stack([-x / a**2, z])
 
-    told = [Change("a", 1000.0, 0.34, 20.0), Change("a", 3000.0, 0.03, 6.0)]
-    (change,) = resized(told, look, time, np.array([1.5]), ("a",))  # nothing is at 3000
-    assert change.time == 1000.0 and change.scatters == 20.0
+    (change,) = changes_along(look, time, np.array([1.5, 1.0]), ("a", "b"))
+    assert change.name == "a" and abs(change.time - 1000) <= 100
     assert change.relative == pytest.approx(0.5, abs=0.005)
+
+
+def test_changes_beside_a_large_one_are_those_that_there_are():
+    """ŷ = exp(a) x + b x s(t): what is seen of a large change from afar passes for changes of b."""
+    time = np.arange(8000.0)
+    x = np.random.default_rng(1).standard_normal(8000)
+    turning = 1 + 0.8 * np.sin(2 * np.pi * time / 2000)
+    truth = np.where(time < 4000, 0.5, 1.5)
+    y = np.exp(truth * turning) + x + 0.05 * np.random.default_rng(2).standard_normal(8000)
+
+    def look(theta):
+        a, b = theta
+        motion = np.exp(a * turning)
+        return y - motion - b * x, np.column_stack([turning * motion, x + 0.2 * turning])
+
+    found = changes_along(look, time, np.array([1.5, 1.0]), ("a", "b"))
+    assert [change.name for change in found] == ["a"]
