@@ -125,7 +125,7 @@ def _solution(problem: _Problem) -> Refit:
         step, covariance = _solved(problem, z, error, psi[:, :-1], _colour(problem, error))
         z[:p] = np.clip(z[:p] * (1 + np.clip(step[:p], -FARTHEST, FARTHEST)), *bounds)
         z[p:] += step[p:]
-        if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
+        if np.all(abs(step) <= 0.1 * np.sqrt(np.diag(covariance))):  # the noise hangs on all
             break
     return _found(problem, z, bounds)
 

@@ -1,22 +1,29 @@
 """A trend over logs of an axis that is integrated here: one mass with friction, exactly."""
 
 import json
+import sys
 from dataclasses import replace
 from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs import trend
-from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.axis_file import Axis, find_axis
 from flexaxis.experiments.logs.dates import dated, found_in
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.log_health import ailments, common
 from flexaxis.experiments.logs.refit import _colour, _other_delay, _problem, _solved, refit
 from flexaxis.experiments.running.rows import read
 from flexaxis.sim.record import Record
+
+sys.path.insert(0, str(Path(__file__).parent))
+from identify_axes import VALUES
+from log_health_tables import record_of
 
 T, N = 0.002, 1500
 J, F = 4e-3, 0.05
@@ -305,6 +312,16 @@ def test_a_log_may_begin_in_motion_and_with_an_offset(axis):
     assert np.all(abs(found.theta - [J, 0.06]) < 3 * found.deviations)
     assert abs(found.offset - 0.1) < 3 * found.offset_deviation < 0.03
     assert found.fit == pytest.approx(100 * (1 - 0.05 / np.std(record.speed)), abs=0.3)
+
+
+def test_estimates_settle_with_the_noise_that_they_end_with():
+    """A beginning that is told last makes the residual another one: a step of 1.5 σ was left."""
+    rng = np.random.default_rng([0, 1])
+    values = {n: v * (1 + 0.03 * rng.uniform(-1, 1) * (n != "k_T")) for n, v in VALUES[1].items()}
+    axis = Axis(MODELS["one_mass"].factory(values), {"model": "one_mass"}, known=True)
+    friction = (np.linspace(1.0, 0.9, 20) * np.exp(0.01 * rng.standard_normal(20)))[4]
+    record = record_of(1, 1000.0, 3.0, 0.02, friction=friction, seed=[0, 4, 1])
+    assert refit(record, axis, ["J_m", "f_m"]).left < 0.2
 
 
 @pytest.mark.parametrize(("pole", "share"), [(0.0, 0.0), (0.9, 0.81)])
