@@ -65,6 +65,8 @@ class Course:
         Sampling period [s].
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
+    begin : int
+        Sample of the initial state; before it the output is zero.
     """
 
     model: Parametrization
@@ -72,6 +74,7 @@ class Course:
     u: Array
     period: float
     smooth: bool
+    begin: int = 0
 
     @property
     def p(self) -> int:
@@ -92,7 +95,7 @@ class Course:
 
     def along(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
         """
-        Return the output ŷ (N,) and its derivatives (q, N) at z; those of the first sample are 0.
+        Return the output ŷ (N,) and its derivatives (q, N) at z; both 0 up to where it begins.
 
         Parameters
         ----------
@@ -114,7 +117,7 @@ class Course:
         X = np.zeros((1 + p + further, self.model.n + 1))
         X[0, list(self.free)] = z[p:-1]
         X[np.arange(1 + p, p + further), list(self.free)] = 1.0
-        rows = _along(ready, reversing, X, torque, slope, self.free[-1])
+        rows = _along(ready, reversing, X, torque, slope, self.free[-1], self.begin)
         return rows[0], rows[1:]
 
     def _planned(self, theta: Array, steps: int) -> Terms:
@@ -137,6 +140,7 @@ def course(
     output: str = "speed",
     smooth: bool = False,
     resting: bool = True,
+    begin: int = 0,
 ) -> Course:
     """
     Return the course of a model along a torque.
@@ -156,12 +160,14 @@ def course(
         As for `delayed`.
     resting : bool
         Whether the axis is known to be at rest at the first sample.
+    begin : int
+        Sample of the initial state.
     """
     grown = with_offset(model)
     chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
-    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth)
+    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth, begin)
 
 
 def _own(model: Parametrization) -> list[int]:
@@ -170,7 +176,7 @@ def _own(model: Parametrization) -> list[int]:
 
 
 @compiled
-def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
+def _along(ready, reversing, X, u, slope, offset, begin):  # noqa: PLR0917
     """
     Return output and derivatives (rows, N); the last row is by the delay; X is lost.
 
@@ -179,7 +185,7 @@ def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
     """
     moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
     peak, last = np.zeros(len(ready.kind)), np.zeros(len(ready.kind))
-    for k in range(len(u) - 1):
+    for k in range(begin, len(u) - 1):
         X[-1, offset] = slope[k]
         travel(ready, X, moved, u[k])
         if turns(ready, X, moved, peak, last):
