@@ -22,14 +22,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ROUNDS = 12
-LAST = 4  # rounds that solve laws to their full accuracy, at least
-EVALUATIONS = 8  # in a round
-AT_FIRST = 12  # in a round with noise that is taken for white
+LAST = 2  # rounds that solve laws to their full accuracy, at least
+EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
 CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit ends
 SEARCHED = 0.5  # likewise, where a search does
 UNSEEN = 1e200  # variance of what a record shows nothing of
 CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
+STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
 @dataclass(frozen=True)
@@ -161,18 +161,20 @@ class Problem:
         """
         Return where Levenberg and Marquardt's method comes to from a point within the box.
 
-        It ends where the bottom is as near as that, in standard deviations, or no step gains.
+        It ends where the bottom is as near as that, in standard deviations, or steps gain no more
+        than such a step would.
         """
         for _ in range(most):
             if self.left(at) <= near:
                 break
             tried = self.at(self._next(at, damping), colour, coarse=coarse)
-            gained = at.square - tried.square
-            if gained > 0:
-                at, damping = tried, max(damping / 10, 1e-9)
+            if tried.square < at.square:
+                done, at, damping = gained(at, tried) <= near, tried, max(damping / 10, BOLD)
+                if done:
+                    break
             else:
                 damping = max(10 * damping, 1e-4)
-                if damping > 1e4 or abs(gained) < 1e-9 * at.square:
+                if damping > STIFFEST:
                     break
         return at
 
@@ -191,6 +193,13 @@ class Problem:
                 break
             free &= ~out
         return step
+
+
+def gained(before: Point, after: Point) -> float:
+    """Return the fall of −2 log L between points, as the standard deviations it is worth."""
+    if not np.isfinite(before.square):
+        return np.inf
+    return float(np.sqrt(max(before.square / after.square - 1, 0.0) * after.samples))
 
 
 def damped_step(H: Array, g: Array, damping: float) -> Array:
@@ -265,25 +274,24 @@ def fit(
         what parameters should, and gives it back slowly; but where an axis drifts, that is what
         parameters would explain.
     """
-    coarse = problem.course.model.laws is not None
-    near, damping = CONVERGED if fine else SEARCHED, CAREFUL
+    coarse, most = problem.course.coarsens, EVALUATIONS if fine else SEARCHING
+    near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
     colour = colourless(problem.highpass, problem.course.period)
     point = problem.at(z, colour, coarse=coarse)
     if plain:
-        point = problem.descend(point, colour, AT_FIRST, coarse=coarse, near=SEARCHED)
+        point = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):
         colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
-        settled = problem.left(point) <= near
-        if coarse and fine and (settled or left < LAST):
-            point, coarse, settled = problem.at(point.z, colour), False, False
-        if settled:
+        if coarse and fine and (converged or left < LAST):
+            point, coarse, converged = problem.at(point.z, colour), False, False
+        converged = converged or problem.left(point) <= near
+        if converged and not (coarse and fine):
             break
-        point = problem.descend(
-            point, colour, EVALUATIONS, coarse=coarse, near=near / 2, damping=damping
-        )
-        damping = BOLD
-    return finished(problem, point, colour, problem.left(point) <= near)
+        before = point
+        point = problem.descend(point, colour, most, coarse=coarse, near=near / 2, damping=damping)
+        converged, damping = gained(before, point) <= near, BOLD
+    return finished(problem, point, colour, converged)
 
 
 def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:
@@ -299,17 +307,21 @@ def finished(problem: Problem, point: Point, colour: Colour, converged: bool = T
 
 def discretisation(problem: Problem, fitted: Fitted) -> Array:
     """
-    Return by how much unknowns (q,) depend on the steps that laws are solved in; zero without laws.
+    Return by how much unknowns (q,) depend on how laws are solved; zero without laws.
 
-    One step of Gauss and Newton from the fit with fine steps to that with coarse ones, which are
-    twice as long: as the error where friction reverses is of the first order, that is about what
-    fine steps are off themselves (L. F. Richardson, 1911).
+    Of Coulomb friction it is the step of Gauss and Newton that is left where no step gains: there a
+    speed only just reaches zero, and derivatives hold for less than a standard deviation. Of other
+    laws it is such a step from the fit with fine steps to that with coarse ones, which are twice as
+    long: as the error where friction reverses is of the first order, that is about what fine steps
+    are off themselves (L. F. Richardson, 1911).
     """
     step = np.zeros_like(fitted.z)
     if problem.course.model.laws is None:
         return step
-    coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
-    e = (fitted.colour.white(coarse) - fitted.white)[fitted.good]
+    e = fitted.white[fitted.good]
+    if problem.course.coarsens:
+        coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
+        e = fitted.colour.white(coarse)[fitted.good] - e
     free = np.diag(fitted.covariance) > 0
     J = fitted.slopes[:, fitted.good][free]
     step[free] = damped_step(J @ J.T, J @ e, 0.0)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.offline.reversals import dry, follow, is_dry
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
 from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
@@ -67,6 +68,8 @@ class Course:
         Whether the torque goes on changing between samples, see `delayed`.
     begin : int
         Sample of the initial state; before it the output is zero.
+    dry : bool
+        Whether the law is Coulomb friction, of which reversals are met exactly.
     """
 
     model: Parametrization
@@ -75,6 +78,7 @@ class Course:
     period: float
     smooth: bool
     begin: int = 0
+    dry: bool = False
 
     @property
     def p(self) -> int:
@@ -85,6 +89,11 @@ class Course:
     def q(self) -> int:
         """Number of unknowns."""
         return self.p + len(self.free) + 1
+
+    @property
+    def coarsens(self) -> bool:
+        """Whether there are laws that are solved in steps."""
+        return self.model.laws is not None and not self.dry
 
     def fastest(self, theta: Array) -> float:
         """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
@@ -101,22 +110,28 @@ class Course:
         ----------
         z : (q,) array
         coarse : bool
-            Whether laws may be solved at less places of a sample, in a search that goes on.
+            Whether laws may be solved at less places of a sample, in a search that goes on;
+            Coulomb friction alone is solved exactly in any case.
         """
         p, theta = self.p, z[: self.p]
         samples = z[-1] / self.period
         torque = delayed(self.u, samples, smooth=self.smooth)
         slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
         further = len(self.free) + 1
+        X = np.zeros((1 + p + further, self.model.n + 1))
+        X[0, list(self.free)] = z[p:-1]
+        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
+        if self.dry:
+            rows = follow(
+                dry(self.model, theta, self.period), X, torque, slope, self.free[-1], self.begin
+            )
+            return rows[0], rows[1:]
         active = np.arange(p)
         ready = prepare(self._planned(theta, 1), theta, active, further)
         reversing = ready
         if self.model.laws is not None:
             often = self._planned(theta, COARSE if coarse else FINE)
             reversing = prepare(often, theta, active, further)
-        X = np.zeros((1 + p + further, self.model.n + 1))
-        X[0, list(self.free)] = z[p:-1]
-        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
         rows = _along(ready, reversing, X, torque, slope, self.free[-1], self.begin)
         return rows[0], rows[1:]
 
@@ -167,7 +182,8 @@ def course(
     chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
-    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth, begin)
+    torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)
+    return Course(chosen, free, torque, period, smooth, begin, alone)
 
 
 def _own(model: Parametrization) -> list[int]:
