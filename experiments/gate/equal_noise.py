@@ -118,7 +118,7 @@ def at_one_noise(
         _parts(text)
     wanted, where = _what(base, candidate, scenarios, bench, seeds)
     trials = Trials(seeds, bench, wanted, where)
-    return EqualNoise(wanted, *(_tuned(t, trials) for t in (base, candidate)), tuple(seeds))
+    return EqualNoise(wanted, _tuned(base, trials), _tuned(candidate, trials), tuple(seeds))
 
 
 def _parts(text: str) -> tuple[str, dict[str, Any]]:

@@ -170,8 +170,8 @@ def at_equal_noise(question: Question, bench: Bench) -> Question:
             f"on {min(used)} cannot be judged there: give others, such as 1000:1032"
         )
     equal = at_one_noise(question.base, question.candidate, question.scenarios, bench)
-    sides = {"base": equal.base.setting, "candidate": equal.candidate.setting}
-    return replace(question, **sides, equal=equal)
+    base, candidate = equal.base.setting, equal.candidate.setting
+    return replace(question, base=base, candidate=candidate, equal=equal)
 
 
 def compare(question: Question, bench: Bench) -> Comparison:
@@ -204,7 +204,8 @@ def compare(question: Question, bench: Bench) -> Comparison:
     for number, seeds in enumerate(looks, start=1):
         runs = bench.runs(question.scenarios, both, seeds)
         base, candidate = (rows_of(runs, text) for text in both)
-        paired, unmatched = pair(base, candidate, question.margins), ()
+        paired = pair(base, candidate, question.margins)
+        unmatched: tuple[tuple[str, str], ...] = ()
         if question.equal is not None:
             paired, unmatched = question.equal.apply(paired, question.scenarios, bench, seeds)
         found = Comparison(
