@@ -81,4 +81,3 @@ class Friction:
         """Return what it is and how large."""
         values = ", ".join(f"{name} {getattr(self, name):.3g} {UNITS[name]}" for name in self.knobs)
         return f"{self.kind} ({values})" if values else "no dry friction"
-

@@ -7,6 +7,7 @@ import io
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from math import isnan
 from typing import Any
 
 from flexaxis.experiments.demo.pursuit import Pursuit
@@ -177,4 +178,4 @@ def _rows(entry: Entry) -> Iterable[list[Any]]:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None or value != value else f"{value:.6g}"
+    return "" if value is None or isnan(value) else f"{value:.6g}"

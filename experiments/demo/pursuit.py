@@ -54,9 +54,7 @@ class Pursuit:
         self._n = 0
         self._allowed: Allowed | None = None
 
-    def take(
-        self, theta: Sequence[Array], torque: Array, excited: NDArray[np.bool_]
-    ) -> None:
+    def take(self, theta: Sequence[Array], torque: Array, excited: NDArray[np.bool_]) -> None:
         """Take estimates (n, 4) of each racer, the torque (n,), and whether the axis is moved."""
         if not self.open:
             return
@@ -73,12 +71,13 @@ class Pursuit:
     @property
     def time(self) -> Array:
         """Time since the change of each sample that was taken (n,) [s]."""
-        return PERIOD * np.arange(1, self._n + 1)
+        return np.arange(1.0, self._n + 1) * PERIOD
 
     @property
     def error(self) -> Array:
         """Errors over the size of the change (n, racers)."""
-        return self._error[: self._n]
+        found: Array = self._error[: self._n]
+        return found
 
     @property
     def lags(self) -> list[float]:

@@ -42,10 +42,10 @@ class FaultButton:
 
 
 BUTTONS = (
-    FaultButton("Gearbox wear: f_m × 2", "f_m", 2.0),
-    FaultButton("Payload: J_a × 1.25", "J_a", 1.25),
-    FaultButton("Weak motor: k_T × 0.9", "k_T", 0.9),
-    FaultButton("Soft arm coupling: k_a × 0.9", "k_a", 0.9),
+    FaultButton("worn gear f_m × 2", "f_m", 2.0),
+    FaultButton("payload J_a × 1.25", "J_a", 1.25),
+    FaultButton("weak motor k_T × 0.9", "k_T", 0.9),
+    FaultButton("soft arm k_a × 0.9", "k_a", 0.9),
 )
 
 
@@ -218,7 +218,7 @@ class DemoSession:
 
     def _changed(self, before: Array, what: str, act: Mapping[str, Any], *, key: str) -> None:
         """Begin to follow a change of the truth, and take it down."""
-        self.said = f"t = {self.axis.time:.1f} s: {what}"
+        self.said = f"at {self.axis.time:.1f} s: {what}"
         entry = self._entry(key, what)
         last = self.history.entries[-1] if self.history.entries else None
         if last and last.pursuit and dragged(self.history.entries, entry):
@@ -239,7 +239,7 @@ class DemoSession:
         return Jump(axis.scenario, axis.values, parameter, size, axis.state, axis.noise)
 
     def _noted(self, key: str, what: str, act: Mapping[str, Any]) -> None:
-        self.said = f"t = {self.axis.time:.1f} s: {what}"
+        self.said = f"at {self.axis.time:.1f} s: {what}"
         self.history.add(self._entry(key, what), act)
 
     def _entry(self, key: str, what: str) -> Entry:
