@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,11 @@ THEORY = "#777777"
 DASHES = ((), (10, 4), (2, 4))
 FAR = 4.0
 """Estimates are drawn up to this many times nominal, so that a burst leaves the rest to be seen."""
+
+
+P_RANGE, F_C_RANGE = (-7.0, -0.4), (-0.04, 0.44)
+"""Of the charts of log₁₀ P and of f_c [N m]; fixed, so that what is nowhere does not set them."""
+NOWHERE = -1e6
 
 
 def unit(name: str) -> str:
@@ -69,22 +74,29 @@ class Charts:
 
 
 def estimate_lines(curves: Curves, i: int, nominal: float) -> tuple[Array, ...]:
-    """Return time, truth, and for each racer +2σ, −2σ and the estimate; each (M,)."""
+    """Return time, truth, and for each racer +2σ, −2σ and the estimate; each (M,).
+
+    What a racer does not estimate is far below the chart.
+    """
     lines = [curves.truth[:, i]]
     for racer in range(curves.theta.shape[1]):
         theta = curves.theta[:, racer, i]
         band = 2 * np.nan_to_num(curves.deviation[:, racer, i])
         lines += [theta + band, theta - band, theta]
     low = nominal / FAR if i < len(NAMES) else -nominal
-    return (curves.time, *(np.clip(line, low, nominal * FAR) for line in lines))
+    clipped = [np.clip(line, low, nominal * FAR) for line in lines]
+    return (curves.time, *(np.where(np.isnan(line), NOWHERE, line) for line in clipped))
 
 
 def P_lines(curves: Curves) -> tuple[Array, ...]:
     """Return time and log₁₀ of the diagonal of P for each racer and parameter, each (M,).
 
-    NaN, which the browser leaves out, for an estimator that has none.
+    That of an estimator that has none is far below the chart, for the browser knows no gaps.
     """
-    return (curves.time, *np.log10(curves.P.reshape(len(curves.P), -1)).T)
+    P = np.log10(
+        np.clip(curves.P.reshape(len(curves.P), -1), 10.0 ** P_RANGE[0], 10.0 ** P_RANGE[1])
+    )
+    return (curves.time, *np.where(np.isnan(P), NOWHERE, P).T)
 
 
 def dot_columns(
@@ -119,7 +131,7 @@ def _estimate_chart(gui: Any, name: str) -> Any:
             for i, colour in enumerate(COLOURS)
         ),
         title=f"{name} [{unit(name)}] over t [s]",
-        **_look(),
+        **_look(F_C_RANGE if name not in NAMES else None),
     )
 
 
@@ -135,7 +147,7 @@ def _P_chart(gui: Any) -> Any:
         data=_nothing(1 + len(lines)),
         series=(uplot.Series(label="t"), *lines),
         title="log₁₀ diag P: k_T —, 1/J_a – –, f_m · ·",
-        **_look(),
+        **_look(P_RANGE),
     )
 
 
@@ -157,9 +169,10 @@ def _dot_chart(gui: Any) -> Any:
         bands=(theory_band(),),
         title="lag after a fault [s] over std before it [%]: k_T ○, 1/J_a ◎, f_m ●",
         scales={
-            "x": uplot.Scale(time=False, distr=3, log=10, auto=False, range=(0.015, 60)),
-            "y": uplot.Scale(distr=3, log=10, auto=False, range=(0.015, 8)),
+            "x": uplot.Scale(time=False, distr=3, log=10, auto=False, range=(0.01, 80)),
+            "y": uplot.Scale(distr=3, log=10, auto=False, range=(0.01, 8)),
         },
+        axes=axes(),
         legend=uplot.Legend(show=False),
         height=170,
     )
@@ -182,15 +195,26 @@ def theory_band() -> Any:
     return uplot.Band(series=(2, 1), fill=THEORY + "50")
 
 
-def _look() -> dict[str, Any]:
+def _look(y: tuple[float, float] | None = None) -> dict[str, Any]:
     from viser import uplot
 
+    scales = {"x": uplot.Scale(time=False)}
+    if y is not None:
+        scales["y"] = uplot.Scale(auto=False, range=y)
     return {
-        "scales": {"x": uplot.Scale(time=False)},
-        "axes": (uplot.Axis(), uplot.Axis(space=18)),
+        "scales": scales,
+        "axes": axes(space=20),
         "legend": uplot.Legend(show=False),
-        "height": 112,
+        "height": 108,
     }
+
+
+def axes(**y: Any) -> tuple[Any, Any]:
+    """Return the look of both axes: no more room than their numbers need."""
+    from viser import uplot
+
+    plain = {"grid": {"show": True, "width": 1}, "ticks": {"show": False}}
+    return cast(uplot.Axis, {"size": 28} | plain), cast(uplot.Axis, plain | y)
 
 
 def _nothing(series: int) -> tuple[Array, ...]:

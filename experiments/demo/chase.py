@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.demo.charts import COLOURS, theory_band, theory_series
+from flexaxis.experiments.demo.charts import COLOURS, NOWHERE, axes, theory_band, theory_series
 from flexaxis.experiments.demo.history import Entry
 from flexaxis.experiments.demo.pursuit import LENGTH
 from flexaxis.experiments.scoring.windows import WINDOW
@@ -20,7 +20,7 @@ POINTS = np.unique(np.geomspace(1, LENGTH, 160).astype(int)) - 1
 
 TOP = 120.0
 """Per cent of the change that the chart shows; what is more is on its upper edge."""
-ALIEN_TOP = 40.0
+ALIEN_TOP = 38.0
 """The same after a change of what nobody estimates, in per cent of what it is taken for."""
 WAITING = "break it: what is left to be found [%] over time [s]"
 
@@ -43,9 +43,10 @@ class Chase:
             series=(uplot.Series(label="s"), *theory_series(), *lines),
             bands=(theory_band(),),
             scales=_scales(TOP),
+            axes=axes(),
             title=WAITING,
             legend=uplot.Legend(show=False),
-            height=215,
+            height=205,
         )
         self._shown: Entry | None = None
         self._samples = -1
@@ -83,14 +84,14 @@ def chase_lines(entry: Entry) -> tuple[Array, ...]:
         return _nothing()
     rows = POINTS[: np.searchsorted(POINTS, len(pursuit.error))]
     errors = 100 * np.minimum(pursuit.error[rows], TOP / 100)
-    bounds = np.full((len(rows), 2), np.nan)
+    bounds = np.full((len(rows), 2), NOWHERE)
     if (allowed := pursuit.allowed) is not None:
         bounds = 100 * allowed.error[rows]
     return (pursuit.time[rows], *bounds.T, *errors.T)
 
 
 def _nothing() -> tuple[Array, ...]:
-    return (np.array([PERIOD, WINDOW]), *np.full((4, 2), np.nan))
+    return (np.array([PERIOD, WINDOW]), *np.full((4, 2), NOWHERE))
 
 
 def _scales(top: float) -> dict[str, Any]:

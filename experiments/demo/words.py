@@ -41,7 +41,7 @@ def history_table(history: History) -> str:
     rows = "".join(map(_row, list(history.entries)[: -ROWS - 1 : -1]))
     heads = ("t [s]", "what", "A says", "B says", "lag A", "lag B", "allowed")
     cells = "".join(
-        f'<th style="text-align:left;padding:2px 4px;color:{colour}">{head}</th>'
+        f'<th style="text-align:left;padding:2px 3px;white-space:nowrap;color:{colour}">{head}</th>'
         for head, colour in zip(
             heads, ("inherit", "inherit", *COLOURS, *COLOURS, THEORY), strict=True
         )
