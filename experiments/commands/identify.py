@@ -22,6 +22,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
 from flexaxis.experiments.logs.ticker import ticker
 
@@ -66,7 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="AXIS.toml", help="default: LOG-axis.toml"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -87,7 +88,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.obvious import with_the_obvious
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -125,13 +125,13 @@ def main(args: argparse.Namespace) -> int:
     found.axis.save(path)
     title, command = f"{found.axis.model.name} from {args.log.name}", command_line(args.words)
     write_page(identification_page(found, record.period, tried, title, command), report)
+    status = 1 if found.warnings or (tried is not None and tried.warnings) else 0
     if args.json:
-        print(dumps(content(found, tried) | {"axis": str(path), "report": str(report)}))
-    else:
-        print_identification(found, tried)
-        print(path)
-        print(report)
-    return 1 if found.warnings or (tried is not None and tried.warnings) else 0
+        return answer(args, content(found, tried) | {"axis": path, "report": report}, status)
+    print_identification(found, tried)
+    print(path)
+    print(report)
+    return status
 
 
 def _read(path: Path, args: argparse.Namespace) -> Record:

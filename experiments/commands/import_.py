@@ -3,7 +3,8 @@
 LOG is a table of text, MAT (all versions), HDF5, NetCDF, parquet or a bag of ROS. The report says
 what to doubt before any estimator runs, and what to type against it: time stamps, gaps, clipping,
 resolution, clocks, dead time, offset, drift, dry friction, the band of the excitation, and, with
---model, which parameters that excitation can see.
+--model, which parameters that excitation can see. A record that flexaxis wrote is imported already:
+it is looked at as it is, and takes --highpass, --burn-in and --torque-is smooth.
 
 example:
   flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -17,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
@@ -41,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="status 1 if something spoils the estimates (✗)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -49,10 +51,14 @@ def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.import_page import import_page
-    from flexaxis.experiments.logs.importing import import_log
+    from flexaxis.experiments.logs.importing import import_log, look_again
     from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import record_beside, require_suffix, spare_foreign
-    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.logs.own import (
+        is_record,
+        record_beside,
+        require_suffix,
+        spare_foreign,
+    )
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -62,22 +68,28 @@ def main(args: argparse.Namespace) -> int:
     require_suffix(path, ".nc", "a record")
     spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
-    found = import_log(args.log, tables_of(args), **treatment(args))
+    already, tables, treated = is_record(args.log), tables_of(args), treatment(args)
+    found = (look_again if already else import_log)(args.log, tables, **treated)
     seen, hidden = _visible(found.record, axis) if axis else ({}, "")
-    found.record.save(path)
+    same = already and not (args.output or tables or any(v is not None for v in treated.values()))
+    record = args.log if same else path
+    if not same:
+        found.record.save(path)
     write_page(import_page(found, seen, args.log, command_line(args.words)), report)
+    status = int(args.strict and any(check.verdict == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
         told = {name: vars(one) for name, one in seen.items()}
-        answer = {"record": str(path), "checks": checks, "seen": told, "hidden": hidden}
-        print(dumps(answer | {"report": str(report)}))
-    else:
-        _print(found.checks, seen)
-        if hidden:
-            print(f"what the excitation can see is not known: {hidden}")
-        print(path)
-        print(report)
-    return int(args.strict and any(check.verdict == "problem" for check in found.checks))
+        content = {"record": record, "checks": checks, "seen": told, "hidden": hidden}
+        return answer(args, content | {"report": report}, status)
+    _print(found.checks, seen)
+    if hidden:
+        print(f"what the excitation can see is not known: {hidden}")
+    if already:
+        print(f"{args.log} is a record already: go on with flexaxis identify {record}")
+    print(record)
+    print(report)
+    return status
 
 
 def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:

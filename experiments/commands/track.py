@@ -17,6 +17,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="EST.nc", help="default: LOG-track.nc")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -68,7 +69,6 @@ def main(args: argparse.Namespace) -> int:
         save,
         track,
     )
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
@@ -94,13 +94,13 @@ def main(args: argparse.Namespace) -> int:
     found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
     _write_page(found, record.period, report, args, spec.text)
+    status = 1 if found.changes else 0
     if args.json:
-        print(dumps(_content(found) | {"estimates": str(path), "report": str(report)}))
-    else:
-        _print(found)
-        print(path)
-        print(report)
-    return 1 if found.changes else 0
+        return answer(args, _content(found) | {"estimates": path, "report": report}, status)
+    _print(found)
+    print(path)
+    print(report)
+    return status
 
 
 def _content(found: Tracked) -> dict[str, Any]:
