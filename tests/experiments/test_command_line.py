@@ -180,3 +180,24 @@ def test_the_lines_of_a_shell_are_code_of_that_shell(capsys, tmp_path, shell):
     assert "flexaxis" in path.read_text()
     if shutil.which(shell):
         subprocess.run([shell, "-n", str(path)], check=True)
+
+
+@pytest.mark.slow
+def test_forty_mistakes(tmp_path, monkeypatch):
+    """Each as somebody types it, with Python's start; beside `import numpy`, which is 0.1 s where
+    nothing else runs: ten times that for what is found before anything is run."""
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    import mistakes
+
+    found = mistakes.answers(tmp_path)
+    assert len(found) == 40
+    assert not {each.mistake.line: each.wrong for each in found if each.wrong}
+    typed = [each for each in found if not each.mistake.running]
+    assert not {each.mistake.line: each.seconds for each in typed if each.seconds > 10 * each.unit}
+
+
+def test_processes_and_a_cluster_exclude_each_other(capsys, place):
+    """Also where the number of processes is that of the default."""
+    jobs = str(os.cpu_count() or 1)
+    status, err = refused(capsys, "run", "smoke", "--dask", "localhost:1", "--jobs", jobs)
+    assert status == 2 and "not allowed with" in err
