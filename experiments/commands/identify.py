@@ -13,12 +13,14 @@ example:
   flexaxis identify rec.nc --model two_mass -o axis.toml
   flexaxis identify rec.nc --model two_mass --friction coulomb --validate tuesday.nc
   flexaxis identify log.csv --torque current --angle phi --fix k_T=0.6 --fix f_l=0.01
+  flexaxis identify rec.nc --model one_mass --friction coulomb --fix f_c=0.12
   flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +29,7 @@ from flexaxis.experiments.logs.options import add_log_options, assignments, tabl
 from flexaxis.experiments.logs.ticker import ticker
 
 if TYPE_CHECKING:
+    from flexaxis.experiments.logs.axis_file import Axis
     from flexaxis.sim.record import Record
 
 HELP = "identify the nominal values of your axis from a log"
@@ -41,7 +44,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--free", action="append", default=[], metavar="NAME", help="identify this, and no others"
     )
     parser.add_argument(
-        "--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not identify this"
+        "--fix",
+        action="append",
+        default=[],
+        metavar="NAME[=VALUE]",
+        help="do not identify this; f_c, f_s … of --friction as well",
     )
     parser.add_argument(
         "--start", action="append", default=[], metavar="NAME=VALUE", help="where to start"
@@ -101,8 +108,9 @@ def main(args: argparse.Namespace) -> int:
         raise LogError("--start takes NAME=VALUE")
     axis = find_axis(args.model)
     values = {name: v for name, v in (starts | fixed).items() if v is not None}
-    axis = axis.having(values)
-    if starts:
+    own, given = _told(axis, values)
+    axis = axis.having(own)
+    if own.keys() & starts.keys():
         axis = replace(axis, known=True)
     record = _read(args.log, args)
     other = _read(args.validate, args) if args.validate else None
@@ -113,6 +121,7 @@ def main(args: argparse.Namespace) -> int:
             axis,
             free=args.free,
             fix=tuple(fixed),
+            given=given,
             delay=args.delay,
             whiten=not args.white,
             friction=args.friction,
@@ -132,6 +141,24 @@ def main(args: argparse.Namespace) -> int:
     print(path)
     print(report)
     return status
+
+
+def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return values of parameters that an axis has, and of those that a law of friction brings."""
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.identify import LAWFUL
+    from flexaxis.sim.errors import did_you_mean
+
+    mine = axis.model.parameters
+    for name in values:
+        if name not in {*mine, *LAWFUL}:
+            raise LogError(
+                f"{axis.model.name} has no parameter {name!r}."
+                f"{did_you_mean(name, [*mine, *LAWFUL])} It has {', '.join(mine)}; laws of "
+                f"--friction have {', '.join(name for name in LAWFUL if name not in mine)}"
+            )
+    own = {name: value for name, value in values.items() if name in mine}
+    return own, {name: value for name, value in values.items() if name not in own}
 
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
