@@ -41,17 +41,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", type=Path, metavar="LOG|REC.nc")
     parser.add_argument("--model", default="two_mass", metavar="MODEL", help="default: two_mass")
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME", help="identify this, and no others"
+        "--free",
+        action="append",
+        default=[],
+        metavar="PARAMETER",
+        help="identify this, and no others",
     )
     parser.add_argument(
         "--fix",
         action="append",
         default=[],
-        metavar="NAME[=VALUE]",
+        metavar="PARAMETER[=VALUE]",
         help="do not identify this; f_c, f_s … of --friction as well",
     )
     parser.add_argument(
-        "--start", action="append", default=[], metavar="NAME=VALUE", help="where to start"
+        "--start", action="append", default=[], metavar="PARAMETER=VALUE", help="where to start"
     )
     parser.add_argument(
         "--delay", type=float, metavar="S", help="known delay of the torque [s]; default: find it"

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--identify",
         action="append",
         required=True,
-        metavar="NAME",
+        metavar="PARAMETER",
         help="parameter to track, or its inverse, such as 1/J_l; repeat for several",
     )
     parser.add_argument(
