@@ -21,6 +21,7 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
+from flexaxis.experiments.running.interrupts import no_more_waiting, one_stage
 from flexaxis.experiments.running.told import told
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
@@ -108,6 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
+    alone = argv is None  # nobody goes on after this command
     top = parser()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
         complete(top)
@@ -115,8 +117,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
-    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose):
-        return _guarded(args)
+    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose), one_stage():
+        status = _guarded(args)
+    if alone:
+        no_more_waiting()
+    return status
 
 
 class _Stream:

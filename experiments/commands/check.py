@@ -7,6 +7,7 @@ exit status: 0 all rules hold, 1 a rule is broken, 2 it cannot be built, 70 its 
 
 example:
   flexaxis check my_estimator.py:Mine
+  flexaxis check my_estimator.py:Mine --long
   flexaxis check 'pipe:octave-cli -q my.m'
   flexaxis check flexaxis.experiments.conformance.wrong:Cheater        (wrong on purpose)
 """
@@ -26,6 +27,11 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
+    parser.add_argument(
+        "--long",
+        action="store_true",
+        help="also what happens to an axis in a year: hours off, gaps, failing sensors (minutes)",
+    )
     options.add_time_limit(parser)
     add_json(parser)
 
@@ -60,7 +66,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.cache import default_cache
 
     with limited(args.time_limit):
-        found = check(parse(args.estimator), store=default_cache(), begun=_Slow())
+        found = check(parse(args.estimator), long=args.long, store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
         rules = [asdict(finding) for finding in found]

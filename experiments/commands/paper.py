@@ -55,14 +55,19 @@ def main(args: argparse.Namespace) -> int:
 
     if args.jobs < 1:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
-    with progress("paper", 1) as advance:
-        claims = reproduce(
-            args.output,
-            command=command_line(args.words),
-            jobs=args.jobs,
-            store=None if args.no_cache else default_cache(),
-            advance=advance,
-        )
+    try:
+        with progress("paper", 1) as advance:
+            claims = reproduce(
+                args.output,
+                command=command_line(args.words),
+                jobs=args.jobs,
+                store=None if args.no_cache else default_cache(),
+                advance=advance,
+            )
+    except KeyboardInterrupt:
+        kept = "nothing is" if args.no_cache else "the records that were simulated are"
+        again = command_line(args.words)
+        raise KeyboardInterrupt(f"{kept} kept; begin again with: {again}") from None
     page = args.output / PAGE
     status = int(not all(claim.holds for claim in claims))
     if args.json:

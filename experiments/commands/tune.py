@@ -102,7 +102,8 @@ def main(args: argparse.Namespace) -> int:
 def _tuned(task: argparse.Namespace, bench: Any, path: Path | None, *, alone: bool) -> Any:
     """Return what was found, after it was saved; None where nothing was, if others may follow."""
     from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.studies.tuning import Trials, forget, save
+    from flexaxis.experiments.studies.tuned_file import forget, save
+    from flexaxis.experiments.studies.tuning import Trials
     from flexaxis.sim.errors import FlexaxisError
 
     try:
