@@ -167,11 +167,12 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
-    from flexaxis.experiments.logs.aloud import say_problems
+    from flexaxis.experiments.logs.aloud import say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
 
     # laws hold for signals as they are: residuals are filtered and not the log
-    found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+    with waiting(f"reading {path.name}"):
+        found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
     met = set() if args.friction == "none" else {"friction"}
     say_problems(path, found.checks, met=met if args.highpass is None else met | {"highpass"})
     return found.record
