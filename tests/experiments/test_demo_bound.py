@@ -137,9 +137,9 @@ def test_friction_comes_while_the_axis_runs(kind):
     other.set_friction(Friction(kind, f_c=0.4, f_s=0.01))
     found = axis.advance(2000)
     np.testing.assert_array_equal(found.speed, other.advance(2000).speed)
-    speed = (found.speed[1:] + found.speed[:-1]) / 2
-    spent = np.mean(found.torque[:-1] * speed) - 0.05 * np.mean(speed**2)
-    assert 1.0 < spent / (0.4 * np.mean(np.abs(speed))) < 1.2
+    between = (found.speed[1:] + found.speed[:-1]) / 2  # where a torque is held
+    spent = np.mean(found.torque[:-1] * between) - 0.05 * np.mean(found.speed**2)
+    assert 1.0 < spent / (0.4 * np.mean(np.abs(found.speed))) < 1.2
     axis.set_friction(Friction())
     assert axis.theta(SHOWN)[3] == 0.0
 
