@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
-from flexaxis.experiments.logs.friction import CHOICES, SOFTER, Sizes, rubbing
+from flexaxis.experiments.logs.friction import CHOICES, Sizes, rubbing
 from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
@@ -105,12 +105,9 @@ class _Bench:
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
             places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
-        if kind != "coulomb":
-            return Begun(attempt, explored(attempt, places))
-        soft = explored(self.attempt(kind, ease=SOFTER), places)
-        return Begun(attempt, attempt.solve(soft.z, rounds=3, fine=False))
+        return Begun(attempt, explored(attempt, places))
 
-    def attempt(self, kind: str, *, ease: float = 1.0) -> Attempt:
+    def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""
         linear = self.linear
         k_T = linear.model.nominal.get("k_T", 1.0)
@@ -119,7 +116,6 @@ class _Bench:
             kind,
             _sizes(linear.log, linear, self.fitted),
             abs(self.level * k_T),
-            ease=ease,
         )
         mine = [n for n in box.start if (not self.free or n in self.free) and n not in self.fix]
         return replace(
