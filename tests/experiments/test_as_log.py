@@ -223,6 +223,7 @@ FULL = """
 import resource, sys
 from pathlib import Path
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.sim.record import load_record
 import numpy as np
 style = LogStyle()
@@ -230,7 +231,7 @@ columns = logged(load_record(sys.argv[2]), style, np.random.default_rng(0))
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
 try:
     write_log(Path(sys.argv[1]), columns, style)
-except OSError as error:
+except LogError as error:
     print(error)
 """
 
