@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.stopping import patient
@@ -107,7 +109,14 @@ def one_stage() -> Iterator[None]:
         yield
 
 
-def no_more_waiting() -> None:
-    """Let Ctrl-C end this process, which is about to end, without a word."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
+def leave(status: int) -> NoReturn:
+    """End this process after Ctrl-C, without what Python does at its end.
+
+    That takes up to a second, in which another Ctrl-C would change the status.
+    """
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(status))
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # closed, or nobody reads it
+            stream.flush()
+    os._exit(status)
