@@ -41,17 +41,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", type=Path, metavar="LOG|REC.nc")
     parser.add_argument("--model", default="two_mass", metavar="MODEL", help="default: two_mass")
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME", help="identify this, and no others"
+        "--free",
+        action="append",
+        default=[],
+        metavar="PARAMETER",
+        help="identify this, and no others",
     )
     parser.add_argument(
         "--fix",
         action="append",
         default=[],
-        metavar="NAME[=VALUE]",
+        metavar="PARAMETER[=VALUE]",
         help="do not identify this; f_c, f_s … of --friction as well",
     )
     parser.add_argument(
-        "--start", action="append", default=[], metavar="NAME=VALUE", help="where to start"
+        "--start", action="append", default=[], metavar="PARAMETER=VALUE", help="where to start"
     )
     parser.add_argument(
         "--delay", type=float, metavar="S", help="known delay of the torque [s]; default: find it"
@@ -163,11 +167,12 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
-    from flexaxis.experiments.logs.aloud import say_problems
+    from flexaxis.experiments.logs.aloud import say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
 
     # laws hold for signals as they are: residuals are filtered and not the log
-    found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+    with waiting(f"reading {path.name}"):
+        found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
     met = set() if args.friction == "none" else {"friction"}
     say_problems(path, found.checks, met=met if args.highpass is None else met | {"highpass"})
     return found.record

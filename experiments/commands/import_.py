@@ -49,6 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
+    from flexaxis.experiments.logs.aloud import waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.import_page import import_page
     from flexaxis.experiments.logs.importing import import_log, look_again
@@ -69,8 +70,9 @@ def main(args: argparse.Namespace) -> int:
     spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
     already, tables, treated = is_record(args.log), tables_of(args), treatment(args)
-    found = (look_again if already else import_log)(args.log, tables, **treated)
-    seen, hidden = _visible(found.record, axis) if axis else ({}, "")
+    with waiting(f"importing {args.log.name}"):
+        found = (look_again if already else import_log)(args.log, tables, **treated)
+        seen, hidden = _visible(found.record, axis) if axis else ({}, "")
     same = already and not (args.output or tables or any(v is not None for v in treated.values()))
     record = args.log if same else path
     if not same:
@@ -105,15 +107,24 @@ def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
 
 
 def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    """Print what was looked at, what spoils the estimates first."""
+    from textwrap import fill
 
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for check in checks:
-        style = {"ok": None, "note": "yellow", "problem": "red"}[check.verdict]
-        mark = {"ok": "✓", "note": "!", "problem": "✗"}[check.verdict]
-        text = f"{check.text}\n→ {check.command}" if check.command else check.text
-        table.add_row(mark, check.name, check.measured, text, style=style)
-    Console().print(table)
+    from rich.console import Console
+
+    console = Console()
+    style = {"problem": "red", "note": "yellow", "ok": None}
+    mark = {"problem": "✗", "note": "!", "ok": "✓"}
+    order = [*style]
+    for check in sorted(checks, key=lambda check: order.index(check.verdict)):
+        measured = check.measured.strip()
+        lines = [f"{mark[check.verdict]} {check.name}: {measured}".rstrip(": ")]
+        if check.verdict == "ok":
+            lines[0] += f" ({check.text})" if measured else f": {check.text}"
+        else:
+            lines += [f"  {check.text}", *([f"  → {check.command}"] if check.command else [])]
+        for line in lines:
+            text = fill(line, console.width, subsequent_indent="  ", break_long_words=False)
+            console.print(text, style=style[check.verdict], markup=False, highlight=False)
     for name, one in seen.items():
         print(f"  {name}: {one.words}")

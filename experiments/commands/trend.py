@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "a CSV with the name of each log and its value; repeat for several",
     )  # fmt: skip
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME",
+        "--free", action="append", default=[], metavar="PARAMETER",
         help="estimate this, and no others; default: what the first log tells to 10 %%",
     )  # fmt: skip
     parser.add_argument(

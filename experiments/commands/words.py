@@ -229,10 +229,29 @@ def complete(parser: argparse.ArgumentParser) -> None:
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
         if kinds == {"GROUP"}:
             action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
+        if str(action.metavar).startswith("PARAMETER"):
+            action.completer = _parameters  # type: ignore[attr-defined]
         if names:
             # "path/file.py:Class" and "mine.toml" begin with a file
             action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
     argcomplete.autocomplete(parser)
+
+
+def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> list[str]:
+    """Return how a word may go on to a parameter of the model that is typed, or of friction."""
+    from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.experiments.logs.axis_file import find_axis
+    from flexaxis.experiments.logs.friction import CHOICES, names_by
+    from flexaxis.sim.errors import FlexaxisError
+
+    try:
+        names = list(find_axis(str(parsed_args.model)).model.parameters)
+    except (EstimatorError, FlexaxisError):
+        return []
+    if "friction" in parsed_args:
+        names += sorted({name for kind in CHOICES for name in names_by(kind)} - {*names})
+    begin = "1/" if prefix.startswith("1/") else ""
+    return [begin + name for name in names if (begin + name).startswith(prefix)]
 
 
 class _NamesOrFiles:

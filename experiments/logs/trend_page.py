@@ -55,7 +55,7 @@ def write_trend(
     """
     good = [row for row in rows if not row["problem"]]
     first = datetime.fromisoformat(good[clock.order[0]]["date"]) if clock.dated else None
-    loud = [one for one in found if one.kind != STEADY]
+    loud = sorted((v for v in found if v.kind != STEADY), key=lambda v: [*WORDS].index(v.kind))
     figures = [
         (
             _heading(one),

@@ -175,6 +175,16 @@ def test_words_are_completed(tmp_path):
     assert completed("flexaxis list --group s", tmp_path) == {"steps", "several", "sensors"}
 
 
+def test_parameters_are_completed_from_the_model_that_is_typed(tmp_path):
+    line = "flexaxis identify rec.nc --model one_mass"
+    assert completed(f"{line} --fix f_", tmp_path) == {"f_m", "f_c", "f_s"}
+    assert completed(f"{line} --free J", tmp_path) == {"J_m"}
+    assert "J_l" in completed("flexaxis identify rec.nc --start J_", tmp_path)
+    track = "flexaxis track rec.nc --model two_mass --identify"
+    assert completed(f"{track} 1/J_", tmp_path) == {"1/J_m", "1/J_l"}
+    assert not completed("flexaxis track rec.nc --model no.toml --identify J", tmp_path)
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_lines_of_a_shell_are_code_of_that_shell(capsys, tmp_path, shell):
     assert main(["completion", shell]) == 0
