@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -97,6 +98,34 @@ def test_a_stop_of_work_that_cannot_say_how_far_it_came(tmp_path, usual):
         list(spread([tmp_path], slow))
     asking.join()
     assert time.monotonic() - began < 30
+
+
+# A program that hears nothing once it has its first sample, not even that nobody asks any more.
+DEAF = """
+import json, sys, time
+json.loads(input())
+print('{"names": ["f_m"]}', flush=True)
+input()
+print("no more", file=open("/dev/tty", "w"))
+while True: time.sleep(1)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_program_that_hears_nothing_ends_with_its_run(
+    tmp_path, short_toml, monkeypatch, times, jobs
+):
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    import ctrl_c
+
+    (tmp_path / "deaf.py").write_text(DEAF)
+    words = ["run", str(short_toml), "--estimator", f"pipe:{sys.executable} {tmp_path}/deaf.py"]
+    words += ["--seeds", "4", "--jobs", str(jobs), "-o", str(tmp_path / "out")]
+    ended = ctrl_c.press(words, times, 1.0, "no more")
+    assert ended.status == 130 and not ended.orphans, ctrl_c.last_lines(ended.said)
+    assert "Traceback" not in ended.said
 
 
 @pytest.mark.slow
