@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TypeVar
 
+from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.stopping import patient
 
@@ -35,12 +36,15 @@ class Interrupts:
         Whether nothing new is to be begun.
     stop : callable
         Stops what is at work elsewhere; what is at work in this process is stopped anyway.
+    over : bool
+        Whether what Ctrl-C is for has ended.
     """
 
     def __init__(self) -> None:
         self.asked = False
         self.stop: Callable[[], None] = lambda: None
         self._until = float("inf")
+        self.over = False
 
     @property
     def overdue(self) -> bool:
@@ -66,14 +70,18 @@ class Interrupts:
         # Not by print: what is interrupted may be in the middle of one.
         os.write(2, b"\nflexaxis: stopping; what is done is kept. Ctrl-C again ends at once\n")
         self.stop()
-        stopping.ask()
+        if STOP is not None and stopping.heed():
+            signal.raise_signal(STOP)  # which comes again where it is lost
+        else:
+            stopping.ask()
 
 
 def _at_once() -> None:
     raise KeyboardInterrupt
 
 
-AT_ONCE = patient(_at_once)
+_over = threading.Event()  # what Ctrl-C ends at once
+AT_ONCE = patient(_at_once, lambda: not _over.is_set())
 
 
 @contextmanager
@@ -95,18 +103,39 @@ def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    with _handling(patient(interrupts.ask)):
+    with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
         try:
             yield interrupts
         finally:
+            interrupts.over = True
             stopping.forget()
 
 
 @contextmanager
 def one_stage() -> Iterator[None]:
     """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
-    with _handling(AT_ONCE):
+    _over.clear()
+    with _handling(AT_ONCE), _dropped_in_silence():
+        try:
+            yield
+        finally:
+            _over.set()
+
+
+@contextmanager
+def _dropped_in_silence() -> Iterator[None]:
+    """Say nothing of a Ctrl-C that Python drops, for it comes again."""
+    usual = sys.unraisablehook
+
+    def drop(what: sys.UnraisableHookArgs) -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt | stopping.Stopped):
+            usual(what)
+
+    sys.unraisablehook = drop
+    try:
         yield
+    finally:
+        sys.unraisablehook = usual
 
 
 def leave(status: int) -> NoReturn:

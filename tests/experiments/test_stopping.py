@@ -12,6 +12,7 @@ import pytest
 
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.interrupts import one_stage, two_stage
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import run_unit
@@ -54,8 +55,11 @@ def usual():
 
 
 @pytest.mark.parametrize(("swallow", "whole"), [("raise", 2), ("pass", 3)])
-def test_the_cases_before_ctrl_c_are_kept(short, tmp_path, usual, swallow, whole):
+def test_the_cases_before_ctrl_c_are_kept(  # noqa: PLR0917
+    short, tmp_path, usual, monkeypatch, swallow, whole
+):
     """Also where a user's code takes the stop for an error of its own: then after that case."""
+    monkeypatch.setattr(stopping, "LOST", 60.0)  # long after that case
     every = run_unit(unit(short, tmp_path / "a", 0, "raise"))
     expected = [json.loads(line) for line in every.lines.splitlines()]
     outcomes = []
@@ -97,6 +101,39 @@ def test_a_stop_of_work_that_cannot_say_how_far_it_came(tmp_path, usual):
     with pytest.raises(KeyboardInterrupt):
         list(spread([tmp_path], slow))
     asking.join()
+    assert time.monotonic() - began < 30
+
+
+class Deaf:
+    """Drops what is raised while it goes, as weak references and finalisers do."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __del__(self):
+        signal.raise_signal(self.number)
+
+
+@pytest.mark.parametrize("stage", [one_stage, two_stage])
+def test_a_ctrl_c_that_python_drops_comes_again(usual, stage):
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), one_stage(), stage():
+        if stage is two_stage:
+            signal.raise_signal(signal.SIGINT)  # the first, which is kept
+        Deaf(signal.SIGINT)
+        time.sleep(60)
+    assert time.monotonic() - began < 30
+
+
+def test_so_does_what_stops_the_work(usual):
+
+    def work(number):
+        Deaf(number)
+        time.sleep(60)
+
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), one_stage():
+        list(spread([signal.SIGINT], work))
     assert time.monotonic() - began < 30
 
 
