@@ -179,7 +179,11 @@ def test_ctrl_c_in_a_terminal(name, times, tmp_path, monkeypatch):
 
     words = ctrl_c.commands(tmp_path)[name]
     ended = ctrl_c.press(words, times, 8.0, "live axis is at" if name == "demo" else "")
-    assert ended.status == (0 if name == "demo" and times == 1 else 130), ended.said
+    # The demo ends by it: a second one comes to a Python that is at its end, which is 130 too.
+    right = {(True, 1): {0}, (True, 2): {0, 130, -signal.SIGINT}}.get(
+        (name == "demo", times), {130}
+    )
+    assert ended.status in right, ctrl_c.last_lines(ended.said)
     assert ended.seconds < 10 and not ended.orphans
     assert "Traceback" not in ended.said
     if name in ("run", "study", "compare", "tune", "tradeoff"):
