@@ -1,6 +1,6 @@
 """Estimators in another process and any language: JSON lines on its stdin and stdout.
 
-docs/gate.md has the protocol, docs/examples/ a program in Python and one in GNU Octave.
+docs/pipes.md has the protocol, docs/examples/ a program in Python and one in GNU Octave.
 """
 
 from __future__ import annotations

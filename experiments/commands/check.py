@@ -37,19 +37,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 class _Slow:
-    """Says which rule is looked at, once it takes long: code may take minutes for a run."""
+    """Says which rule is looked at, whenever it has been long: code may take minutes for a run."""
 
     PATIENCE = 2.0  # s
 
     def __init__(self) -> None:
-        self._start = time.monotonic()
+        self._start = self._said = time.monotonic()
 
     def __call__(self, rule: str) -> None:
         from flexaxis.experiments.running.told import remark
 
-        seconds = time.monotonic() - self._start
-        if seconds > self.PATIENCE:
-            remark(f"checking: {rule} … ({seconds:.0f} s so far)")
+        now = time.monotonic()
+        if now - self._said > self.PATIENCE:
+            self._said = now
+            remark(f"checking: {rule} … ({now - self._start:.0f} s so far)")
 
 
 def main(args: argparse.Namespace) -> int:

@@ -59,7 +59,8 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     found = load(args.folder)
     write_text(path, render(found))
     if args.json:
-        return answer(args, found.summary | {"report": path})
+        known = {key: value for key, value in found.summary.items() if key != "command"}
+        return answer(args, known | {"made_by": found.summary["command"], "report": path})
     show(score_table(found.summary["rows"]))
     options.tell_failures(found.summary.get("failures", []))
     print(path)

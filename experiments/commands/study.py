@@ -27,6 +27,7 @@ example:
 from __future__ import annotations
 
 import argparse
+import shlex
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,23 +65,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def main(args: argparse.Namespace) -> int:
-    """Plan, run and report."""
+    """Read, ask for consent, plan, run and report."""
     from flexaxis.experiments.building.consent import require
+    from flexaxis.experiments.studies.definition import load_study
+
+    study = load_study(args.file)
+    line = shlex.join(["flexaxis", *(word for word in args.words if word != "--dry-run")])
+    consent = {"source": str(args.file), "command": line}
+    if not args.dry_run:
+        require(args.run_code, study.estimators, **consent)
+    status = _planned_and_run(args, study)
+    require(args.run_code, study.estimators, **consent)
+    return status
+
+
+def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     from flexaxis.experiments.running import rows
     from flexaxis.experiments.running.folder import check
     from flexaxis.experiments.running.names import REPORT, STUDY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
     from flexaxis.experiments.running.told import remark
-    from flexaxis.experiments.studies.benchmark import command_line
-    from flexaxis.experiments.studies.definition import load_study
 
-    options.check_jobs(args)
-    study, shard = load_study(args.file), options.shard(args)
-    typed = [word for word in args.words if word != "--dry-run"]
-    consent = {"source": str(args.file), "command": command_line(typed)}
-    if not args.dry_run:
-        require(args.run_code, study.estimators, **consent)
+    shard = options.shard(args)
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)
     folder = args.output or Path("results") / plan.study.name
     spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
@@ -93,7 +100,6 @@ def main(args: argparse.Namespace) -> int:
         (remark if args.json or not args.dry_run else print)(told)
         if not args.dry_run:
             return _run(args, plan, folder, place)
-    require(args.run_code, study.estimators, **consent)
     return answer(args, _planned(plan, done, folder)) if args.json else 0
 
 

@@ -86,12 +86,16 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
         With a line for each that is wrong.
     """
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.commands.options import check_jobs
+    from flexaxis.experiments.commands import options
     from flexaxis.sim.errors import FlexaxisError
 
     problems = []
     if "jobs" in args:
-        check_jobs(args)
+        options.check_jobs(args)
+    if "shard" in args:
+        options.shard(args)
+    if getattr(args, "dask", None):
+        options.check_dask(args)
     if getattr(args, "time_limit", None) is not None:
         from flexaxis.experiments.building.guest import limited
 

@@ -65,6 +65,11 @@ class Friction:
         """The level f_c that acts [N m], zero without friction."""
         return self.f_c if self.knobs else 0.0
 
+    def acts_as(self, other: Friction) -> bool:
+        """Return whether no motion could tell it from another one."""
+        same = [getattr(self, name) == getattr(other, name) for name in self.knobs]
+        return self.kind == other.kind and all(same)
+
     def tables(self) -> dict[str, dict[str, float]]:
         """Return it as tables of a scenario."""
         f_c, f_s, v_s = self.f_c, self.f_s, self.v_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import signal
 import socket
@@ -9,7 +10,7 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any
 
 from flexaxis.experiments.demo.door import Door, own_names
@@ -175,6 +176,7 @@ def guarded_server(guard: Guard) -> Any:
     # It prints a banner of its own.
     with redirect_stdout(io.StringIO()), guard.in_front():
         server = viser.ViserServer(host=host, port=guard.door.port, label="flexaxis", verbose=False)
+    _let_threads_draw(server)
     # A page could ask viser for a tunnel through its makers' server; ours stays where it is.
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign,misc]
     try:
@@ -185,6 +187,27 @@ def guarded_server(guard: Guard) -> Any:
         guard.listening.close()
         raise
     return server
+
+
+class _Waking(asyncio.Event):
+    """An event that any thread may set, once its loop is running."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._home = loop
+
+    def set(self) -> None:
+        with suppress(RuntimeError):  # a loop that is closed has nobody to wake
+            self._home.call_soon_threadsafe(super().set)
+
+
+def _let_threads_draw(server: Any) -> None:
+    """Mend what viser does for each message: it sets asyncio's event out of our thread.
+
+    That fails now and then while viewers come and go ("deque mutated during iteration").
+    """
+    buffer = server._websock_server._broadcast_buffer
+    buffer.message_event = _Waking(buffer.event_loop)
 
 
 @contextmanager

@@ -163,7 +163,8 @@ class DemoSession:
 
     def rub(self, friction: Friction) -> None:
         """Let another dry friction act from now on."""
-        if friction == self.axis.friction:
+        if friction.acts_as(self.axis.friction):
+            self.axis.set_friction(friction)
             return
         before = self.axis.theta(SHOWN)
         self.axis.set_friction(friction)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and completion read; a test compares it with _HOME
     from flexaxis._axis import Axis, Sample, make_axis
+    from flexaxis._check import check
     from flexaxis._compare import Comparison, compare
     from flexaxis._estimates import Estimate
     from flexaxis._lists import scenarios
@@ -32,6 +33,7 @@ __all__ = [
     "Sample",
     "__version__",
     "benchmark",
+    "check",
     "compare",
     "estimate",
     "estimators",
@@ -47,6 +49,7 @@ _HOME = {
     "Axis": "_axis",
     "Sample": "_axis",
     "make_axis": "_axis",
+    "check": "_check",
     "Comparison": "_compare",
     "compare": "_compare",
     "Estimate": "_estimates",

@@ -33,7 +33,7 @@ SEEDS = tuple(range(16))
 """Those for tuning: no comparison has them unless it asks for them."""
 
 TURNS = (1 / 1.5, 1.0, 1.5)  # of the candidate's knob, about its setting
-FURTHER = (1 / 4, 4.0)  # where these are all noisier than the base, or all quieter
+FURTHER = (4.0, 16.0)  # and its inverse, where these are all noisier than the base, or all quieter
 NOISES = ("std", "excess")  # what is equal is not judged
 
 
@@ -206,8 +206,11 @@ class _Side:
     def _match(self, scenario: Scenario, parameter: str) -> tuple[Match | None, Setting]:
         turns = list(TURNS)
         found, base = self._at(scenario, parameter, turns)
-        if found is not None and found.how != MATCHED:
-            found, base = self._at(scenario, parameter, sorted([*turns, *FURTHER]))
+        for further in FURTHER:
+            if found is None or found.how == MATCHED:
+                break
+            turns += [1 / further, further]
+            found, base = self._at(scenario, parameter, turns)
         return found, base
 
     def _at(

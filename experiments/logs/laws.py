@@ -13,7 +13,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.friction import CHOICES, SOFTER, Sizes, names_by, rubbing
+from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
 from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
@@ -133,12 +133,9 @@ class _Bench:
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
             places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
-        if kind != "coulomb":
-            return Begun(attempt, explored(attempt, places))
-        soft = explored(self.attempt(kind, ease=SOFTER), places)
-        return Begun(attempt, attempt.solve(soft.z, rounds=3, fine=False))
+        return Begun(attempt, explored(attempt, places))
 
-    def attempt(self, kind: str, *, ease: float = 1.0) -> Attempt:
+    def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""
         linear = self.linear
         model, box = rubbing(
@@ -146,7 +143,6 @@ class _Bench:
             kind,
             _sizes(linear.log, linear, self.fitted),
             abs(self.level * torque_constant(linear.model)),
-            ease=ease,
         )
         told = {name: value for name, value in self.given.items() if name in box.start}
         model = replace(model, nominal=dict(model.nominal) | told)

@@ -149,7 +149,10 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = N
         tried = setting(name, {**(options or {}), knob: value})
         own = trials.noises(tried)
         if trials.match not in own:
-            break
+            raise FlexaxisError(
+                f"{tried}: its {_in_words(trials.match)} cannot be matched to that of {REFERENCE}: "
+                "it has none, for it does not move or does not estimate what that takes"
+            )
         ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
         ratio = ratios.pop(EXCESS, 1.0) if trials.match == EXCESS else ratios[trials.match]
         error = float(np.log(ratio))
@@ -236,6 +239,10 @@ def _knob(name: str) -> tuple[str, float]:
     if knob is None:
         raise FlexaxisError(f"{name} has no knob to turn{_how_to_have_one(name)}")
     return knob, 1 - value if knob == "forgetting" else value
+
+
+def _in_words(match: str) -> str:
+    return "excess prediction error" if match == EXCESS else f"std of {match}"
 
 
 def _middle(values: Sequence[float]) -> float:

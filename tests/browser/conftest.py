@@ -32,7 +32,7 @@ FIND = """
     e => e.innerText?.trim().includes("{text}") && e.getClientRects().length);
   const last = found[found.length - 1];
   if (!last) return null;
-  last.scrollIntoView({{block: "nearest"}});
+  if ({scroll}) last.scrollIntoView({{block: "nearest"}});
   const {{left, top, right, bottom}} = last.getBoundingClientRect();
   return {{left, top, right, bottom}};
 }})()
@@ -110,9 +110,9 @@ class Browser:
             mobile=mobile,
         )
 
-    def place(self, text: str, kind: str = "*") -> dict[str, float]:
+    def place(self, text: str, kind: str = "*", *, scroll: bool = True) -> dict[str, float]:
         """Where the innermost element that has a text lies: left, top, right, bottom [pixels]."""
-        script = FIND.format(text=text, kind=kind)
+        script = FIND.format(text=text, kind=kind, scroll=str(scroll).lower())
         return self.wait(script, seconds=20, what=f"{kind} with {text!r}")
 
     def click(self, text: str, kind: str = "*") -> None:
@@ -121,6 +121,12 @@ class Browser:
         where = {"x": (at["left"] + at["right"]) / 2, "y": (at["top"] + at["bottom"]) / 2}
         for event in ("mouseMoved", "mousePressed", "mouseReleased"):
             self._call("Input.dispatchMouseEvent", type=event, button="left", clickCount=1, **where)
+
+    def press(self, *keys: str) -> None:
+        """Press keys, such as ``"End"``."""
+        for key in keys:
+            for kind in ("keyDown", "keyUp"):
+                self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
 
     def downloads(self, folder: Path) -> None:
         """Let what the page saves come into a folder."""
