@@ -246,7 +246,7 @@ def breaks_late(dry, moved, u):
 
 
 @inlined
-def turns(dry, X, moved, u, way):  # noqa: PLR0917
+def turns(dry, X, moved, u, way):
     """Return whether the speed may reach zero in a sample: at its end, or in between."""
     v, h = dry.speed, dry.h * dry.parts
     if way * moved[0, v] <= 0.0:
@@ -275,10 +275,7 @@ def part(dry, X, way, series, term, rest):  # noqa: PLR0917
         left *= 1.0 - share
         if share == 1.0:
             break
-        if way == 0.0:
-            way = np.sign(pulled(dry, X[0]))
-        else:
-            way = reverse(dry, X, way)
+        way = np.sign(pulled(dry, X[0])) if way == 0.0 else reverse(dry, X, way)
         X[0, v] = 0.0
     return way
 

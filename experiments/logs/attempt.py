@@ -20,6 +20,8 @@ Flags = NDArray[np.bool_]
 
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
+ENOUGH = 10_000  # samples, to tell which start is the best
+LIKELY = 3  # places that are looked at twice: those that the frequency response tells, and found
 EARLIEST = -2.0  # samples, of a smooth torque
 
 
@@ -204,14 +206,23 @@ class Attempt:
 
 
 def explored(attempt: Attempt, places: Sequence[tuple[Array, float]]) -> Fitted:
-    """Return the best of a few rounds from each place, noise taken for white at first or not."""
-    return best(
-        [
-            attempt.solve(*place, rounds=2, fine=False, plain=plain)
-            for place in places
-            for plain in ((False, True) if attempt.whiten else (False,))
-        ]
-    )
+    """Return the best of a few rounds from each place, on a part of the log that is enough for it.
+
+    A rich model of the noise explains what a model that is far off leaves, and little leads away
+    from there, so that noise is taken for white at first; but where an axis drifts that is what
+    would be explained, so that from the likeliest places it is not, too.
+    """
+    short = replace(attempt, log=attempt.log.part(ENOUGH))
+    starts = [(place, attempt.whiten) for place in places]
+    starts += [(place, False) for place in places[:LIKELY]]
+    tried = [short.solve(*place, rounds=2, fine=False, plain=plain) for place, plain in starts]
+    likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
+    found = best([*likely, *(short.solve(at.z, rounds=2, plain=True, fine=False) for at in likely)])
+    if short.log is attempt.log or not np.isfinite(found.square):
+        return found
+    # a part has an initial state of its own, so that no more than parameters are taken from it
+    theta, lag = found.z[: len(attempt.names)], float(found.z[-1])
+    return attempt.solve(theta, lag, rounds=2, fine=False)
 
 
 def best(fits: Sequence[Fitted]) -> Fitted:

@@ -19,7 +19,7 @@ from flexaxis.experiments.logs.friction import names_of
 from flexaxis.experiments.logs.laws import Tried, able, choose
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
-from flexaxis.experiments.logs.starts import Starts, linear_fit
+from flexaxis.experiments.logs.starts import Starts, gained, smoother
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
@@ -173,8 +173,7 @@ def identify(
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
-    attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free=free, fix=fix)
+    attempt, fitted, tried, word = _chosen(starts, friction, free, fix)
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,
@@ -188,6 +187,25 @@ def identify(
     )
     check_rate(found.axis.model, log.period)
     return found
+
+
+def _chosen(
+    starts: Starts, friction: str, free: Sequence[str], fix: Sequence[str]
+) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
+    """Return the fit with the law and the kind of torque that predict best.
+
+    Dry friction that is left out makes a held torque seem to act before it is set, and so does a
+    torque that is smooth; so where both could be, laws are looked for with both.
+    """
+    held = starts.search(starts.attempt)
+    if names_of(starts.attempt.model):
+        return choose(starts, *held, friction, free=free, fix=fix)
+    other = smoother(*held)
+    found = choose(starts, *other, friction, free=free, fix=fix)
+    if other[0] is held[0] or not (starts.whole and able(held[0].model)):
+        return found
+    rubbing = choose(starts, *held, friction, free=free, fix=fix)
+    return rubbing if gained(found[1], rubbing[1]) > 0 else found
 
 
 def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:

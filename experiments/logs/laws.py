@@ -12,7 +12,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.friction import CHOICES, Sizes, rubbing
-from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
+from flexaxis.experiments.logs.pieces import LEAST_GAIN, Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
@@ -21,6 +21,7 @@ Flags = NDArray[np.bool_]
 
 MOST = 20_000  # samples that laws are compared on
 OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
+HOPEFUL = 1 - 2 * LEAST_GAIN  # times the square of the error: the least that is worth it
 ORDER = ("coulomb", "lugre", "static")
 
 
@@ -34,12 +35,15 @@ class Tried:
         Words of both.
     comparison : Comparison
     taken : bool
+    held : bool
+        Whether what is compared was held out of the fit, and not fitted to as well.
     """
 
     name: str
     against: str
     comparison: Comparison
     taken: bool
+    held: bool = True
 
 
 def choose(
@@ -104,7 +108,7 @@ class _Bench:
             attempt = attempt.having(simple.attempt.values(simple.fitted))
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
-            places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
+            places = [(theta_of(attempt), self._lag), *self.starts.places(attempt, level)]
         return Begun(attempt, explored(attempt, places))
 
     def attempt(self, kind: str) -> Attempt:
@@ -122,6 +126,14 @@ class _Bench:
             linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
         )
 
+    @staticmethod
+    def from_there(simple: Begun, richer: Begun) -> Begun:
+        """Return a simpler law fitted from where a richer one came to."""
+        values = richer.attempt.values(richer.fitted)
+        attempt = simple.attempt.having({name: values[name] for name in simple.attempt.names})
+        lag = float(richer.fitted.z[-1])
+        return Begun(attempt, attempt.solve(theta_of(attempt), lag, rounds=2, fine=False))
+
     @property
     def _lag(self) -> float:
         return float(self.fitted.z[-1])
@@ -134,10 +146,20 @@ class _Bench:
         tried: list[Tried] = []
         for kind in ORDER if wanted == "auto" else ORDER[:1]:
             other = self.started(kind, begun)
-            other_part = other.fitted_without(without)
+            hopeful = begun is None or other.fitted.square < begun.fitted.square * HOPEFUL
+            # what explains a log no better will not predict it
+            other_part = other.fitted_without(without) if hopeful else other.fitted
             comparison = compare(part, other_part, without, ok)
-            taken = comparison.better if kind == ORDER[0] else comparison.worth_it
-            tried.append(Tried(kind, word, comparison, taken))
+            taken = hopeful and comparison.better
+            taken &= kind == ORDER[0] or comparison.worth_it
+            if taken and begun is not None and word == ORDER[0]:
+                # what a richer law has found may have been another place, and not its shape
+                there = self.from_there(begun, other)
+                if there.fitted.square < begun.fitted.square * HOPEFUL:
+                    begun, part = there, there.fitted_without(without)
+                    comparison = compare(part, other_part, without, ok)
+                    taken = comparison.worth_it
+            tried.append(Tried(kind, word, comparison, taken, hopeful))
             if taken:
                 word, begun, part = kind, Begun(other.attempt, other_part), other_part
             elif kind == "coulomb":

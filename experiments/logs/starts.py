@@ -22,7 +22,8 @@ from flexaxis.experiments.logs.spectrum import (
 
 Array = NDArray[np.float64]
 
-ENOUGH = 10_000  # samples, to tell which start is the best
+RUNGS = 6
+FASTEST = 1.0  # rad a sample, of the resonances that are tried
 SMOOTHER = 10.0  # of the logarithm of the likelihood, that another kind of torque has to gain
 
 
@@ -73,17 +74,13 @@ class Starts:
 
     def search(self, attempt: Attempt, level: float = 0.0) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
-        short = replace(attempt, log=attempt.log.part(ENOUGH))
-        first = explored(short, self.places(attempt, level))
+        first = explored(attempt, self.places(attempt, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        if short.log is attempt.log:
-            return attempt, attempt.solve(first.z)
-        # a part has an initial state of its own, so that no more than parameters are taken from it
-        return attempt, attempt.solve(first.z[: len(attempt.names)], float(first.z[-1]))
+        return attempt, attempt.solve(first.z)
 
     def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
         """Return parameters and delays [s] to start from."""
@@ -95,12 +92,27 @@ class Starts:
                 problems.append(error)
                 continue
             found.append(self._place(attempt, seen))
+        if found and not self.known:
+            found += self._ladder(attempt, seen)
         if self.known:
             theta = attempt.model.parametrize(attempt.names).theta
             found.append((theta, 0.0))
         if not found:
             raise problems[0]
         return found
+
+    def _ladder(self, attempt: Attempt, seen: Response) -> list[tuple[Array, float]]:
+        """Return places with resonances up to the fastest that the log may show; none of a mass.
+
+        Slow motion shows a spring below its resonance, where no peak says where to start.
+        """
+        linear = replace(attempt.model, laws=())
+        rungs = np.geomspace(seen.omega[0], FASTEST / self.log.period, RUNGS)
+        guesses = [rough_guess(linear, seen, rung) for rung in rungs if linear.name in MODELS]
+        if not guesses or guesses[0] == guesses[-1]:
+            return []
+        values = [dict(attempt.model.nominal) | guess for guess in guesses]
+        return [(np.array([those[name] for name in attempt.names]), 0.0) for those in values]
 
     def _place(self, attempt: Attempt, seen: Response) -> tuple[Array, float]:
         names = attempt.names
@@ -123,12 +135,6 @@ class Starts:
         return np.array([values[name] for name in names]), lag
 
 
-def linear_fit(starts: Starts) -> tuple[Attempt, Fitted]:
-    """Fit the linear model; where its torque seems to act before it is set, as a smooth one too."""
-    attempt, fitted = starts.search(starts.attempt)
-    return smoother(attempt, fitted)
-
-
 def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
     """Return the fit with a smooth torque where that predicts better, else as it is."""
     if attempt.log.smooth or attempt.delay is not None or fitted.z[-1] > 0.02 * attempt.log.period:
@@ -136,5 +142,9 @@ def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
     other = replace(attempt, log=attempt.log.smoothed())
     p = len(attempt.names)
     tried = other.solve(fitted.z[:p], 0.0)
-    gained = 0.5 * fitted.good.sum() * np.log(fitted.square / tried.square)
-    return (other, tried) if gained > SMOOTHER else (attempt, fitted)
+    return (other, tried) if gained(fitted, tried) > SMOOTHER else (attempt, fitted)
+
+
+def gained(fitted: Fitted, other: Fitted) -> float:
+    """Return by how much the logarithm of the likelihood of another fit is greater."""
+    return 0.5 * float(fitted.good.sum() * np.log(fitted.square / other.square))

@@ -290,7 +290,8 @@ def _laws(tried: Sequence[Tried]) -> list[str]:
     for t in tried:
         c = t.comparison
         lines.append(
-            f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
+            f"{t.name} friction against {t.against}: error of a prediction of "
+            f"{'held-out pieces' if t.held else 'the log it was fitted to'} "
             f"{c.before:.4g} → {c.after:.4g} ({100 * (c.after / c.before - 1):+.2g} %), "
             f"{'better' if t.taken else 'not worth its parameters'}"
         )
