@@ -195,6 +195,12 @@ def friction(u: Array, v: Array, direction: Array, level: float) -> Array:
     return np.where(resting, np.clip(u, -level, level), level * direction)
 
 
+def names_by(kind: str) -> set[str]:
+    """Return the parameters of a law of `CHOICES` that can be identified."""
+    choice = CHOICES[kind]
+    return {str(choice.law.parameters[role]) for role in choice.start}
+
+
 def names_of(model: Model) -> Sequence[str]:
     """Return the parameters of the laws of a model, in their order."""
     return tuple(dict.fromkeys(name for law in model.laws for name in law.names))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, able, choose
+from flexaxis.experiments.logs.laws import Tried, able, check_given, choose
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
 from flexaxis.experiments.logs.starts import Starts, gained, smoother
@@ -116,6 +118,7 @@ def identify(
     *,
     free: Sequence[str] = (),
     fix: Sequence[str] = (),
+    given: Mapping[str, float] = MappingProxyType({}),
     delay: float | None = None,
     whiten: bool = True,
     friction: str = "auto",
@@ -133,6 +136,9 @@ def identify(
         Parameters to identify; by default all but k_T and r.
     fix : sequence of str
         Parameters to leave at their nominal values.
+    given : mapping of str to float
+        Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
+        ``"auto"`` takes one of the laws that have them.
     delay : float, optional
         Known delay of the torque [s]; it is identified too if not given.
     whiten : bool
@@ -152,6 +158,7 @@ def identify(
     """
     if friction not in FRICTION:
         raise LogError(f"--friction {friction}: it is one of {', '.join(FRICTION)}")
+    check_given(axis.model, friction, given)
     log = log_of(record, axis)
     own = names_of(axis.model)
     names = _free(axis, free, fix)
@@ -173,7 +180,7 @@ def identify(
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted, tried, word = _chosen(starts, friction, free, fix)
+    attempt, fitted, tried, word = _chosen(starts, friction, free, fix, given)
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,
@@ -190,21 +197,26 @@ def identify(
 
 
 def _chosen(
-    starts: Starts, friction: str, free: Sequence[str], fix: Sequence[str]
+    starts: Starts,
+    friction: str,
+    free: Sequence[str],
+    fix: Sequence[str],
+    given: Mapping[str, float],
 ) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
     """Return the fit with the law and the kind of torque that predict best.
 
     Dry friction that is left out makes a held torque seem to act before it is set, and so does a
     torque that is smooth; so where both could be, laws are looked for with both.
     """
+    law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
     held = starts.search(starts.attempt)
     if names_of(starts.attempt.model):
-        return choose(starts, *held, friction, free=free, fix=fix)
+        return law(starts, *held)
     other = smoother(*held)
-    found = choose(starts, *other, friction, free=free, fix=fix)
+    found = law(starts, *other)
     if other[0] is held[0] or not (starts.whole and able(held[0].model)):
         return found
-    rubbing = choose(starts, *held, friction, free=free, fix=fix)
+    rubbing = law(starts, *held)
     return rubbing if gained(found[1], rubbing[1]) > 0 else found
 
 
