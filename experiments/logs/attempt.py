@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, fit
+from flexaxis.estimators.offline.descent import Problem
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, fit
 from flexaxis.estimators.offline.trajectory import course
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.sim.record import Record

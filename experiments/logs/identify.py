@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -18,10 +17,10 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, able, check_given, choose
+from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
-from flexaxis.experiments.logs.starts import Starts, gained, smoother
+from flexaxis.experiments.logs.starts import Starts
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
@@ -180,7 +179,7 @@ def identify(
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted, tried, word = _chosen(starts, friction, free, fix, given)
+    attempt, fitted, tried, word = best_of_laws(starts, friction, free, fix, given)
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,
@@ -194,30 +193,6 @@ def identify(
     )
     check_rate(found.axis.model, log.period)
     return found
-
-
-def _chosen(
-    starts: Starts,
-    friction: str,
-    free: Sequence[str],
-    fix: Sequence[str],
-    given: Mapping[str, float],
-) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
-    """Return the fit with the law and the kind of torque that predict best.
-
-    Dry friction that is left out makes a held torque seem to act before it is set, and so does a
-    torque that is smooth; so where both could be, laws are looked for with both.
-    """
-    law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
-    held = starts.search(starts.attempt)
-    if names_of(starts.attempt.model):
-        return law(starts, *held)
-    other = smoother(*held)
-    found = law(starts, *other)
-    if other[0] is held[0] or not (starts.whole and able(held[0].model)):
-        return found
-    rubbing = law(starts, *held)
-    return rubbing if gained(found[1], rubbing[1]) > 0 else found
 
 
 def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:

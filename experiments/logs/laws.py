@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
 from flexaxis.experiments.logs.pieces import LEAST_GAIN, Comparison, compare, held_out
-from flexaxis.experiments.logs.starts import Starts
+from flexaxis.experiments.logs.starts import Starts, gained, smoother
 
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 Array = NDArray[np.float64]
@@ -46,6 +47,30 @@ class Tried:
     comparison: Comparison
     taken: bool
     held: bool = True
+
+
+def best_of_laws(
+    starts: Starts,
+    friction: str,
+    free: Sequence[str],
+    fix: Sequence[str],
+    given: Mapping[str, float],
+) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
+    """Return the fit with the law and the kind of torque that predict best.
+
+    Dry friction that is left out makes a held torque seem to act before it is set, and so does a
+    torque that is smooth; so where both could be, laws are looked for with both.
+    """
+    law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
+    held = starts.search(starts.attempt)
+    if names_of(starts.attempt.model):
+        return law(starts, *held)
+    other = smoother(*held)
+    found = law(starts, *other)
+    if other[0] is held[0] or not (starts.whole and able(held[0].model)):
+        return found
+    rubbing = law(starts, *held)
+    return rubbing if gained(found[1], rubbing[1]) > 0 else found
 
 
 def choose(

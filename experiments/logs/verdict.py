@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.estimators.offline.prediction_error import CONVERGED, Fitted
+from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.laws import Tried
