@@ -63,7 +63,7 @@ def best_of_laws(
     """
     law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
     held = starts.search(starts.attempt)
-    if names_of(starts.attempt.model):
+    if starts.attempt.model.laws:
         return law(starts, *held)
     other = smoother(*held)
     found = law(starts, *other)
