@@ -22,6 +22,7 @@ Flags = NDArray[np.bool_]
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
 ENOUGH = 10_000  # samples, to tell which start is the best
+QUICK = 4000  # samples, to tell where not
 LIKELY = 3  # places that are looked at twice: those that the frequency response tells, and found
 EARLIEST = -2.0  # samples, of a smooth torque
 
@@ -206,13 +207,21 @@ class Attempt:
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
 
 
-def explored(attempt: Attempt, places: Sequence[tuple[Array, float]]) -> Fitted:
+Place = tuple[Array, float]
+
+
+def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
     """Return the best of a few rounds from each place, on a part of the log that is enough for it.
 
     A rich model of the noise explains what a model that is far off leaves, and little leads away
     from there, so that noise is taken for white at first; but where an axis drifts that is what
-    would be explained, so that from the likeliest places it is not, too.
+    would be explained, so that from the likeliest places it is not, too. Of rungs, which nothing
+    speaks for, a short piece says which two are worth as much.
     """
+    if rungs:
+        quick = replace(attempt, log=attempt.log.part(QUICK))
+        judged = [quick.solve(*rung, rounds=1, fine=False, plain=True).square for rung in rungs]
+        places = [*places, *(rungs[i] for i in np.argsort(judged)[:2])]
     short = replace(attempt, log=attempt.log.part(ENOUGH))
     starts = [(place, attempt.whiten) for place in places]
     starts += [(place, False) for place in places[:LIKELY]]

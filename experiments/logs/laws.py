@@ -162,7 +162,8 @@ class _Bench:
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
             places = [(theta_of(attempt), self._lag), *self.starts.places(attempt, level)]
-        return Begun(attempt, explored(attempt, places))
+        rungs = self.starts.ladder(attempt, level) if kind == "coulomb" else []
+        return Begun(attempt, explored(attempt, places, rungs))
 
     def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, explored
+from flexaxis.experiments.logs.attempt import Attempt, Log, Place, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import friction, guessed_level, smooth_sign
 from flexaxis.experiments.logs.spectrum import (
@@ -74,7 +74,7 @@ class Starts:
 
     def search(self, attempt: Attempt, level: float = 0.0) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
-        first = explored(attempt, self.places(attempt, level))
+        first = explored(attempt, self.places(attempt, level), self.ladder(attempt, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
@@ -82,7 +82,7 @@ class Starts:
             )
         return attempt, attempt.solve(first.z)
 
-    def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
+    def places(self, attempt: Attempt, level: float) -> list[Place]:
         """Return parameters and delays [s] to start from."""
         found, problems = [], []
         for floor in (STRONG, 0.0):
@@ -92,8 +92,6 @@ class Starts:
                 problems.append(error)
                 continue
             found.append(self._place(attempt, seen))
-        if found and not self.known:
-            found += self._ladder(attempt, seen)
         if self.known:
             theta = attempt.model.parametrize(attempt.names).theta
             found.append((theta, 0.0))
@@ -101,20 +99,26 @@ class Starts:
             raise problems[0]
         return found
 
-    def _ladder(self, attempt: Attempt, seen: Response) -> list[tuple[Array, float]]:
+    def ladder(self, attempt: Attempt, level: float) -> list[Place]:
         """Return places with resonances up to the fastest that the log may show; none of a mass.
 
         Slow motion shows a spring below its resonance, where no peak says where to start.
         """
+        if self.known or attempt.model.name not in MODELS:
+            return []
+        try:
+            seen = self.response(level)
+        except LogError:
+            return []
         linear = replace(attempt.model, laws=())
         rungs = np.geomspace(seen.omega[0], FASTEST / self.log.period, RUNGS)
-        guesses = [rough_guess(linear, seen, rung) for rung in rungs if linear.name in MODELS]
-        if not guesses or guesses[0] == guesses[-1]:
+        guesses = [rough_guess(linear, seen, rung) for rung in rungs]
+        if guesses[0] == guesses[-1]:
             return []
         values = [dict(attempt.model.nominal) | guess for guess in guesses]
         return [(np.array([those[name] for name in attempt.names]), 0.0) for those in values]
 
-    def _place(self, attempt: Attempt, seen: Response) -> tuple[Array, float]:
+    def _place(self, attempt: Attempt, seen: Response) -> Place:
         names = attempt.names
         linear = replace(attempt.model, laws=())
         mine = tuple(name for name in names if name in linear.parameters)
