@@ -15,6 +15,7 @@ Flags = NDArray[np.bool_]
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
 CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit ends
 CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
+ROUGH = 5.0  # standard deviations that may be left where friction is at a kink and no step gains
 STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
@@ -132,7 +133,7 @@ class Problem:
         rest[len(theta) : -1] = False
         nuisance = replace(self, held=self.held | rest)
         plain = colourless(self.highpass, self.course.period)
-        return nuisance.descend(nuisance.at(z, plain, coarse=True), plain, 4, coarse=True).z
+        return nuisance.descend(nuisance.at(z, plain, coarse=True), plain, 4, coarse=True)[0].z
 
     def descend(
         self,
@@ -143,26 +144,26 @@ class Problem:
         coarse: bool = False,
         near: float = CONVERGED,
         damping: float = CAREFUL,
-    ) -> Point:
+    ) -> tuple[Point, bool]:
         """
-        Return where Levenberg and Marquardt's method comes to from a point within the box.
+        Return where Levenberg and Marquardt's method comes to from a point, and if it ended there.
 
         It ends where the bottom is as near as that, in standard deviations, or steps gain no more
         than such a step would.
         """
         for _ in range(most):
             if self.left(at) <= near:
-                break
+                return at, True
             tried = self.at(self._next(at, damping), colour, coarse=coarse)
             if tried.square < at.square:
                 done, at, damping = gained(at, tried) <= near, tried, max(damping / 10, BOLD)
                 if done:
-                    break
+                    return at, True
             else:
                 damping = max(10 * damping, 1e-4)
                 if damping > STIFFEST:
-                    break
-        return at
+                    return at, self.left(at) <= ROUGH
+        return at, False
 
     def _next(self, at: Point, damping: float) -> Array:
         """Return the next place to try."""

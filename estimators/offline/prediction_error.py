@@ -105,7 +105,7 @@ def fit(
     colour = colourless(problem.highpass, problem.course.period)
     point = problem.at(z, colour, coarse=coarse)
     if plain:
-        point = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
+        point, _ = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):
         colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
@@ -115,8 +115,10 @@ def fit(
         if converged and not (coarse and fine):
             break
         before = point
-        point = problem.descend(point, colour, most, coarse=coarse, near=near / 2, damping=damping)
-        converged, damping = gained(before, point) <= near, BOLD
+        point, ended = problem.descend(
+            point, colour, most, coarse=coarse, near=near / 2, damping=damping
+        )
+        converged, damping = ended and gained(before, point) <= near, BOLD
     return finished(problem, point, colour, converged)
 
 

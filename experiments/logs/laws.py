@@ -16,7 +16,7 @@ from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
 from flexaxis.experiments.logs.pieces import LEAST_GAIN, Comparison, compare, held_out
-from flexaxis.experiments.logs.starts import Starts, gained, smoother
+from flexaxis.experiments.logs.starts import SMOOTHER, Starts, gained, smoother
 
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def best_of_laws(
     if other[0] is held[0] or not (starts.whole and able(held[0].model)):
         return found
     rubbing = law(starts, *held)
-    return rubbing if gained(found[1], rubbing[1]) > 0 else found
+    return found if gained(rubbing[1], found[1]) > SMOOTHER else rubbing
 
 
 def choose(
