@@ -17,10 +17,10 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, able, check_given, choose
+from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
-from flexaxis.experiments.logs.starts import Starts, linear_fit
+from flexaxis.experiments.logs.starts import Starts
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
@@ -179,10 +179,7 @@ def identify(
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
-    attempt, fitted, tried, word = choose(
-        starts, attempt, fitted, friction, free=free, fix=fix, given=given
-    )
+    attempt, fitted, tried, word = best_of_laws(starts, friction, free, fix, given)
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,
