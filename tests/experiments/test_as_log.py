@@ -11,7 +11,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.as_log import FORMATS, LONGEST_GAP, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults
+from flexaxis.experiments.logs.days import Days, calendar, known_axis, told_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.record import load_record
@@ -215,3 +215,11 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
     assert "percentage" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
+
+
+def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():
+    """They are a number of the law, so that nobody identifies them."""
+    scenario = find_scenario("coulomb_fc_step-v1")
+    for axis in (known_axis(scenario), told_axis(scenario, 0)):
+        assert "f_c" in axis.model.parameters and "sigma_0" not in axis.model.parameters
+        assert axis.model.laws[0].parameters["stiffness"] == 1e4
