@@ -20,6 +20,7 @@ from flexaxis.experiments.logs.dates import dated
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.own import made_of
 from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.experiments.logs.refit import refit, seen
 from flexaxis.experiments.running.dispatch import spread
@@ -109,6 +110,8 @@ class Task:
 def find_logs(given: Sequence[Path]) -> list[Path]:
     """Return the logs in folders and among files, those of a folder in the order of their names.
 
+    What was made of a log in the same folder, by `import` or `track`, is no further log.
+
     Raises
     ------
     LogError
@@ -118,7 +121,9 @@ def find_logs(given: Sequence[Path]) -> list[Path]:
     for path in given:
         if path.is_dir():
             inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-            found += sorted((p for p in inside if p.name[0] != "."), key=_natural)
+            names = {p.name for p in inside}
+            logs = (p for p in inside if p.name[0] != "." and not made_of(p, names))
+            found += sorted(logs, key=_natural)
         elif path.exists():
             found.append(path)
         else:

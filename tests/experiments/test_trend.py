@@ -211,6 +211,20 @@ def test_values_are_shown_where_too_few_logs_can_be_used(days, tmp_path, capsys)
     assert page.count("<td>2026-05-0") == 7
 
 
+def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
+    for day in (1, 2):
+        name = f"2026-05-0{day}.csv"
+        (tmp_path / name).write_bytes((days / name).read_bytes())
+    log = tmp_path / "2026-05-01.csv"
+    assert main(["import", str(log), "--torque-is", "held"]) == 0
+    words = ["--model", str(days / "axis.toml"), "--identify", "f_m", "--torque-is", "held"]
+    assert main(["track", str(log), *words]) in {0, 1}
+    assert len([*tmp_path.glob("*.nc")]) == 2
+    assert [p.name for p in trend.find_logs([tmp_path])] == ["2026-05-01.csv", "2026-05-02.csv"]
+    log.unlink()  # of which the record is all there is now
+    assert [p.name for p in trend.find_logs([tmp_path])] == ["2026-05-01.nc", "2026-05-02.csv"]
+
+
 def test_a_parameter_that_is_zero_is_refused(days, tmp_path, capsys):
     (tmp_path / "zero.toml").write_text(AXIS.replace("f_m = 0.05", "f_m = 0.0"))
     given = ("--model", tmp_path / "zero.toml", "-o", tmp_path / "t", "--torque-is", "held")
