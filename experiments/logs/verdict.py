@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.estimators.offline.prediction_error import CONVERGED, Fitted
+from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.laws import Tried
@@ -290,7 +291,8 @@ def _laws(tried: Sequence[Tried]) -> list[str]:
     for t in tried:
         c = t.comparison
         lines.append(
-            f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
+            f"{t.name} friction against {t.against}: error of a prediction of "
+            f"{'held-out pieces' if t.held else 'the log it was fitted to'} "
             f"{c.before:.4g} → {c.after:.4g} ({100 * (c.after / c.before - 1):+.2g} %), "
             f"{'better' if t.taken else 'not worth its parameters'}"
         )
