@@ -3,7 +3,7 @@
 example:
   flexaxis new my_estimator.py
   flexaxis check my_estimator.py:Mine
-  flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+  flexaxis compare --base relocate --candidate my_estimator.py:Mine --match-std fm_step-v1
 """
 
 from __future__ import annotations
@@ -38,5 +38,5 @@ def main(args: argparse.Namespace) -> int:
     print(f"{path} estimates the motor friction f_m. Change it, then:")
     print(f"  flexaxis check {path}:{CLASS}")
     print(f"  flexaxis tune {path}:{CLASS} --match f_m")
-    print(f"  flexaxis compare --base rpem-forgetting --candidate {path}:{CLASS}")
+    print(f"  flexaxis compare --base relocate --candidate {path}:{CLASS} --match-std fm_step-v1")
     return 0
