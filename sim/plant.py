@@ -165,6 +165,11 @@ class Plant:
         return self._speed[:, 0]
 
     @property
+    def speeds(self) -> Array:
+        """Motor, gear and arm speed (R, 3) [rad/s], now; a live view."""
+        return self._speed
+
+    @property
     def angles(self) -> Array:
         """Motor, gear and arm angle (R, 3) [rad], now; a live view."""
         return self._angle

@@ -28,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -71,7 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_resume(parser)
     options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -178,12 +179,10 @@ def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict
     from flexaxis.experiments.gate.comparison_report import row_command, terminal_table, worst
     from flexaxis.experiments.gate.words import headline, knobs, meaning
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.files import dumps
 
     status = found.status(strict=args.strict)
     if args.json:
-        print(dumps(found.as_dict() | {"status": status, "report": str(path)}))
-        return status
+        return answer(args, found.as_dict() | {"report": path}, status)
     show(terminal_table(found))
     print(
         "\n".join(["", headline(found), meaning(found), *([knobs(found)] if found.equal else [])])
@@ -199,7 +198,6 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate import selftable, selftest
     from flexaxis.experiments.gate.gate import SUITE
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.seeds import parse_seeds
 
     scenarios = select(args.names or [SUITE]).scenarios
@@ -221,8 +219,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     broken = [rate for rate in found if not rate.kept]
     told = [rate.as_dict() for rate in found]
     if args.json:
-        print(dumps(told))
-        return int(bool(broken))
+        return answer(args, {"rates": told, "broken": len(broken)}, int(bool(broken)))
     show(selftable.terminal(told))
     print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
     return int(bool(broken))

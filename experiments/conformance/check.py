@@ -10,6 +10,7 @@ from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.conformance.endurance import rules
 from flexaxis.experiments.conformance.requirements import RULES, Rule
 from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
@@ -32,10 +33,13 @@ class RuleResult:
 def check(
     spec: Spec,
     *,
+    long: bool = False,
     store: RecordCache | None = None,
     begun: Callable[[str], object] = lambda rule: None,
 ) -> list[RuleResult]:
     """Return what every rule finds about an estimator; `begun` is told each rule before it.
+
+    With `long` it is also run through everything that may happen to an axis in a year.
 
     Raises
     ------
@@ -44,7 +48,7 @@ def check(
     """
     subject = _subject(spec, store)
     found = []
-    for rule in RULES:
+    for rule in [*RULES, *(rules(subject, store) if long else ())]:
         begun(rule.name)
         found.append(_result(rule, subject))
     return found

@@ -152,7 +152,7 @@ def _gap(subject: Subject) -> Seen:
     if moved > 0.1:
         return False, f"estimates move by {100 * moved:.0f} % of nominal while y is missing"
     estimator = subject.make()
-    if not _knows_gaps(estimator):
+    if not knows_gaps(estimator):
         return True, f"estimates move by {100 * moved:.2g} % of nominal in it"
     valid = np.ones(len(subject.u), bool)
     valid[GAP] = False
@@ -161,7 +161,8 @@ def _gap(subject: Subject) -> Seen:
     return apart < 1e-9, f"run with `valid` differs from step with None by {apart:.2g} of nominal"
 
 
-def _knows_gaps(estimator: Estimator) -> bool:
+def knows_gaps(estimator: Estimator) -> bool:
+    """Return whether `run` can be told which y are missing."""
     run = getattr(estimator, "run", None)
     return run is not None and len(inspect.signature(run).parameters) > 2
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.demo.bound import Allowed
 from flexaxis.experiments.demo.dots import Dot
-from flexaxis.experiments.demo.racer import NAMES
+from flexaxis.experiments.demo.racer import NAMES, SHOWN
 from flexaxis.experiments.demo.session import SPAN, Curves
 from flexaxis.experiments.scoring.theta import physical
+from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
 
 Array = NDArray[np.float64]
@@ -19,80 +21,98 @@ Array = NDArray[np.float64]
 COLOURS = ("#0072B2", "#D55E00")
 """Of the two racers, whoever they are: distinct also for the colour-blind."""
 
+THEORY = "#777777"
+"""Of what theory allows."""
+
 DASHES = ((), (10, 4), (2, 4))
 FAR = 4.0
 """Estimates are drawn up to this many times nominal, so that a burst leaves the rest to be seen."""
 
 
+P_RANGE, F_C_RANGE = (-7.0, -0.4), (-0.04, 0.44)
+"""Of the charts of log₁₀ P and of f_c [N m]; fixed, so that what is nowhere does not set them."""
+NOWHERE = -1e6
+
+
 def unit(name: str) -> str:
     """Return the unit of an estimated parameter."""
     parameter, exponent = physical(name)
-    text = PARAMETER_UNITS[parameter]
+    text = (PARAMETER_UNITS | LAW_UNITS)[parameter].replace("^2", "²")
     return text if exponent > 0 else f"1/({text})"
 
 
 class Charts:
-    """The charts of a page.
+    """The charts of the last seconds, and the trade-off.
 
     Parameters
     ----------
     gui : viser.GuiApi
         Where they are put.
-    nominal : ndarray (p,)
-        Nominal values of the estimated parameters.
+    nominal : ndarray (4,)
+        Sizes of the parameters in `SHOWN`.
     """
 
     def __init__(self, gui: Any, nominal: Array) -> None:
         self._nominal = nominal
-        self._estimates = [_estimate_chart(gui, name) for name in NAMES]
-        self._P = _P_chart(gui)
+        self._estimates = [_estimate_chart(gui, name) for name in SHOWN]
         self._dots = _dot_chart(gui)
-        self._drawn: list[Dot] = []
+        self._P = _P_chart(gui)
+        self._drawn: tuple[Any, ...] = ()
 
-    def update(self, curves: Curves, dots: Sequence[Dot]) -> None:
-        """Draw the last seconds, and the dots if there are new ones."""
+    def update(self, curves: Curves, dots: Sequence[Dot], allowed: Allowed | None) -> None:
+        """Draw the last seconds, and the dots and the bound if there are new ones."""
         if len(curves.time) < 2:
             return
         for i, chart in enumerate(self._estimates):
+            chart.visible = i < len(NAMES) or bool(curves.truth[:, i].any())
             chart.data = estimate_lines(curves, i, float(self._nominal[i]))
         self._P.data = P_lines(curves)
-        if list(dots) != self._drawn:
-            self._drawn = list(dots)
-            self._dots.data = dot_columns(dots)
+        lag = allowed.lag if allowed else None
+        if (list(dots), lag) != self._drawn:
+            self._drawn = list(dots), lag
+            self._dots.data = dot_columns(dots, lag)
 
 
 def estimate_lines(curves: Curves, i: int, nominal: float) -> tuple[Array, ...]:
-    """Return time, truth, and for each racer +2σ, −2σ and the estimate; each (M,)."""
-    lines = [curves.time, curves.truth[:, i]]
+    """Return time, truth, and for each racer +2σ, −2σ and the estimate; each (M,).
+
+    What a racer does not estimate is far below the chart.
+    """
+    lines = [curves.truth[:, i]]
     for racer in range(curves.theta.shape[1]):
         theta = curves.theta[:, racer, i]
         band = 2 * np.nan_to_num(curves.deviation[:, racer, i])
         lines += [theta + band, theta - band, theta]
-    low, high = nominal / FAR, nominal * FAR
-    return (curves.time, *(np.clip(line, low, high) for line in lines[1:]))
+    low = nominal / FAR if i < len(NAMES) else -nominal
+    clipped = [np.clip(line, low, nominal * FAR) for line in lines]
+    return (curves.time, *(np.where(np.isnan(line), NOWHERE, line) for line in clipped))
 
 
 def P_lines(curves: Curves) -> tuple[Array, ...]:
     """Return time and log₁₀ of the diagonal of P for each racer and parameter, each (M,).
 
-    An estimator without a P lies on the lowest line there is, for the browser knows no gaps.
+    That of an estimator that has none is far below the chart, for the browser knows no gaps.
     """
-    P = curves.P.reshape(len(curves.P), -1)
-    lowest = P[np.isfinite(P)].min(initial=1.0)
-    return (curves.time, *np.log10(np.where(np.isfinite(P), P, lowest)).T)
+    P = np.log10(
+        np.clip(curves.P.reshape(len(curves.P), -1), 10.0 ** P_RANGE[0], 10.0 ** P_RANGE[1])
+    )
+    return (curves.time, *np.where(np.isnan(P), NOWHERE, P).T)
 
 
-def dot_columns(dots: Sequence[Dot]) -> tuple[Array, ...]:
-    """Return std (M,) in rising order, and a column (M,) of lags for each racer and parameter.
+def dot_columns(
+    dots: Sequence[Dot], allowed: tuple[float, float] | None = None
+) -> tuple[Array, ...]:
+    """Return std (M,) in rising order, the two lags allowed, and lags of each racer and parameter.
 
-    A column is far below the chart where the dot belongs to another one.
+    Each is a column (M,), far below the chart where a dot belongs to another one.
     """
     rows = sorted(dots, key=lambda dot: dot.std)
     columns = np.full((2 * len(NAMES), len(rows) + 2), 1e-9)
     for place, dot in enumerate(rows, start=1):
         columns[len(NAMES) * dot.racer + NAMES.index(dot.parameter), place] = dot.lag
     std = np.array([1e-9, *(dot.std for dot in rows), 1e9])
-    return (std, *columns)
+    bounds = [np.full(len(std), lag) for lag in allowed or (1e-9, 1e-9)]
+    return (std, *bounds, *columns)
 
 
 def _estimate_chart(gui: Any, name: str) -> Any:
@@ -110,8 +130,8 @@ def _estimate_chart(gui: Any, name: str) -> Any:
             uplot.Band(series=(2 + 3 * i, 3 + 3 * i), fill=colour + "30")
             for i, colour in enumerate(COLOURS)
         ),
-        title=f"{name} [{unit(name)}]",
-        **_look(),
+        title=f"{name} [{unit(name)}] over t [s]",
+        **_look(F_C_RANGE if name not in NAMES else None),
     )
 
 
@@ -127,7 +147,7 @@ def _P_chart(gui: Any) -> Any:
         data=_nothing(1 + len(lines)),
         series=(uplot.Series(label="t"), *lines),
         title="log₁₀ diag P: k_T —, 1/J_a – –, f_m · ·",
-        **_look(),
+        **_look(P_RANGE),
     )
 
 
@@ -145,25 +165,56 @@ def _dot_chart(gui: Any) -> Any:
     ]
     return gui.add_uplot(
         data=dot_columns(()),
-        series=(uplot.Series(label="std"), *dots),
-        title="lag after a fault [s] over std before [%]: k_T ○, 1/J_a ◎, f_m ●",
+        series=(uplot.Series(label="std"), *theory_series(), *dots),
+        bands=(theory_band(),),
+        title="lag after a fault [s] over std before it [%]: k_T ○, 1/J_a ◎, f_m ●",
         scales={
-            "x": uplot.Scale(time=False, distr=3, log=10, auto=False, range=(0.01, 100)),
-            "y": uplot.Scale(distr=3, log=10, auto=False, range=(0.05, 10)),
+            "x": uplot.Scale(time=False, distr=3, log=10, auto=False, range=(0.01, 80)),
+            "y": uplot.Scale(distr=3, log=10, auto=False, range=(0.01, 8)),
         },
+        axes=axes(),
         legend=uplot.Legend(show=False),
         height=170,
     )
 
 
-def _look() -> dict[str, Any]:
+def theory_series() -> list[Any]:
+    """Return the look of the two edges of what theory allows."""
     from viser import uplot
 
+    return [
+        uplot.Series(label=label, stroke=THEORY, width=1, points={"show": False})  # type: ignore[typeddict-item]
+        for label in ("allowed, told which", "allowed")
+    ]
+
+
+def theory_band() -> Any:
+    """Return the look of what lies between them."""
+    from viser import uplot
+
+    return uplot.Band(series=(2, 1), fill=THEORY + "50")
+
+
+def _look(y: tuple[float, float] | None = None) -> dict[str, Any]:
+    from viser import uplot
+
+    scales = {"x": uplot.Scale(time=False)}
+    if y is not None:
+        scales["y"] = uplot.Scale(auto=False, range=y)
     return {
-        "scales": {"x": uplot.Scale(time=False)},
+        "scales": scales,
+        "axes": axes(space=20),
         "legend": uplot.Legend(show=False),
-        "height": 110,
+        "height": 108,
     }
+
+
+def axes(**y: Any) -> tuple[Any, Any]:
+    """Return the look of both axes: no more room than their numbers need."""
+    from viser import uplot
+
+    plain = {"grid": {"show": True, "width": 1}, "ticks": {"show": False}}
+    return cast(uplot.Axis, {"size": 28} | plain), cast(uplot.Axis, plain | y)
 
 
 def _nothing(series: int) -> tuple[Array, ...]:

@@ -1,25 +1,46 @@
-"""The page: the axis in 3-D, buttons, knobs and curves, for any number of viewers at once."""
+"""The page: the axis in 3-D, buttons, knobs, curves and history, for any number of viewers."""
 
 from __future__ import annotations
 
+import asyncio
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import log10
 from typing import Any
 
-from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import parse
-from flexaxis.experiments.demo.charts import COLOURS, Charts
-from flexaxis.experiments.demo.live_axis import EXCITATION
-from flexaxis.experiments.demo.offers import Offers
-from flexaxis.experiments.demo.racer import NAMES, KnobSettings
-from flexaxis.experiments.demo.session import BUTTONS, DemoSession
-from flexaxis.experiments.reporting.view import exaggerated, scene
+import numpy as np
 
+from flexaxis.experiments.demo.charts import Charts
+from flexaxis.experiments.demo.chase import Chase
+from flexaxis.experiments.demo.knobs import Bench, FrictionKnobs, Knobs, add_axis_knobs
+from flexaxis.experiments.demo.offers import Offers
+from flexaxis.experiments.demo.racer import NAMES
+from flexaxis.experiments.demo.session import BUTTONS, MARK, DemoSession
+from flexaxis.experiments.demo.words import estimates_table, history_table
+from flexaxis.experiments.reporting.view import exaggerated, scene
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.timing import PERIOD
+
+BREAK, CLOCK = "break it", "clock"
 REPAIR = "Repair everything"
-# One is slower than the axis, the other would have to be told when somebody clicks.
-NOT_HERE = {"literal-rpem", "oracle-reset"}
+RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
+SAVE = "save"
+SAVE_CSV, SAVE_LESSON = "Table (CSV)", "Lesson (TOML)"
+WIDTH, CURVES_WIDTH = 440, 390  # pixels, of 1400
+F_C_SIZE = 0.1  # N m, by which an estimate of f_c is drawn
+
+# On a phone the controls lie over the lower part of the page, two thirds as wide as it by default.
+# A row of buttons is small for a lecture hall.
+STYLE = """
+<style>
+@media (max-width: 36em) {
+  div[style*="width: 20em"] { width: 100% !important; }
+  div[style*="max-height: 60%"] { max-height: 72% !important; }
+}
+.mantine-Button-root[data-size="compact-xs"] { height: 28px; font-size: 13px; }
+.uplot .u-title { font-size: 13px; white-space: nowrap; overflow: hidden; }
+</style>
+"""
 
 
 @dataclass
@@ -30,6 +51,8 @@ class Pace:
     frames: float = 0.0
     reached: float = 0.0
     load: float = 0.0
+    paused: bool = False
+    steps: int = 0
 
 
 class Page:
@@ -55,25 +78,13 @@ class Page:
         offers: Offers,
     ) -> None:
         self.server, self.session, self.pace = server, session, Pace(speed)
-        self._offers = offers
-        self._exaggerate = exaggerate
+        self._offers, self._exaggerate = offers, exaggerate
+        self._advance: Callable[[int], None] = session.advance
+        self._drawn = -1
         self._lock = threading.Lock()
         self._build_scene()
-        gui = server.gui
-        gui.configure_theme(
-            control_layout="fixed", control_width="large", show_logo=False, show_share_button=False
-        )
-        gui.set_panel_label("flexaxis: break it, and watch who sees it first")
-        for button in BUTTONS:
-            inject = self._guarded(session.inject)
-            offers.button(gui, button.label).on_click(
-                lambda _, b=button, f=inject: f(b.parameter, b.factor)
-            )
-        repair = self._guarded(session.repair)
-        offers.button(gui, REPAIR, color="gray").on_click(lambda _: repair())
-        self._numbers = gui.add_markdown("")
-        self._build_knobs()
-        self._charts = Charts(gui, session.axis.theta(NAMES))
+        self._build_controls()
+        self._build_curves()
         offers.refused = lambda line: setattr(session, "said", line)
 
     @property
@@ -84,7 +95,17 @@ class Page:
     def advance(self, samples: int) -> None:
         """Let the session go on."""
         with self._lock:
-            self.session.advance(samples)
+            self._advance(samples)
+
+    def play(self, begin: Callable[[DemoSession], Callable[[int], None]]) -> None:
+        """Let something else than the session say how it goes on, such as a lesson."""
+        with self._lock:
+            self._advance = begin(self.session)
+
+    def stepped(self) -> int:
+        """Return the samples that single steps ask for since the last call."""
+        steps, self.pace.steps = self.pace.steps, 0
+        return steps * MARK
 
     def draw_axis(self) -> None:
         """Show where the axis is."""
@@ -98,11 +119,18 @@ class Page:
 
     def draw_curves(self) -> None:
         """Show curves and numbers."""
+        session = self.session
         with self._lock:
-            curves, dots = self.session.curves(), list(self.session.dots)
-            text = self._table()
-        self._numbers.content = text
-        self._charts.update(curves, dots)
+            curves, dots, last = session.curves(), list(session.dots), session.history.last
+            texts = self._status(), estimates_table(session), history_table(session.history)
+            self._chase.update(last)
+            allowed = last.pursuit.allowed if last and last.pursuit else None
+        for shown, text in zip((self._said, self._table, self._past), texts, strict=True):
+            if shown.content != text:
+                shown.content = text
+        if self._drawn != session.axis.samples:
+            self._charts.update(curves, dots, allowed)
+            self._drawn = session.axis.samples
 
     def _build_scene(self) -> None:
         from mjviser import ViserMujocoScene
@@ -116,22 +144,69 @@ class Page:
             "/twist", f"twist × {self._exaggerate:g} for the eye", position=(0.45, 0.0, 1.0)
         )
 
-    def _build_knobs(self) -> None:
-        gui, axis, offers = self.server.gui, self.session.axis, self._offers
+    def _build_controls(self) -> None:
+        gui, offers, session = self.server.gui, self._offers, self.session
+        gui.configure_theme(show_logo=False, show_share_button=False)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        gui.set_panel_label("flexaxis: break it, and watch who sees it first")
+        gui.add_html(STYLE)
+        self._faults = {button.label: button for button in BUTTONS}
+        broken = offers.group(gui, BREAK, [*self._faults, REPAIR])
+        broken.on_click(_clicked(self._break))
+        clock = offers.group(gui, CLOCK, [RUN, PAUSE, STEP])
+        clock.on_click(_clicked(self._wind))
+        self._said = gui.add_markdown("")
+        self._chase = Chase(gui)
+        self._table = gui.add_markdown("")
+        bench = Bench(gui, offers, session, self._guarded)
+        with gui.add_folder("Dry friction: f_c, Stribeck, LuGre", expand_by_default=False):
+            FrictionKnobs(bench)
         with gui.add_folder("Axis: speed, noise, excitation", expand_by_default=False):
-            wanted = self.pace.speed
-            slowest, fastest = min(0.25, wanted), max(10.0, wanted)
-            pace = offers.slider(gui, "speed ×", slowest, fastest, 0.05, wanted)
-            pace.on_update(lambda _: setattr(self.pace, "speed", float(pace.value)))
-            noise = offers.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
-            noise.on_update(lambda _: setattr(axis, "noise", float(noise.value)))
-            moving = offers.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
-            moving.on_update(lambda _: self._guarded(setattr)(axis, "excitation", moving.value))
-        for number in range(len(self.session.racers)):
+            self._add_speed()
+            add_axis_knobs(bench)
+        for number in range(len(session.racers)):
             with gui.add_folder(
                 f"Estimator {'AB'[number]}: which, λ, Δ, μ", expand_by_default=False
             ):
-                Knobs(gui, self.session, number, self._guarded, offers)
+                Knobs(bench, number)
+
+    def _build_curves(self) -> None:
+        gui, offers, session = self.server.gui, self._offers, self.session
+        panel = gui.add_panel()
+        with panel.add_tab("Estimates"):
+            self._charts = Charts(gui, np.array([*session.axis.theta(NAMES), F_C_SIZE]))
+        with panel.add_tab("What was done"):
+            saved = offers.group(gui, SAVE, [SAVE_CSV, SAVE_LESSON])
+            saved.on_click(self._save)
+            self._past = gui.add_html("")
+        panel.dock_left()
+        panel.set_width(CURVES_WIDTH)
+
+    def _add_speed(self) -> None:
+        wanted = self.pace.speed
+        slowest, fastest = min(0.25, wanted), max(10.0, wanted)
+        pace = self._offers.slider(self.server.gui, "speed ×", slowest, fastest, 0.05, wanted)
+        pace.on_update(lambda _: setattr(self.pace, "speed", float(pace.value)))
+
+    def _break(self, label: str) -> None:
+        if label == REPAIR:
+            self._guarded(self.session.repair)()
+        else:
+            button = self._faults[label]
+            self._guarded(self.session.inject)(button.parameter, button.factor)
+
+    def _wind(self, label: str) -> None:
+        self.pace.paused = label != RUN
+        self.pace.steps += label == STEP
+
+    async def _save(self, event: Any) -> None:
+        """Send what was done to who asked for it; no name or text of a viewer is in it."""
+        lesson = event.target.value == SAVE_LESSON
+        with self._lock:
+            text = self.session.lesson() if lesson else self.session.history.csv()
+        name = "flexaxis_lesson.toml" if lesson else "flexaxis_history.csv"
+        event.client.send_file_download(name, text.encode(), save_immediately=True)
 
     def _guarded(self, act: Callable[..., None]) -> Callable[..., None]:
         """Let a click act on the session alone, and tell what was wrong instead of failing."""
@@ -140,96 +215,27 @@ class Page:
             with self._lock:
                 try:
                     act(*args)
-                except ValueError as error:
+                except (ValueError, FlexaxisError) as error:
                     self.session.said = str(error)
 
         return guarded
 
-    def _table(self) -> str:
+    def _status(self) -> str:
         axis, pace = self.session.axis, self.pace
-        lines = [
-            f"**t = {axis.time:.0f} s** · {self.session.said}",
-            "",
-            "| | truth | "
-            + " | ".join(
-                f'<span style="color:{colour}">{letter}: {racer.text}</span>'
-                for colour, letter, racer in zip(COLOURS, "AB", self.session.racers, strict=True)
-            )
-            + " |",
-            "|---|---|---|---|",
-        ]
-        truth = axis.theta(NAMES)
-        for i, name in enumerate(NAMES):
-            cells = [truth[i], *(racer.theta[i] for racer in self.session.racers)]
-            lines.append(f"| {name} | " + " | ".join(f"{cell:.4g}" for cell in cells) + " |")
-        lines += [
-            "",
-            f"{pace.frames:.0f} frames/s · {pace.reached:.2g} × real time · "
-            f"server {pace.load:.0f} % of a core · band ±2σ as claimed · truth dashed",
-        ]
-        return "\n".join(lines)
-
-
-class Knobs:
-    """Choice of an estimator, and those of its knobs that it has.
-
-    Parameters
-    ----------
-    gui : viser.GuiApi
-    session : DemoSession
-    number : int
-        Which of the racers.
-    guarded : callable
-        Wraps what acts on the session.
-    offers : Offers
-    """
-
-    def __init__(
-        self,
-        gui: Any,
-        session: DemoSession,
-        number: int,
-        guarded: Callable[..., Any],
-        offers: Offers,
-    ) -> None:
-        self._session, self._number, self._guarded = session, number, guarded
-        racer = session.racers[number]
-        offered = [name for name in REGISTRY if name not in NOT_HERE]
-        # Built from what we offer ourselves: a choice is looked up here, and its text not read.
-        self._specs = {racer.text: racer.spec} | {name: parse(name) for name in offered}
-        self._choice = offers.choice(gui, "estimator", list(self._specs), initial=racer.text)
-        self._forgetting = offers.slider(gui, "λ", 0.97, 0.9995, 0.0005, 0.995)
-        self._drift = {
-            name: offers.slider(gui, f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
-        }
-        self._mu = offers.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
-        self._show()
-        # A slider that is put where its knob stands has no client, and turns nothing.
-        self._choice.on_update(lambda event: self._choose() if event.client else None)
-        for knob in (self._forgetting, *self._drift.values(), self._mu):
-            knob.on_update(lambda event: self._turn() if event.client else None)
-
-    def _choose(self) -> None:
-        self._guarded(self._session.choose)(self._number, self._specs[self._choice.value])
-        self._show()
-
-    def _turn(self) -> None:
-        self._guarded(self._session.tune)(self._number, self._wanted())
-
-    def _wanted(self) -> KnobSettings:
-        return KnobSettings(
-            forgetting=float(self._forgetting.value),
-            drift={name: 10.0 ** float(knob.value) for name, knob in self._drift.items()},
-            regularization=float(self._mu.value),
+        head = "**paused** · " if pace.paused else ""
+        speed = f"{pace.frames:.0f} pictures/s, {pace.reached:.2g} × real time"
+        return (
+            f"**t = {axis.time:.{1 if pace.paused else 0}f} s** · {head}{self.session.said}  \n"
+            f"<small>{speed}, {pace.load:.0f} % of a core · bands ±2σ as claimed · "
+            "truth dashed</small>"
         )
 
-    def _show(self) -> None:
-        """Put the sliders where the knobs stand, and hide those that the estimator lacks."""
-        racer = self._session.racers[self._number]
-        tuning, knobs = racer.tuning, racer.knobs
-        self._forgetting.visible = "forgetting" in knobs
-        self._mu.visible = "regularization" in knobs
-        self._forgetting.value, self._mu.value = tuning.forgetting, tuning.regularization
-        for name, slider in self._drift.items():
-            slider.visible = "drift" in knobs
-            slider.value = round(log10(tuning.drift[name]), 1)
+
+def _clicked(act: Callable[[str], None]) -> Callable[[Any], Any]:
+    """Return what viser is to call: it knows which button of a row it was before the next click."""
+
+    async def clicked(event: Any) -> None:
+        # In a thread, for an act may have to wait for the session, and no viewer for an act.
+        asyncio.get_running_loop().run_in_executor(None, act, event.target.value)
+
+    return clicked

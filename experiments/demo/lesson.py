@@ -1,7 +1,8 @@
-"""A lesson: what is done to the live axis when, as TOML, for a recording without hands."""
+"""A lesson: what is done to the live axis when, as TOML, for a demo without hands."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
@@ -10,12 +11,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
+from flexaxis.experiments.demo.friction import KINDS
 from flexaxis.experiments.demo.live_axis import EXCITATION
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
 from flexaxis.sim.config import Config, NotNegative
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.problems import explain
 from flexaxis.sim.reading import read_text, toml_tables
+from flexaxis.sim.timing import PERIOD, sample_index
 
 
 class LessonError(FlexaxisError):
@@ -35,12 +38,18 @@ class Act(Config):
         Parameter, and its value over nominal from then on.
     repair : bool
         Whether all faults are repaired.
+    friction : {"none", "Coulomb", "static curve", "LuGre"}
+        Law of dry friction from then on.
+    f_c, f_s, v_s : float
+        Its level, its excess at low speed [N m], and where that ends [rad/s]; those not named stay.
     excitation : {"on", "stop-and-go", "off"}
         Whether the axis moves.
     noise : float
         Standard deviation of the measured speed [rad/s].
     racer : {"A", "B"}
         Whose knobs are turned; both where it is not said.
+    estimator : str
+        Who takes the place of that racer.
     forgetting, regularization : float
         λ and μ.
     drift : dict of str to float
@@ -52,9 +61,14 @@ class Act(Config):
     fault: str | None = None
     factor: float | None = None
     repair: bool = False
+    friction: str | None = None
+    f_c: float | None = None
+    f_s: float | None = None
+    v_s: float | None = None
     excitation: str | None = None
     noise: NotNegative | None = None
     racer: Literal["A", "B"] | None = None
+    estimator: str | None = None
     forgetting: float | None = None
     regularization: NotNegative | None = None
     drift: dict[str, float] | None = None
@@ -63,8 +77,12 @@ class Act(Config):
     def _goes_together(self) -> Act:
         if (self.fault is None) != (self.factor is None):
             raise ValueError("fault and factor go together, as in fault = 'f_m', factor = 2.0")
-        if self.excitation is not None and self.excitation not in EXCITATION:
-            raise ValueError(unknown("excitation", self.excitation, EXCITATION))
+        for key, allowed in (("excitation", EXCITATION), ("friction", KINDS)):
+            value = getattr(self, key)
+            if value is not None and value not in allowed:
+                raise ValueError(unknown(key, value, allowed))
+        if self.estimator is not None and self.racer is None:
+            raise ValueError("estimator needs racer = 'A' or 'B': in whose place?")
         return self
 
     def do(self, session: DemoSession) -> None:
@@ -79,15 +97,27 @@ class Act(Config):
             session.repair()
         if self.fault is not None and self.factor is not None:
             session.inject(self.fault, self.factor)
+        self._rub(session)
         if self.excitation is not None:
-            session.axis.excitation = self.excitation
+            session.excite(self.excitation)
         if self.noise is not None:
-            session.axis.noise = self.noise
-        knobs = {
-            "forgetting": self.forgetting,
-            "regularization": self.regularization,
-        }
+            session.disturb(self.noise)
+        if self.estimator is not None and self.racer is not None:
+            session.choose("AB".index(self.racer), self.estimator)
+        self._turn(session)
+
+    def _rub(self, session: DemoSession) -> None:
+        names = ("f_c", "f_s", "v_s")
+        values: dict[str, Any] = {name: getattr(self, name) for name in names}
+        given = {name: value for name, value in values.items() if value is not None}
+        now = session.axis.friction
+        session.rub(replace(now, kind=self.friction or now.kind, **given))
+
+    def _turn(self, session: DemoSession) -> None:
+        knobs = {"forgetting": self.forgetting, "regularization": self.regularization}
         turned: dict[str, Any] = {key: value for key, value in knobs.items() if value is not None}
+        if not turned and not self.drift:
+            return
         for number in (0, 1) if self.racer is None else ("AB".index(self.racer),):
             tuning = session.racers[number].tuning
             session.tune(
@@ -96,30 +126,74 @@ class Act(Config):
 
 
 class Lesson(Config):
-    """A recording: how long, how fast, and what happens in it.
+    """A lesson: how long, how fast, and what happens in it.
 
     Attributes
     ----------
     title : str
         Shown on top.
+    seed : int
+        Of excitation and noise.
+    start : float
+        Seconds of the axis that pass unseen before it is shown.
     duration : float
-        Seconds of the axis.
+        Seconds of the axis that are shown.
     speed : float
-        Seconds of the axis in one of the recording.
+        Seconds of the axis in one of the demo.
     frames : int
-        Pictures a second of the recording.
+        Pictures a second of a recording.
     estimators : tuple of str
         The two that race.
     act : tuple of Act
-        What happens, in any order.
+        What happens, in any order; times are those of the axis, from its first sample.
     """
 
     title: str = "flexaxis"
-    duration: Annotated[float, Field(gt=0, le=600)] = 40.0
+    seed: Annotated[int, Field(ge=0)] = 0
+    start: Annotated[float, Field(ge=0, le=36000)] = 0.0
+    duration: Annotated[float, Field(gt=0, le=7200)] = 40.0
     speed: Annotated[float, Field(gt=0, le=20)] = 2.0
     frames: Annotated[int, Field(ge=1, le=60)] = 8
     estimators: Annotated[tuple[str, str], Field(strict=False)] = DEFAULT_RACERS
     act: tuple[Act, ...] = ()
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All estimators that it names."""
+        return (*self.estimators, *(act.estimator for act in self.act if act.estimator))
+
+
+class Player:
+    """A lesson as it is played on a session, sample by sample.
+
+    Parameters
+    ----------
+    session : DemoSession
+        Its samples before `lesson.start` are simulated here.
+    lesson : Lesson
+
+    Attributes
+    ----------
+    caption : str
+        What the lesson says now.
+    """
+
+    def __init__(self, session: DemoSession, lesson: Lesson) -> None:
+        self._session, self.caption = session, ""
+        self._acts = deque(sorted(lesson.act, key=lambda act: act.at))
+        self.advance(sample_index(lesson.start, PERIOD))
+
+    def advance(self, samples: int) -> None:
+        """Simulate some samples, and do on the way what is to be done."""
+        until = self._session.axis.samples + samples
+        while self._acts and sample_index(self._acts[0].at, PERIOD) < until:
+            act = self._acts.popleft()
+            begin = sample_index(act.at, PERIOD)
+            self._session.advance(max(0, begin - self._session.axis.samples))
+            act.do(self._session)
+            if act.say is not None:
+                self.caption = self._session.said = act.say
+        self._session.advance(until - self._session.axis.samples)
 
 
 def default_lesson() -> str:

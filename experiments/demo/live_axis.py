@@ -1,4 +1,4 @@
-"""The axis as it runs: plant and loop; faults, noise and excitation may change at any time."""
+"""The axis as it runs: plant and loop; faults, friction, noise and excitation may change."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.demo.friction import Friction
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.controller import Controller, ControllerConfig
 from flexaxis.sim.errors import FlexaxisError, unknown
@@ -14,6 +15,7 @@ from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import AxisParameters, preset
 from flexaxis.sim.plant import Plant
+from flexaxis.sim.scenario import Scenario, scenario_from
 from flexaxis.sim.sensors import NoiseConfig
 from flexaxis.sim.streams import stream
 from flexaxis.sim.timing import PERIOD, sample_index
@@ -70,6 +72,10 @@ class LiveAxis:
         Parameters without a fault.
     parameters : AxisParameters
         Those that act now.
+    friction : Friction
+        Dry friction that acts now.
+    scenario : Scenario
+        What the axis is, as a scenario would have it: its laws, and the noise of the catalogue.
     noise : float
         Standard deviation of the measured speed [rad/s].
     excitation : {"on", "stop-and-go", "off"}
@@ -84,7 +90,9 @@ class LiveAxis:
         self._signal = Multisine().one_period(stream("demo", seed, "excitation"), PERIOD)
         self._clock = 0
         self._white = stream("demo", seed, "noise.speed")
-        self._plant = Plant([self.nominal], period=PERIOD, substeps=substeps([], PERIOD))
+        self.friction = Friction()
+        self.scenario = _scenario(self.friction)
+        self._plant = self._made()
         self._controller = Controller(ControllerConfig(), 1, period=PERIOD)
 
     @property
@@ -114,9 +122,21 @@ class LiveAxis:
         """Motor, gear and arm angle (3,) [rad]."""
         return self._plant.angles[0].copy()
 
+    @property
+    def state(self) -> Array:
+        """Twist of gear and arm [rad], speed of motor, gear and arm [rad/s], (5,)."""
+        motor, gear, arm = self.angles
+        return np.array([self.parameters.r * motor - gear, gear - arm, *self._plant.speeds[0]])
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All parameters that act now, those of the law of friction behind the twelve."""
+        return self.parameters.as_dict() | self.scenario.laws
+
     def theta(self, names: tuple[str, ...]) -> Array:
         """Return the true values (p,) of estimated parameters."""
-        return true_theta(names, self.parameters.as_array())
+        values = self.parameters.as_dict() | {"f_c": self.friction.level}
+        return true_theta(names, np.array(list(values.values())), tuple(values))
 
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set parameters to factors times nominal, and all others to nominal.
@@ -140,6 +160,26 @@ class LiveAxis:
         self._plant.set_parameters([parameters])
         self.parameters = parameters
 
+    def set_friction(self, friction: Friction) -> None:
+        """Let another dry friction act from now on; angles and speeds stay."""
+        if friction.kind == self.friction.kind:
+            before, after = self.scenario.laws, _scenario(friction).laws
+            for name, value in after.items():
+                if value != before[name]:
+                    self._plant.set_law(name, value)
+            self.friction, self.scenario = friction, _scenario(friction)
+            return
+        old = self._plant
+        self.friction, self.scenario = friction, _scenario(friction)
+        self._plant = self._made()
+        self._plant.angles[:], self._plant.speeds[:] = old.angles, old.speeds
+
+    def _made(self) -> Plant:
+        laws = list(self.scenario.nonlinear.values())
+        return Plant(
+            [self.parameters], period=PERIOD, substeps=substeps(laws, PERIOD), nonlinear=laws
+        )
+
     def advance(self, samples: int) -> Samples:
         """Simulate some samples and return what was commanded and measured in them."""
         torque, speed = np.empty((2, samples))
@@ -154,3 +194,8 @@ class LiveAxis:
             self.samples += 1
         speed += self.noise * self._white.standard_normal(samples)
         return Samples(torque, speed, excited)
+
+
+def _scenario(friction: Friction) -> Scenario:
+    content = {"name": "live", "duration": 1.0, "preset": "n1", **friction.tables()}
+    return scenario_from(content, source="live axis")

@@ -71,6 +71,11 @@ class Offers:
         """Add a button and return viser's handle."""
         return self._add(gui.add_button(label, **look), label, Click())
 
+    def group(self, gui: Any, label: str, options: Sequence[str], **look: Any) -> Any:
+        """Add a row of buttons and return viser's handle."""
+        handle = gui.add_button_group(label, options, **look)
+        return self._add(handle, label, Choice(tuple(options)))
+
     def choice(self, gui: Any, label: str, options: Sequence[str], *, initial: str) -> Any:
         """Add a list to choose from and return viser's handle."""
         handle = gui.add_dropdown(label, options, initial_value=initial)

@@ -7,9 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.offline.priors import DRIFT, known_P
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.registry import DEFAULT_IDENTIFY, REGISTRY
@@ -23,6 +24,8 @@ from flexaxis.sim.timing import PERIOD, sample_index
 Array = NDArray[np.float64]
 
 NAMES = tuple(DEFAULT_IDENTIFY)
+SHOWN = (*NAMES, "f_c")
+"""What is shown; the level of dry friction only of estimators that track it."""
 SETTLE = sample_index(2.0, PERIOD)
 """Samples in which a fresh predictor finds the state of the axis: five times its slowest decay."""
 REPLAY = sample_index(3.0, PERIOD)
@@ -91,8 +94,10 @@ class Racer:
         self.knobs = tuple(self._knobs)
         self.tuning = replace(KnobSettings(), **self._knobs)
         self.theta = np.array([getattr(nominal, p) ** float(e) for p, e in map(physical, NAMES)])
+        self._seen = 0
         self._estimator = self._build()
-        if tuple(self._estimator.names) != NAMES or self._estimator.output != "speed":
+        known = tuple(self._estimator.names)[: len(NAMES)] == NAMES
+        if not known or self._estimator.output != "speed":
             raise FlexaxisError(
                 f"{self.text} estimates {', '.join(self._estimator.names)} from the "
                 f"{self._estimator.output}; the demo races {', '.join(NAMES)} from the speed"
@@ -112,22 +117,37 @@ class Racer:
 
     @property
     def P(self) -> Array:
-        """Diagonal of P (p,), for a noise variance of one; NaN where the estimator has none."""
+        """Diagonal of P (3,), for a noise variance of one; NaN where the estimator has none."""
         P = getattr(self._estimator, "P", None)
-        return np.full(len(NAMES), np.nan) if P is None else np.diag(P).copy()
+        return np.full(len(NAMES), np.nan) if P is None else np.diag(P)[: len(NAMES)].copy()
 
     @property
     def deviation(self) -> Array:
         """Standard deviations (p,) that the estimator claims; NaN where it claims none."""
         covariance = getattr(self._estimator, "covariance", None)
         if covariance is None:
-            return np.full(len(NAMES), np.nan)
+            return np.full(len(self.theta), np.nan)
         return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+    @property
+    def findings(self) -> list[tuple[int, str]]:
+        """Changes that it has found: how many samples ago, and what, in a few characters."""
+        found = getattr(self._estimator, "findings", None) or ()
+        return [(self._seen - 1 - each.alarm, in_words(each)) for each in found]
+
+    def shown(self, values: ArrayLike) -> Array:
+        """Return values (…, p) of its parameters as those of `SHOWN`; NaN where it has none."""
+        values = np.asarray(values, float)
+        names = list(self._estimator.names)
+        columns = [names.index(name) if name in names else len(names) for name in SHOWN]
+        missing = np.full((*values.shape[:-1], 1), np.nan)
+        return np.concatenate([values, missing], axis=-1)[..., columns]
 
     def run(self, samples: Samples) -> Array:
         """Take samples and return the estimates (n, p)."""
         estimates = run_estimator(self._estimator, samples.torque, samples.speed)
-        self.theta = estimates[-1].copy()
+        self._seen += len(samples.torque)
+        self.theta = np.array(estimates[-1])
         return estimates
 
     def tune(self, tuning: KnobSettings, recent: Samples) -> None:
@@ -171,20 +191,28 @@ class Racer:
         if hasattr(self._estimator, "P"):
             gap = slice(-SETTLE, None)
         torque = recent.torque[gap]
+        self._seen = len(torque)
         run_estimator(self._estimator, torque, np.zeros(len(torque)), np.zeros(len(torque), bool))
         if gap.stop is not None:
-            run_estimator(self._estimator, recent.torque[-REPLAY:], recent.speed[-REPLAY:])
+            self.run(replace(recent, torque=recent.torque[-REPLAY:], speed=recent.speed[-REPLAY:]))
 
     def _build(self) -> Estimator:
         """Make the estimator with the knobs where they stand, starting at the present estimate."""
         values = self._nominal.as_dict()
-        for (parameter, exponent), value in zip(map(physical, NAMES), self.theta, strict=True):
+        known = self.theta[: len(NAMES)]
+        for (parameter, exponent), value in zip(map(physical, NAMES), known, strict=True):
             values[parameter] = value ** float(exponent)
         turned = {key: getattr(self.tuning, key) for key in self.knobs}
         spec = replace(self.spec, options=dict(self.spec.options) | turned)
         if "drift" in self.knobs:  # the registry knows only one factor on all of Δ
             spec = replace(spec, make=_with_drift, options=turned)
         return made(spec, values, PERIOD)
+
+
+def in_words(finding: Finding) -> str:
+    """Return what an estimator has found, in a few characters."""
+    changes = zip(finding.parameters, finding.ratio, strict=False)
+    return ", ".join(f"{name} × {ratio:.3g}" for name, ratio in changes) or "something unknown"
 
 
 def _with_drift(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import signal
 import socket
@@ -9,19 +10,20 @@ import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from typing import Any
 
 from flexaxis.experiments.demo.door import Door, own_names
-from flexaxis.experiments.demo.front import Page
+from flexaxis.experiments.demo.front import Pace, Page
 from flexaxis.experiments.demo.guard import Guard, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
-from flexaxis.sim.timing import PERIOD
+from flexaxis.sim.timing import PERIOD, sample_index
 
 FRAMES = 30  # of the 3-D picture, a second
 CURVES = 5  # times a second that curves and numbers are drawn anew
 BEHIND = 0.25  # s of delay that are made up for; what is more is let go
+WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
 LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 
 
@@ -33,6 +35,7 @@ def serve(
     browser: bool = True,
     speed: float = 1.0,
     exaggerate: float = 100.0,
+    play: Callable[[DemoSession], Callable[[int], None]] | None = None,
     said: Callable[[str], None] = print,
     warned: Callable[[str], None] = lambda _: None,
 ) -> None:
@@ -54,6 +57,8 @@ def serve(
         Simulated seconds a second.
     exaggerate : float
         Factor on the twist of the joints in the picture.
+    play : callable, optional
+        Gives, for the session, what is to be called instead of its `advance`.
     said, warned : callable
         Get the lines to print: the address first; and what was not as asked for.
 
@@ -73,6 +78,11 @@ def serve(
         if browser:
             webbrowser.open(address)
         try:
+            if play is None:
+                page.advance(sample_index(WARM, PERIOD))
+            else:
+                page.play(play)
+            page.draw_curves()
             _loop(page, stop)
         finally:
             guard.hang_up()
@@ -92,26 +102,43 @@ def _sharing(door: Door) -> list[str]:
 
 def _loop(page: Page, stop: threading.Event) -> None:
     """Advance and draw, in real time, until told to stop."""
-    pace = page.pace
+    pace, meter = page.pace, Meter()
     before, owed, next_curves = time.monotonic(), 0.0, 0.0
-    since, cpu, frames, samples = before, time.process_time(), 0, 0
     while not stop.wait(max(0.0, before + 1 / FRAMES - time.monotonic())):
         now = time.monotonic()
         elapsed, before = now - before, now
         if not page.watched:
             continue
-        owed += min(elapsed, BEHIND) * pace.speed / PERIOD
-        due, owed = int(owed), owed % 1
-        page.advance(due)
-        page.draw_axis()
-        frames, samples = frames + 1, samples + due
+        owed += 0.0 if pace.paused else min(elapsed, BEHIND) * pace.speed / PERIOD
+        due, owed = int(owed) + page.stepped(), owed % 1
+        if due:
+            page.advance(due)
+            page.draw_axis()
+        meter.count(pace, due)
         if now >= next_curves:
             next_curves = now + 1 / CURVES
             page.draw_curves()
-        if now - since >= 2.0:
-            pace.frames, pace.reached = frames / (now - since), samples * PERIOD / (now - since)
-            pace.load = 100 * (time.process_time() - cpu) / (now - since)
-            since, cpu, frames, samples = now, time.process_time(), 0, 0
+
+
+class Meter:
+    """How many pictures and seconds of the axis a second has, and what they cost."""
+
+    def __init__(self) -> None:
+        self._frames, self._samples = 0, 0
+        self._start()
+
+    def count(self, pace: Pace, due: int) -> None:
+        """Count a picture and its samples; put what was reached down every other second."""
+        self._frames, self._samples = self._frames + (due > 0), self._samples + due
+        if (elapsed := time.monotonic() - self._since) >= 2.0:
+            pace.frames = self._frames / elapsed
+            pace.reached = self._samples * PERIOD / elapsed
+            pace.load = 100 * (time.process_time() - self._cpu) / elapsed
+            self._start()
+
+    def _start(self) -> None:
+        self._since, self._cpu = time.monotonic(), time.process_time()
+        self._frames = self._samples = 0
 
 
 def make_guard(
@@ -149,6 +176,7 @@ def guarded_server(guard: Guard) -> Any:
     # It prints a banner of its own.
     with redirect_stdout(io.StringIO()), guard.in_front():
         server = viser.ViserServer(host=host, port=guard.door.port, label="flexaxis", verbose=False)
+    _let_threads_draw(server)
     # A page could ask viser for a tunnel through its makers' server; ours stays where it is.
     server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign,misc]
     try:
@@ -159,6 +187,27 @@ def guarded_server(guard: Guard) -> Any:
         guard.listening.close()
         raise
     return server
+
+
+class _Waking(asyncio.Event):
+    """An event that any thread may set, once its loop is running."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._home = loop
+
+    def set(self) -> None:
+        with suppress(RuntimeError):  # a loop that is closed has nobody to wake
+            self._home.call_soon_threadsafe(super().set)
+
+
+def _let_threads_draw(server: Any) -> None:
+    """Mend what viser does for each message: it sets asyncio's event out of our thread.
+
+    That fails now and then while viewers come and go ("deque mutated during iteration").
+    """
+    buffer = server._websock_server._broadcast_buffer
+    buffer.message_event = _Waking(buffer.event_loop)
 
 
 @contextmanager

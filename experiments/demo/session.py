@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.building.specs import Spec
+from flexaxis.experiments.demo.bound import Jump
 from flexaxis.experiments.demo.dots import Dot, Scorer
+from flexaxis.experiments.demo.friction import Friction
+from flexaxis.experiments.demo.history import KEPT, Entry, History, dragged
 from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
-from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, KnobSettings, Racer
+from flexaxis.experiments.demo.pursuit import Pursuit
+from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD
 
@@ -22,7 +28,8 @@ MARK = 20
 """Samples between two points of the curves."""
 SPAN = 40.0
 """Seconds that the curves show."""
-DEFAULT_RACERS = ("rpem-forgetting", "rpem-drift")
+DEFAULT_RACERS = ("rpem-forgetting", RECOMMENDED)
+"""The paper's method, and what is recommended for a real axis."""
 
 
 @dataclass(frozen=True)
@@ -35,25 +42,27 @@ class FaultButton:
 
 
 BUTTONS = (
-    FaultButton("Gearbox wear: f_m × 2", "f_m", 2.0),
-    FaultButton("Payload: J_a × 1.25", "J_a", 1.25),
-    FaultButton("Weak motor: k_T × 0.9", "k_T", 0.9),
-    FaultButton("Soft arm coupling: k_a × 0.9", "k_a", 0.9),
+    FaultButton("worn gear f_m × 2", "f_m", 2.0),
+    FaultButton("payload J_a × 1.25", "J_a", 1.25),
+    FaultButton("weak motor k_T × 0.9", "k_T", 0.9),
+    FaultButton("soft arm k_a × 0.9", "k_a", 0.9),
 )
 
 
 @dataclass(frozen=True)
 class Curves:
-    """The last seconds, a row every `MARK` samples; parameters in the order of `NAMES`.
+    """The last seconds, a row every `MARK` samples; parameters in the order of `SHOWN`.
 
     Attributes
     ----------
     time : ndarray (M,)
         Simulated time [s].
-    truth : ndarray (M, p)
+    truth : ndarray (M, 4)
         True values.
-    theta, deviation, P : ndarray (M, 2, p)
-        Estimates of both racers, the standard deviations they claim, and the diagonals of P.
+    theta, deviation : ndarray (M, 2, 4)
+        Estimates of both racers, and the standard deviations they claim; NaN where one has none.
+    P : ndarray (M, 2, 3)
+        The diagonals of P, of the parameters in `NAMES`.
     """
 
     time: Array
@@ -85,6 +94,8 @@ class DemoSession:
         What happened last, in words.
     factors : dict of str to float
         Faults that act now: parameter and factor on nominal.
+    history : History
+        All that was done, and what came of it.
 
     Raises
     ------
@@ -99,7 +110,9 @@ class DemoSession:
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
         self.dots: list[Dot] = []
         self.factors: dict[str, float] = {}
+        self.history = History()
         self.said = "no fault: the estimates stay at the truth"
+        self._began = tuple(estimators), seed
         self._scorer = Scorer(NAMES, self.axis.theta(NAMES), len(self.racers))
         self._marks: deque[tuple[Array, ...]] = deque(maxlen=round(SPAN / PERIOD / MARK))
         self._recent = NO_SAMPLES
@@ -124,14 +137,14 @@ class DemoSession:
         if self.factors.get(parameter) == factor:
             self.said = f"{parameter} is at {factor:g} × nominal already; repair first"
             return
-        before = self.axis.theta(NAMES)
+        before = self.axis.theta(SHOWN)
         self.axis.set_factors(self.factors | {parameter: factor})
         self.factors[parameter] = factor
-        self.said = f"t = {self.axis.time:.1f} s: {parameter} × {factor:g}"
-        size = np.abs(self.axis.theta(NAMES) - before)
+        what = f"{parameter} × {factor:g}"
+        self._changed(before, what, {"fault": parameter, "factor": factor}, key=what)
+        size = np.abs(self.axis.theta(NAMES) - before[: len(NAMES)])
         if not size.any():  # what is not estimated shows up in what is
-            self.dots += self._scorer.event()
-            self._scorer.forget_quiet()
+            self._disturbed()
             self.said += ", which nobody estimates: watch what it is taken for"
             return
         column = int(np.argmax(size))
@@ -141,17 +154,43 @@ class DemoSession:
             self.said += "; no dot, for it was not quiet long enough before"
 
     def repair(self) -> None:
-        """Put all parameters back to nominal."""
+        """Put all parameters of the axis back to nominal; dry friction is as it is."""
+        before = self.axis.theta(SHOWN)
         self.axis.set_factors({})
         self.factors.clear()
-        self.dots += self._scorer.event()
-        self._scorer.forget_quiet()
-        self.said = f"t = {self.axis.time:.1f} s: repaired"
+        self._changed(before, "repaired", {"repair": True}, key="repair")
+        self._disturbed()
+
+    def rub(self, friction: Friction) -> None:
+        """Let another dry friction act from now on."""
+        if friction.acts_as(self.axis.friction):
+            self.axis.set_friction(friction)
+            return
+        before = self.axis.theta(SHOWN)
+        self.axis.set_friction(friction)
+        turned = {name: getattr(friction, name) for name in friction.knobs}
+        act = {"friction": friction.kind, **turned}
+        self._changed(before, f"friction: {friction.in_words()}", act, key="friction")
+        self._disturbed()
+
+    def excite(self, mode: str) -> None:
+        """Let the reference move, stop and go, or stand."""
+        self.axis.excitation = mode
+        self._noted("excitation", f"excitation {mode}", {"excitation": mode})
+
+    def disturb(self, noise: float) -> None:
+        """Set the standard deviation of the measured speed [rad/s]."""
+        self.axis.noise = noise
+        self._noted("noise", f"noise {noise:g} rad/s", {"noise": noise})
 
     def tune(self, racer: int, tuning: KnobSettings) -> None:
         """Turn the knobs of a racer; it goes on from where it is."""
-        self.racers[racer].tune(tuning, self._recent)
+        mine = self.racers[racer]
+        mine.tune(tuning, self._recent)
         self._scorer.forget_quiet()
+        if mine.knobs:
+            letter, turned = "AB"[racer], {key: getattr(tuning, key) for key in mine.knobs}
+            self._noted(f"knobs {letter}", f"{letter}: {mine.label}", {"racer": letter, **turned})
 
     def choose(self, racer: int, estimator: str | Spec) -> None:
         """Put another estimator into the race, from nominal on."""
@@ -160,29 +199,93 @@ class DemoSession:
         self.racers[racer] = fresh
         self._scorer.event()
         self._scorer.forget_quiet()
+        self._close()
+        letter = "AB"[racer]
+        act = {"racer": letter, "estimator": fresh.text}
+        self._noted(f"choice {letter}", f"{letter}: {fresh.text} joins", act)
         self.said = f"{fresh.text} joins"
 
     def curves(self) -> Curves:
         """Return what the curves show."""
         if not self._marks:
-            empty = np.empty((0, len(self.racers), len(NAMES)))
-            return Curves(np.empty(0), empty[:, 0], empty, empty, empty)
+            empty = np.empty((0, len(self.racers), len(SHOWN)))
+            return Curves(np.empty(0), empty[:, 0], empty, empty, empty[..., : len(NAMES)])
         return Curves(*(np.array(column) for column in zip(*self._marks, strict=True)))
+
+    def lesson(self) -> str:
+        """Return all that was done as a lesson, which does the same again."""
+        estimators, seed = self._began
+        return self.history.lesson(estimators=estimators, seed=seed, now=self.axis.samples)
+
+    def _changed(self, before: Array, what: str, act: Mapping[str, Any], *, key: str) -> None:
+        """Begin to follow a change of the truth, and take it down."""
+        self.said = f"at {self.axis.time:.1f} s: {what}"
+        entry = self._entry(key, what)
+        last = self.history.entries[-1] if self.history.entries else None
+        if last and last.pursuit and dragged(self.history.entries, entry):
+            before = last.pursuit.before  # nobody has followed yet
+        self._close()
+        after = self.axis.theta(SHOWN)
+        entry.pursuit = Pursuit(before, after, len(self.racers), self._jump(before, after))
+        self.history.add(entry, act)
+
+    def _jump(self, before: Array, after: Array) -> Jump | None:
+        """Return what the bound needs, where exactly one of what is shown has changed."""
+        axis, columns = self.axis, np.flatnonzero(before != after)
+        if len(columns) != 1 or axis.noise <= 0:
+            return None
+        parameter, size = SHOWN[columns[0]], float(np.abs(after - before)[columns[0]])
+        if parameter == "f_c" and not axis.friction.knobs:
+            return None  # it has gone, and with it the law that the bound would need
+        return Jump(axis.scenario, axis.values, parameter, size, axis.state, axis.noise)
+
+    def _noted(self, key: str, what: str, act: Mapping[str, Any]) -> None:
+        self.said = f"at {self.axis.time:.1f} s: {what}"
+        self.history.add(self._entry(key, what), act)
+
+    def _entry(self, key: str, what: str) -> Entry:
+        return Entry(self.axis.samples, key, what, tuple(racer.text for racer in self.racers))
+
+    def _disturbed(self) -> None:
+        """End what was scored: something has changed that gives no dot."""
+        self.dots += self._scorer.event()
+        self._scorer.forget_quiet()
+
+    def _close(self) -> None:
+        if (last := self.history.last) and last.pursuit:
+            last.pursuit.close()
 
     def _take(self, samples: Samples) -> None:
         # Enough of the past to let a fresh estimator find the state of the axis.
         self._recent = self._recent.then(samples, keep=SETTLE + REPLAY)
         truth = self.axis.theta(NAMES)
-        estimates = np.stack([racer.run(samples) for racer in self.racers], axis=1)
-        self.dots += self._scorer.take(estimates - truth, samples.excited)
+        estimates = [racer.shown(racer.run(samples)) for racer in self.racers]
+        errors = np.stack(estimates, axis=1)[..., : len(NAMES)] - truth
+        self.dots += self._scorer.take(errors, samples.excited)
+        del self.dots[:-KEPT]
+        if (last := self.history.last) and last.pursuit and last.pursuit.open:
+            last.pursuit.take(estimates, samples.torque, samples.excited)
+            self._listen(last, estimates)
+
+    def _listen(self, entry: Entry, estimates: Sequence[Array]) -> None:
+        """Take down what the racers say of a change."""
+        changed = entry.pursuit.changed if entry.pursuit else None
+        if changed is not None:
+            column = SHOWN.index(changed)
+            entry.estimates = [float(theta[-1, column]) for theta in estimates]
+        since = self.axis.samples - entry.at
+        entry.found = [
+            [((since - 1 - ago) * PERIOD, what) for ago, what in racer.findings if ago < since]
+            for racer in self.racers
+        ]
 
     def _mark(self) -> None:
         self._marks.append(
             (
                 np.array(self.axis.time),
-                self.axis.theta(NAMES),
-                np.array([racer.theta for racer in self.racers]),
-                np.array([racer.deviation for racer in self.racers]),
+                self.axis.theta(SHOWN),
+                np.array([racer.shown(racer.theta) for racer in self.racers]),
+                np.array([racer.shown(racer.deviation) for racer in self.racers]),
                 np.array([racer.P for racer in self.racers]),
             )
         )

@@ -42,12 +42,12 @@ def time_constants_one_by_one(e: Evidence) -> Decided:
     return by_name(e.data.names, design.measured), bool(np.all((ratio > 1 / 1.4) & (ratio < 1.4)))
 
 
-@check("section 5.3, choice of Δ left open", "standard deviation over predicted within 30 % of one")
+@check("section 5.3, choice of Δ left open", "standard deviation over predicted within 20 % of one")
 def variance_of_the_choice(e: Evidence) -> Decided:
     """The variance that a time constant costs is predicted by σ² P/2 with P of eq. (30)."""
     slow = _slow(e.further.diagonal)
     ratios = np.mean([design.measured_std / design.predicted_std for design in slow], axis=0)
-    return by_name(e.data.names, ratios), bool(np.all(np.abs(ratios - 1) <= 0.3))
+    return by_name(e.data.names, ratios), bool(np.all(np.abs(ratios - 1) <= 0.2))
 
 
 def unregularised(studies: list[Windup]) -> Windup:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
+from scipy.signal import cont2discrete, dlsim, find_peaks
 
 from flexaxis.estimators import Rpem, literal_rpem
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
@@ -25,6 +25,8 @@ from flexaxis.experiments.paper.offline import (
     band,
     magnitude_error,
 )
+from flexaxis.experiments.scoring.theta import true_theta
+from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,40 @@ def model_predicts_the_plant(e: Evidence) -> Decided:
     predicted, _ = predict(model, model.theta, record.torque, period=record.period)
     error = float(np.std(predicted - record.true_speed) / np.std(record.true_speed))
     return error, error <= 3e-4
+
+
+@check("section 2, eq. (1)–(4)", "|samples late| ≤ 0.25 for a step of each parameter")
+def faults_come_on_time(e: Evidence) -> Decided:
+    """A step of a parameter acts on the motion from the very sample on at which the truth steps."""
+    late = {name: _samples_late(e.data, name) for name in e.data.names}
+    return late, max(map(abs, late.values())) <= 0.25
+
+
+def _samples_late(data: Data, name: str) -> float:
+    """Return how late a fault comes [samples].
+
+    What a step on time leaves of the motion is held against what a step one sample later changes.
+    """
+    record, onset = data.faults[name][0], data.onset
+    assert record.true_speed is not None and record.true_parameters is not None  # simulated
+    truth = true_theta(data.names, record.true_parameters)
+    on_time, later = (_speed(data, record, (truth[0], truth[-1]), onset + d) for d in (0, 1))
+    along = (later - on_time)[onset:]
+    left = (record.true_speed - on_time)[onset:]
+    # the small error of the sampled model is the same before the step
+    return float(along @ left / (along @ along))
+
+
+def _speed(data: Data, record: Record, theta: tuple[Array, Array], step: int) -> Array:
+    """Return the motor speed (N,) [rad/s] of eq. (1)–(4) with parameters that step once."""
+    x, speed = np.zeros(data.parametrization.states), []
+    for value, part in zip(theta, (slice(step), slice(step, None)), strict=True):
+        A, B, C = data.parametrization.matrices(value)
+        system = cont2discrete((A, B, C, np.zeros((1, 1))), record.period)
+        _, y, states = dlsim(system, np.r_[record.torque[part], 0], x0=x)
+        speed.append(y[:-1, 0])
+        x = states[-1]
+    return np.concatenate(speed)
 
 
 @check("section 3.2, eq. (18), (20), (24)", "the entry (3,3) is −1/J_m, all others are 0")

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import PIPE
+from flexaxis.experiments.building.specs import PIPES
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
@@ -253,7 +253,7 @@ def _middle(values: Sequence[float]) -> float:
 def _how_to_have_one(name: str) -> str:
     if name in REGISTRY:
         return ""
-    if name.startswith(PIPE):
+    if name.startswith(tuple(PIPES)):
         return ": a program takes no options, so write a class that starts it, and gives it one"
     return '; name the option in its class: knob = "forgetting"'
 

@@ -26,6 +26,19 @@ FLAGS = (
 )
 
 
+FIND = """
+(() => {{
+  const found = [...document.querySelectorAll("{kind}")].filter(
+    e => e.innerText?.trim().includes("{text}") && e.getClientRects().length);
+  const last = found[found.length - 1];
+  if (!last) return null;
+  if ({scroll}) last.scrollIntoView({{block: "nearest"}});
+  const {{left, top, right, bottom}} = last.getBoundingClientRect();
+  return {{left, top, right, bottom}};
+}})()
+"""
+
+
 def find() -> str | None:
     """The path of Chromium, or None where it is not installed."""
     names = ("chromium", "chromium-browser", "google-chrome")
@@ -86,6 +99,38 @@ class Browser:
             assert time.monotonic() < end, f"not within {seconds} s: {what}"
             time.sleep(0.25)
         return value
+
+    def size(self, width: int, height: int, *, mobile: bool = False) -> None:
+        """Make the page as large as a screen of so many pixels."""
+        self._call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=mobile,
+        )
+
+    def place(self, text: str, kind: str = "*", *, scroll: bool = True) -> dict[str, float]:
+        """Where the innermost element that has a text lies: left, top, right, bottom [pixels]."""
+        script = FIND.format(text=text, kind=kind, scroll=str(scroll).lower())
+        return self.wait(script, seconds=20, what=f"{kind} with {text!r}")
+
+    def click(self, text: str, kind: str = "*") -> None:
+        """Click in the middle of the innermost element that has a text, with the mouse."""
+        at = self.place(text, kind)
+        where = {"x": (at["left"] + at["right"]) / 2, "y": (at["top"] + at["bottom"]) / 2}
+        for event in ("mouseMoved", "mousePressed", "mouseReleased"):
+            self._call("Input.dispatchMouseEvent", type=event, button="left", clickCount=1, **where)
+
+    def press(self, *keys: str) -> None:
+        """Press keys, such as ``"End"``."""
+        for key in keys:
+            for kind in ("keyDown", "keyUp"):
+                self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+
+    def downloads(self, folder: Path) -> None:
+        """Let what the page saves come into a folder."""
+        self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
 
     def screenshot(self, path: Path) -> None:
         answer = self._call("Page.captureScreenshot", format="png")

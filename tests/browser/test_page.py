@@ -20,37 +20,39 @@ CELL = """
 [...document.querySelectorAll("tr")].filter(row => row.cells[0]?.innerText.trim() == "{name}")
   .map(row => parseFloat(row.cells[{column}].innerText))[0]
 """
-CLICK = """
+# How many pixels of a chart have a colour, within 40 of each part; "last" where it ends.
+PIXELS = """
 (() => {{
-  const buttons = [...document.querySelectorAll("button")];
-  const wanted = buttons.filter(b => b.innerText.includes("{text}"));
-  wanted[0]?.click();
-  return wanted.length;
-}})()
-"""
-# How far the end of estimator A's line lies above its beginning, in heights of the f_m chart.
-RISE = """
-(() => {
-  const canvas = document.querySelectorAll(".uplot canvas")[2];
+  const chart = [...document.querySelectorAll(".uplot")].find(
+    e => e.querySelector(".u-title")?.innerText.includes("{title}"));
+  const canvas = chart?.querySelector("canvas");
   if (!canvas) return null;
-  const {width, height} = canvas;
+  const {{width, height}} = canvas;
   const pixels = canvas.getContext("2d").getImageData(0, 0, width, height).data;
   const found = [];
-  for (let x = 0; x < width; x++) for (let y = 0; y < height; y++) {
+  for (let x = 0; x < width; x++) for (let y = 0; y < height; y++) {{
     const i = 4 * (y * width + x);
-    const [red, green, blue] = pixels.slice(i, i + 3);
-    if (red < 40 && Math.abs(green - 114) < 40 && blue > 150) found.push([x, y]);
-  }
-  if (!found.length) return null;
+    if ({colour}.every((c, j) => Math.abs(pixels[i + j] - c) < 40)) found.push([x, y]);
+  }}
+  if (!found.length) return {{count: 0, rise: 0}};
   const last = found[found.length - 1][0], first = found[0][0];
-  const level = (from, to) => {
+  const level = (from, to) => {{
     const ys = found.filter(([x]) => x >= from && x <= to).map(([, y]) => y);
     return ys.reduce((a, b) => a + b, 0) / ys.length;
-  };
+  }};
   const part = (last - first) / 10;
-  return (level(first, first + part) - level(last - part, last)) / height;
-})()
+  const rise = (level(first, first + part) - level(last - part, last)) / height;
+  return {{count: found.length, rise: rise}};
+}})()
 """
+A, B, GREY = "[0, 114, 178]", "[213, 94, 0]", "[119, 119, 119]"
+CLOCK = "parseFloat(document.body.innerText.match(/t = ([\\d.]+) s/)?.[1])"
+READY = "document.querySelectorAll('.uplot canvas').length >= 6"
+
+
+def pixels(title, colour, what="count"):
+    """A script for the pixels of a colour in the chart with a title, or how far its line rises."""
+    return f"({PIXELS.strip().format(title=title, colour=colour)})?.{what}"
 
 
 @contextmanager
@@ -80,18 +82,21 @@ def number(browser, name, column):
     return browser.run(CELL.format(name=name, column=column))
 
 
+def opened(browser, address):
+    browser.open(address)
+    browser.wait(READY, seconds=60, what="charts")
+    browser.wait(f"{CLOCK} > 8", seconds=60, what="the clock")
+
+
 def break_and_watch(browser, *, seconds):
     """Click "f_m × 2" once the curves run, and wait until both estimators have followed."""
-    browser.wait(
-        "document.querySelectorAll('.uplot canvas').length >= 5", seconds=60, what="charts"
-    )
-    time_shown = "parseFloat(document.body.innerText.match(/t = (\\d+) s/)?.[1])"
-    browser.wait(f"{time_shown} > 10", seconds=90, what="10 s of the axis")
-    assert browser.run(CLICK.format(text="f_m × 2")) == 1
+    browser.wait(READY, seconds=60, what="charts")
+    browser.wait(f"{CLOCK} > 10", seconds=90, what="10 s of the axis")
+    browser.click("f_m × 2", "button")
     for column in (1, 2, 3):
         reached = f"Math.abs({CELL.format(name='f_m', column=column).strip()} / 0.1 - 1) < 0.06"
         browser.wait(reached, seconds=seconds, what=f"column {column} of f_m at 0.1")
-    browser.wait(f"{RISE.strip()} > 0.3", seconds=seconds, what="the line of f_m risen")
+    browser.wait(f"{pixels('f_m [', A, 'rise')} > 0.3", seconds=seconds, what="the line risen")
 
 
 def test_a_click_moves_the_curve(browser):
@@ -107,6 +112,27 @@ def test_a_click_moves_the_curve(browser):
         ]
         assert not outside
         assert len(browser.requests) > 1 and not browser.errors
+
+
+@pytest.mark.parametrize(("width", "height"), [(1400, 900), (390, 844)])
+def test_the_first_fault_is_seen_without_scrolling(browser, width, height):
+    """Its button, and what each estimator makes of it, beside what theory allows."""
+    with demo("--speed", "2") as address:
+        browser.size(width, height, mobile=width < 600)
+        opened(browser, address)
+        assert browser.run(pixels("break it", A)) == 0
+        browser.click("f_m × 2", "button")
+        title = "f_m × 2: left to be found"
+        for colour, least in ((A, 300), (B, 300), (GREY, 30)):
+            browser.wait(f"{pixels(title, colour)} > {least}", seconds=30, what=f"line {colour}")
+        for text, kind in (("f_m × 2", "button"), (title, ".uplot"), ("lag", "tr")):
+            at = browser.place(text, kind, scroll=False)
+            assert at["top"] >= 0 and at["left"] >= 0, text
+            assert at["bottom"] <= height and at["right"] <= width + 1, text
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        browser.screenshot(PICTURES / f"first_fault_{width}.png")
+        wide = "document.documentElement.scrollWidth"
+        assert browser.run(wide) <= width and not browser.errors
 
 
 def test_a_button_that_does_nothing_is_found_out(browser):
@@ -127,7 +153,8 @@ def test_two_viewers_see_the_same(browser, tmp_path):
         for page in (browser, other):
             page.open(address)
             page.wait("document.body.innerText.includes('f_m × 2')", seconds=60, what="the buttons")
-        assert browser.run(CLICK.format(text="f_m × 2")) == 1
+        browser.wait(f"{CLOCK} > 8", seconds=60, what="the clock")
+        browser.click("f_m × 2", "button")
         for page in (browser, other):
             truth = f"{CELL.format(name='f_m', column=1).strip()} == 0.1"
             page.wait(truth, seconds=30, what="the fault on both pages")

@@ -124,13 +124,16 @@ def test_a_viser_that_does_not_ask_is_not_served(monkeypatch):
         guarded_server(make_guard(free_port()))
 
 
+LAST = "f_c [N m]"  # does nothing and says nothing while there is no dry friction
+
+
 def say(demo, *messages):
     """Say something over a websocket, and wait until it was heard: what comes last is offered."""
     address = demo.guard.door.address("127.0.0.1").replace("http", "ws", 1)
-    last = demo.server.gui._gui_input_handle_from_uuid[demo.uuids["noise [rad/s]"]]
+    last = demo.server.gui._gui_input_handle_from_uuid[demo.uuids[LAST]]
     last.value = 0.0
     with connect(address, subprotocols=[WORD], proxy=None, max_size=None) as viewer:
-        for message in (CAMERA, *messages, update(demo, "noise [rad/s]", 0.3)):
+        for message in (CAMERA, *messages, update(demo, LAST, 0.3)):
             viewer.send(msgpack.encode(message))
         end = time.monotonic() + 20
         while last.value != 0.3:
@@ -163,7 +166,7 @@ def stands(demo):
     values = {
         uuid: (handle.value, handle._impl.removed, len(handle._impl.update_cb))
         for uuid, handle in handles.items()
-        if uuid != demo.uuids["noise [rad/s]"]
+        if uuid != demo.uuids[LAST]
     }
     racers = [(racer.text, racer.tuning) for racer in demo.session.racers]
     return values, racers, demo.page.pace.speed, dict(demo.session.factors)
@@ -185,13 +188,39 @@ def test_text_of_a_viewer_is_never_run(demo, tmp_path):
 @pytest.mark.parametrize(
     "value", [math.nan, math.inf, -math.inf, 1e7, -1.0, "1", True, None, [1.0]]
 )
-@pytest.mark.parametrize("label", ["speed ×", "λ", "log₁₀ Δ f_m", "μ"])
+@pytest.mark.parametrize("label", ["speed ×", "λ", "log₁₀ Δ f_m", "μ", "f_s [N m]", "v_s [rad/s]"])
 def test_numbers_that_were_not_offered_are_refused(demo, label, value):
     value = -100.0 if label.startswith("log") and value == -1.0 else value
     before = stands(demo)
     say(demo, update(demo, label, value))
     assert stands(demo) == before
     assert demo.session.said.startswith(f"refused: {label}: give a number from")
+
+
+@pytest.mark.parametrize("label", ["break it", "clock", "save", "friction"])
+@pytest.mark.parametrize("value", ["J_a × 9", "pipe:id", "../x.csv", "", None, 1, True, ["Run"]])
+def test_words_that_were_not_offered_are_refused(demo, label, value):
+    before = stands(demo), demo.page.pace.paused, len(demo.session.history.entries)
+    say(demo, update(demo, label, value))
+    assert (stands(demo), demo.page.pace.paused, len(demo.session.history.entries)) == before
+    assert demo.session.said == f"refused: {label}: only what is in the list can be chosen"
+
+
+def test_a_row_of_buttons_is_heard_in_order(demo):
+    """Though both clicks are there before the first is answered."""
+    demo.session.repair()
+    say(demo, update(demo, "break it", "worn gear f_m × 2"), update(demo, "clock", "Pause"))
+    say(demo, update(demo, "break it", "payload J_a × 1.25"), update(demo, "clock", "Step 0.1 s"))
+    expected = {"f_m": 2.0, "J_a": 1.25}, True, 1
+    pace = demo.page.pace
+    for _ in range(100):
+        if (found := (dict(demo.session.factors), pace.paused, pace.steps)) == expected:
+            break
+        time.sleep(0.05)
+    assert found == expected
+    assert demo.page.stepped() == 20 and demo.page.stepped() == 0
+    demo.session.repair()
+    pace.paused = False
 
 
 def test_what_is_offered_is_taken(demo):
@@ -233,7 +262,7 @@ def test_other_properties_and_messages_are_not_heard(demo):
 
 
 def test_uploads_are_not_kept(demo):
-    target = demo.uuids["Repair everything"]
+    target = demo.uuids["break it"]
     start = {
         "type": "FileTransferStartUpload",
         "source_component_uuid": target,

@@ -81,7 +81,7 @@ def test_all_problems_are_said_at_once():
 
 
 def test_an_act_turns_the_knobs_of_one_racer():
-    session = DemoSession()
+    session = DemoSession(estimators=("rpem-forgetting", "rpem-drift"))
     first, _ = sorted(parse_lesson(SHORT, source="short").act, key=lambda act: act.at)
     before = session.racers[0].tuning
     first.do(session)

@@ -1,0 +1,140 @@
+"""Knobs of the page: those of the axis, of its friction, and of each estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import log10
+from typing import Any
+
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.demo.friction import KINDS, LIMITS, UNITS
+from flexaxis.experiments.demo.live_axis import EXCITATION
+from flexaxis.experiments.demo.offers import Offers
+from flexaxis.experiments.demo.racer import NAMES, KnobSettings
+from flexaxis.experiments.demo.session import DemoSession
+
+# One is slower than the axis, the other would have to be told when somebody clicks.
+NOT_HERE = {"literal-rpem", "oracle-reset"}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What knobs are put on, and what they act on.
+
+    Attributes
+    ----------
+    gui : viser.GuiApi
+    offers : Offers
+    session : DemoSession
+    guarded : callable
+        Wraps what acts on the session.
+    """
+
+    gui: Any
+    offers: Offers
+    session: DemoSession
+    guarded: Callable[[Callable[..., None]], Callable[..., None]]
+
+
+def add_axis_knobs(bench: Bench) -> None:
+    """Add sliders for noise, and the choice of an excitation."""
+    gui, axis, session = bench.gui, bench.session.axis, bench.session
+    noise = bench.offers.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
+    # A control that follows a lesson has no client, and changes nothing.
+    noise.on_update(
+        lambda event: bench.guarded(session.disturb)(float(noise.value)) if event.client else None
+    )
+    moving = bench.offers.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
+    moving.on_update(
+        lambda event: bench.guarded(session.excite)(moving.value) if event.client else None
+    )
+
+
+class FrictionKnobs:
+    """Choice of a law of dry friction, and those of its sliders that mean something."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        gui, offers, friction = bench.gui, bench.offers, bench.session.axis.friction
+        self._kind = offers.choice(gui, "friction", KINDS, initial=friction.kind)
+        self._sliders = {
+            name: offers.slider(
+                gui, f"{name} [{UNITS[name]}]", low, high, 0.01, getattr(friction, name)
+            )
+            for name, (low, high) in LIMITS.items()
+        }
+        self._show()
+        for control in (self._kind, *self._sliders.values()):
+            control.on_update(lambda event: self._rub() if event.client else None)
+
+    def _rub(self) -> None:
+        values = {name: float(slider.value) for name, slider in self._sliders.items()}
+        session = self._bench.session
+        self._bench.guarded(session.rub)(
+            replace(session.axis.friction, kind=self._kind.value, **values)
+        )
+        self._show()
+
+    def _show(self) -> None:
+        knobs = self._bench.session.axis.friction.knobs
+        for name, slider in self._sliders.items():
+            slider.visible = name in knobs
+
+
+class Knobs:
+    """Choice of an estimator, and those of its knobs that it has.
+
+    Parameters
+    ----------
+    bench : Bench
+    number : int
+        Which of the racers.
+    """
+
+    def __init__(self, bench: Bench, number: int) -> None:
+        self._session, self._number, self._guarded = bench.session, number, bench.guarded
+        gui, offers = bench.gui, bench.offers
+        racer = bench.session.racers[number]
+        offered = [name for name in REGISTRY if name not in NOT_HERE]
+        # Built from what we offer ourselves: a choice is looked up here, and its text not read.
+        self._specs = {racer.text: racer.spec} | {name: parse(name) for name in offered}
+        self._choice = offers.choice(gui, "estimator", list(self._specs), initial=racer.text)
+        self._forgetting = offers.slider(gui, "λ", 0.97, 0.9995, 0.0005, 0.995)
+        self._drift = {
+            name: offers.slider(gui, f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
+        }
+        self._mu = offers.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
+        self._none = gui.add_markdown("it tunes itself: nothing to turn")
+        self._show()
+        # A slider that is put where its knob stands has no client, and turns nothing.
+        self._choice.on_update(lambda event: self._choose() if event.client else None)
+        for knob in (self._forgetting, *self._drift.values(), self._mu):
+            knob.on_update(lambda event: self._turn() if event.client else None)
+
+    def _choose(self) -> None:
+        self._guarded(self._session.choose)(self._number, self._specs[self._choice.value])
+        self._show()
+
+    def _turn(self) -> None:
+        self._guarded(self._session.tune)(self._number, self._wanted())
+
+    def _wanted(self) -> KnobSettings:
+        return KnobSettings(
+            forgetting=float(self._forgetting.value),
+            drift={name: 10.0 ** float(knob.value) for name, knob in self._drift.items()},
+            regularization=float(self._mu.value),
+        )
+
+    def _show(self) -> None:
+        """Put the sliders where the knobs stand, and hide those that the estimator lacks."""
+        racer = self._session.racers[self._number]
+        tuning, knobs = racer.tuning, racer.knobs
+        self._none.visible = not knobs
+        self._forgetting.visible = "forgetting" in knobs
+        self._mu.visible = "regularization" in knobs
+        self._forgetting.value, self._mu.value = tuning.forgetting, tuning.regularization
+        for name, slider in self._drift.items():
+            slider.visible = "drift" in knobs
+            slider.value = round(log10(tuning.drift[name]), 1)

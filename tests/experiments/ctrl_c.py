@@ -1,0 +1,180 @@
+"""Press Ctrl-C in commands that work in a terminal, once and twice, and show what they say.
+
+    python tests/experiments/ctrl_c.py [COMMAND …] [--after 6]
+
+Each command runs in a pseudo-terminal of its own, where Ctrl-C goes to all its processes, as for a
+person; the processes of the session are counted when it has ended.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pty
+import re
+import select
+import shlex
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+CTRL_C = b"\x03"
+TWICE = 0.3  # s between one Ctrl-C and the next
+PATIENCE = 120.0  # s for a command to begin or to end: more is a hang
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a command ended.
+
+    Attributes
+    ----------
+    status : int or None
+        Exit status; None where it did not end, and was killed.
+    seconds : float
+        From the last Ctrl-C to its end.
+    said : str
+        What stood in the terminal.
+    orphans : int
+        Processes of its session that were there a moment later.
+    """
+
+    status: int | None
+    seconds: float
+    said: str
+    orphans: int
+
+
+def commands(place: Path) -> dict[str, list[str]]:
+    """Return the commands that work for long, and write to a place."""
+    (place / "study.toml").write_text(
+        "name = 'long'\nscenario = 'fm_step-v1'\nestimators = ['literal-rpem', 'frozen']\n"
+        "seeds = 400\n"
+    )
+    lines = {
+        "run": "run smoke --estimator literal-rpem --seeds 200 --jobs 2",
+        "study": f"study {place}/study.toml --jobs 2",
+        "compare": "compare --base frozen --candidate literal-rpem --seeds 64 --jobs 2",
+        "tune": "tune ekf --seeds 0:64 --jobs 2",
+        "tradeoff": "tradeoff fm_step-v1 --estimator literal-rpem --seeds 32 --jobs 2",
+        "paper": "paper --jobs 2 --no-cache",
+    }
+    words = {name: [*shlex.split(line), "-o", str(place / name)] for name, line in lines.items()}
+    demo = ["demo", "--no-browser", "--port", "8197"]
+    return words | {
+        "record": ["demo", "--record", str(place / "lesson.gif")],
+        "demo": demo,
+    }
+
+
+def press(words: Sequence[str], times: int, after: float, begun: str = "") -> Ended:
+    """Run a command in a terminal, press Ctrl-C so often, and return how it ended.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Of the command.
+    times : int
+    after : float
+        How long it works before [s], from when `begun` is said.
+    begun : str
+        What it says first; by default from its start on.
+    """
+    child, terminal = pty.fork()
+    if not child:
+        # What starts these tests may have turned Ctrl-C off for them.
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        signal.pthread_sigmask(signal.SIG_SETMASK, [])
+        os.execv(sys.executable, [sys.executable, "-m", "flexaxis.experiments", *words])
+    said = [_heard(terminal, PATIENCE, begun)] if begun else []
+    said.append(_heard(terminal, after))
+    for time_ in range(times):
+        said.append(_heard(terminal, TWICE) if time_ else "")
+        pressed = time.monotonic()
+        os.write(terminal, CTRL_C)
+    said.append(_heard(terminal, PATIENCE, until_end=True))
+    ended, status = os.waitpid(child, os.WNOHANG)
+    seconds = time.monotonic() - pressed
+    if not ended:
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    os.close(terminal)
+    code = os.waitstatus_to_exitcode(status) if ended else None
+    return Ended(code, seconds, "".join(said), _alive(child))
+
+
+def _heard(terminal: int, seconds: float, begun: str = "", *, until_end: bool = False) -> str:
+    """Return what is said for some time, up to some word, or up to the end."""
+    end, text = time.monotonic() + seconds, ""
+    while time.monotonic() < end and not (begun and begun in text):
+        if not select.select([terminal], [], [], 0.02)[0]:
+            continue
+        try:
+            part = os.read(terminal, 65536)
+        except OSError:  # the other side has gone
+            if until_end:
+                time.sleep(0.05)
+                return text
+            break
+        text += part.decode(errors="replace")
+        if not part:
+            break
+    return text
+
+
+def _alive(session: int) -> int:
+    """Return how many processes of a session there still are, after up to two seconds."""
+    end = time.monotonic() + 2.0
+    while True:
+        listed = subprocess.run(
+            ["ps", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False
+        ).stdout.split()
+        there = [state for state in listed if not state.startswith("Z")]
+        if not there or time.monotonic() > end:
+            return len(there)
+        time.sleep(0.1)
+
+
+def last_lines(said: str, count: int = 8) -> str:
+    """Return the end of what stood in a terminal, as a person sees it."""
+    text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", said).replace("\r\n", "\n")
+    lines = [line.rpartition("\r")[2] for line in text.split("\n")]
+    return "\n".join(line for line in lines if line.strip()).split("\n", 1)[0] and "\n".join(
+        [line.rstrip() for line in lines if line.strip()][-count:]
+    )
+
+
+def main() -> int:
+    """Press, and print what was seen."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--after", type=float, default=6.0)
+    args = parser.parse_args()
+    wrong = 0
+    with tempfile.TemporaryDirectory() as place:
+        for name, words in commands(Path(place)).items():
+            if args.names and name not in args.names:
+                continue
+            for times in (1, 2):
+                begun = "live axis is at" if name == "demo" else ""
+                ended = press(words, times, args.after, begun)
+                print(f"--- {name}, Ctrl-C {'twice' if times == 2 else 'once'}")
+                print(f"$ flexaxis {shlex.join(words)}")
+                print(last_lines(ended.said))
+                print(
+                    f"[status {ended.status} {ended.seconds:.2f} s after the last Ctrl-C; "
+                    f"{ended.orphans} processes left]\n",
+                    flush=True,
+                )
+                wrong += ended.status not in (130, 0 if name == "demo" else 130)
+                wrong += bool(ended.orphans)
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

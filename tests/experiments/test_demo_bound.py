@@ -1,0 +1,164 @@
+"""What theory allows on the live axis, and how a change is followed: against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from flexaxis.estimators import three_mass
+from flexaxis.experiments.demo.bound import Jump, allowed
+from flexaxis.experiments.demo.friction import KINDS, Friction
+from flexaxis.experiments.demo.live_axis import LiveAxis
+from flexaxis.experiments.demo.pursuit import LENGTH, Pursuit
+from flexaxis.experiments.demo.racer import NAMES, SHOWN
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.timing import PERIOD, rate
+
+RATE = rate(PERIOD)
+
+
+def speeds(theta, torque, x):
+    """Motor speed of the linear model from a state on, by the exponential of the whole system."""
+    k_T, inverse, f_m = theta
+    nominal = LiveAxis().nominal.as_dict() | {"k_T": k_T, "J_a": 1 / inverse, "f_m": f_m}
+    model = three_mass(nominal).parametrize(NAMES)
+    A, B, _ = model.matrices(model.theta)
+    whole = np.zeros((6, 6))
+    whole[:5, :5], whole[:5, 5] = A, np.ravel(B)
+    step = expm(whole * PERIOD)
+    found = []
+    for u in torque:
+        found.append(x[2])
+        x = step[:5, :5] @ x + step[:5, 5] * u
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def jumped():
+    """An axis whose f_m has doubled, the jump as the demo takes it down, and 150 samples since."""
+    axis = LiveAxis(seed=5)
+    axis.advance(4 * RATE)
+    axis.set_factors({"f_m": 2.0})
+    jump = Jump(axis.scenario, axis.values, "f_m", 0.05, axis.state, axis.noise)
+    axis.noise = 0.0
+    return jump, axis.advance(150)
+
+
+def test_the_state_is_that_of_the_axis(jumped):
+    """The model goes on from it as the engine does."""
+    jump, samples = jumped
+    expected = speeds([1.0, 1.25, 0.1], samples.torque, jump.state)
+    np.testing.assert_allclose(samples.speed, expected, atol=2e-3 * np.std(samples.speed))
+
+
+def test_the_bound_is_that_of_central_differences(jumped):
+    """Cramér–Rao from ψ by differences of the output; prior of half the value, as in the scores."""
+    jump, samples = jumped
+    theta, torque = np.array([1.0, 1.25, 0.1]), samples.torque
+    steps = 1e-5 * np.diag(theta)
+    psi = np.stack(
+        [
+            (speeds(theta + h, torque, jump.state) - speeds(theta - h, torque, jump.state))
+            / (2 * h.max())
+            for h in steps
+        ],
+        axis=1,
+    )
+    prior = np.diag(1 / (theta / 2) ** 2)
+    found = allowed(jump, torque)
+    for n in (20, 80, 149):
+        information = prior + psi[: n + 1].T @ psi[: n + 1] / jump.noise**2
+        deviations = [information[2, 2] ** -0.5, np.linalg.inv(information)[2, 2] ** 0.5]
+        expected = np.minimum(1.0, np.sqrt(2 / np.pi) * np.array(deviations) / jump.size)
+        np.testing.assert_allclose(found.error[n], expected, rtol=1e-4)
+    np.testing.assert_allclose(found.lag, found.error.sum(axis=0) * PERIOD)
+    assert found.lag[0] < found.lag[1] < 0.1
+
+
+def test_dry_friction_has_a_bound_too():
+    axis = LiveAxis(seed=6)
+    axis.advance(2 * RATE)
+    axis.set_friction(Friction("Coulomb", f_c=0.1))
+    jump = Jump(axis.scenario, axis.values, "f_c", 0.1, axis.state, axis.noise)
+    found = allowed(jump, axis.advance(RATE).torque)
+    assert 0.005 < found.lag[0] < found.lag[1] < 0.3
+
+
+@pytest.fixture
+def pursuit():
+    before, after = np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.10, 0.0])
+    return Pursuit(before, after, 2)
+
+
+def test_a_pursuit_has_the_lag_of_what_it_was_shown(pursuit):
+    """An exponential with a time constant of 1 s, and one who stays where he was."""
+    decay = 0.05 * np.exp(-np.arange(1500) * PERIOD)
+    slow = np.tile(pursuit.after, (1500, 1))
+    slow[:, 2] -= decay
+    still = np.tile(pursuit.before, (1500, 1))
+    moving = np.ones(1500, bool)
+    moving[100:200] = False  # a pause, in which the clock stands
+    slow = np.concatenate([slow[:100], np.full((100, 4), 9.0), slow[100:1400]])
+    pursuit.take([slow, still], np.zeros(1500), moving)
+    assert pursuit.changed == "f_m" and pursuit.size == pytest.approx(0.05)
+    assert not pursuit.open and len(pursuit.error) == LENGTH
+    assert pursuit.lags == pytest.approx([1 - np.exp(-5), 5.0], rel=0.01)
+    assert pursuit.allowed is None, "no jump was told"
+    pursuit.take([slow, still], np.zeros(1500), moving)
+    assert len(pursuit.error) == LENGTH
+
+
+def test_what_nobody_estimates_is_followed_by_what_it_is_taken_for():
+    theta = np.array([1.0, 1.25, 0.05, 0.0])
+    pursuit = Pursuit(theta, theta, 2)
+    taken = np.array([[0.9, 1.25, 0.05, np.nan]])
+    pursuit.take([taken, theta[None]], np.zeros(1), np.ones(1, bool))
+    assert pursuit.changed is None and pursuit.lags == []
+    np.testing.assert_allclose(pursuit.error, [[0.1, 0.0]])
+
+
+def test_who_has_no_dry_friction_stays_where_it_was():
+    pursuit = Pursuit(np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.05, 0.2]), 2)
+    shown = [np.array([[1.0, 1.25, 0.05, value]]) for value in (np.nan, 0.15)]
+    pursuit.take(shown, np.zeros(1), np.ones(1, bool))
+    np.testing.assert_allclose(pursuit.error, [[1.0, 0.25]])
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_friction_comes_while_the_axis_runs(kind):
+    """Angles and speeds stay; then the motor pays for viscous and dry friction, and little else."""
+    axis, other = LiveAxis(seed=7), LiveAxis(seed=7)
+    axis.noise = other.noise = 0.0
+    for each in (axis, other):
+        each.advance(RATE)
+    state = axis.state
+    axis.set_friction(Friction(kind, f_c=0.05, f_s=0.1))
+    np.testing.assert_array_equal(axis.state, state)
+    axis.set_friction(Friction(kind, f_c=0.4, f_s=0.01))  # turned, where the other is made so
+    other.set_friction(Friction(kind, f_c=0.4, f_s=0.01))
+    found = axis.advance(2000)
+    np.testing.assert_array_equal(found.speed, other.advance(2000).speed)
+    between = (found.speed[1:] + found.speed[:-1]) / 2  # where a torque is held
+    spent = np.mean(found.torque[:-1] * between) - 0.05 * np.mean(found.speed**2)
+    assert 1.0 < spent / (0.4 * np.mean(np.abs(found.speed))) < 1.2
+    axis.set_friction(Friction())
+    assert axis.theta(SHOWN)[3] == 0.0
+
+
+def test_an_axis_without_friction_is_as_it_was():
+    """Bit for bit, also when there was some that never acted."""
+    plain, other = LiveAxis(seed=8), LiveAxis(seed=8)
+    other.set_friction(Friction("none", f_c=0.3))
+    np.testing.assert_array_equal(plain.advance(300).speed, other.advance(300).speed)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"kind": "Colomb"}, "Did you mean 'Coulomb'"),
+        ({"f_c": 0.0}, "f_c = 0: give from 0.01 to 0.4 N m"),
+        ({"v_s": float("nan")}, "v_s = nan"),
+    ],
+)
+def test_a_friction_that_is_not_allowed(values, message):
+    with pytest.raises(FlexaxisError, match=message):
+        Friction(**values)

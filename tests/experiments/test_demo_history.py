@@ -1,0 +1,139 @@
+"""What was done, as a table, as CSV, and as a lesson that does the same again, to the last bit."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo import history
+from flexaxis.experiments.demo.friction import Friction
+from flexaxis.experiments.demo.history import COLUMNS, Entry, History
+from flexaxis.experiments.demo.lesson import LessonError, Player, parse_lesson
+from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.experiments.demo.words import estimates_table, history_table
+from flexaxis.sim.timing import PERIOD, rate
+
+RATE = rate(PERIOD)
+QUICK = ("rpem-forgetting", "rpem-drift")
+
+
+@pytest.fixture(scope="module")
+def played():
+    """A session in which everything was touched once, between samples of all kinds."""
+    session = DemoSession(estimators=QUICK, seed=9)
+    session.advance(9 * RATE + 3)
+    session.inject("f_m", 2.0)
+    session.advance(301)
+    session.tune(0, replace(session.racers[0].tuning, forgetting=0.99))
+    session.advance(77)
+    session.disturb(0.05)
+    session.rub(Friction("LuGre", f_c=0.05, f_s=0.02))
+    session.advance(7)
+    session.rub(Friction("LuGre", f_c=0.2, f_s=0.02))
+    session.advance(400)
+    session.choose(1, "ekf")
+    session.excite("stop-and-go")
+    session.advance(150)
+    session.repair()
+    session.inject("k_a", 0.9)
+    session.advance(250)
+    return session
+
+
+def test_a_lesson_does_it_all_again(played):
+    lesson = parse_lesson(played.lesson(), source="saved")
+    again = DemoSession(estimators=lesson.estimators, seed=lesson.seed)
+    player = Player(again, lesson)
+    assert again.axis.time == pytest.approx(9.015 - 8.0), "it begins a little before the first act"
+    while again.axis.samples < played.axis.samples:
+        player.advance(min(13, played.axis.samples - again.axis.samples))
+    for mine, theirs in zip(again.racers, played.racers, strict=True):
+        assert mine.text == theirs.text and mine.tuning == theirs.tuning
+        np.testing.assert_array_equal(mine.theta, theirs.theta)
+    np.testing.assert_array_equal(again.curves().theta, played.curves().theta)
+    np.testing.assert_array_equal(again.axis.state, played.axis.state)
+    assert again.history.csv() == played.history.csv()
+
+
+def test_what_was_done_is_taken_down(played):
+    whats = [entry.what for entry in played.history.entries]
+    assert whats[0] == "f_m × 2" and whats[1].startswith("A: rpem-forgetting λ 0.99")
+    assert whats[3] == "friction: LuGre (f_c 0.2 N m, f_s 0.02 N m, v_s 0.5 rad/s)"
+    assert whats[2:3] + whats[4:] == [
+        "noise 0.05 rad/s", "B: ekf joins", "excitation stop-and-go", "repaired", "k_a × 0.9",
+    ]  # fmt: skip
+    first, dragged = played.history.entries[0], played.history.entries[3]
+    assert first.pursuit.changed == "f_m" and not first.pursuit.open
+    assert first.lags[0] > first.allowed[1] > first.allowed[0] > 0
+    assert dragged.pursuit.before[3] == 0 and dragged.pursuit.after[3] == 0.2, "one pull, one entry"
+    assert played.history.last.what == "k_a × 0.9"
+
+
+def test_the_csv_is_read_by_others(played):
+    rows = list(csv.DictReader(io.StringIO(played.history.csv())))
+    assert tuple(rows[0]) == COLUMNS and len(rows) == 2 * len(played.history.entries)
+    forgetting, drift = rows[:2]
+    assert (forgetting["what"], forgetting["parameter"]) == ("f_m × 2", "f_m")
+    assert (forgetting["estimator"], drift["estimator"]) == QUICK
+    assert float(forgetting["time_s"]) == pytest.approx(9.015)
+    assert (float(forgetting["before"]), float(forgetting["after"])) == (0.05, 0.1)
+    lags = played.history.entries[0].lags
+    assert [float(row["lag_s"]) for row in rows[:2]] == pytest.approx(lags, rel=1e-5)
+    assert float(forgetting["lag_bound_single_s"]) < float(forgetting["lag_bound_s"])
+
+
+def test_what_an_estimator_found_is_told():
+    session = DemoSession(seed=10)
+    session.advance(8 * RATE)
+    session.inject("f_m", 2.0)
+    session.advance(6 * RATE)
+    entry = session.history.last
+    (after, what), *_ = entry.found[1]
+    assert what.startswith("f_m × ") and float(what.split()[-1]) == pytest.approx(2.0, rel=0.1)
+    assert 0 < after < 0.5 and not entry.found[0]
+    text = history_table(session.history)
+    assert f"{what} after" in text and "f_m = 0.0" in text
+    assert "theory allows" in estimates_table(session) and "**lag** [s]" in estimates_table(session)
+
+
+def test_text_is_shown_as_text():
+    past = History()
+    past.add(Entry(0, "x", "<script>alert(1)</script>", ("a", "b")), {})
+    assert "<script>" not in history_table(past)
+
+
+def test_it_does_not_grow_without_end(monkeypatch):
+    monkeypatch.setattr(history, "ACTS", 5)
+    past = History()
+    for k in range(1000):
+        past.add(Entry(k * RATE, f"{k}", "a", ("a", "b")), {"noise": 0.1})
+    assert len(past.entries) == history.KEPT
+    assert "995 acts are forgotten" in past.lesson(estimators=QUICK, seed=0, now=0)
+
+
+@pytest.mark.parametrize(
+    ("act", "message"),
+    [
+        ('friction = "Colomb"', "Did you mean 'Coulomb'"),
+        ('estimator = "ekf"', "estimator needs racer"),
+        ('excitation = "of"', "Did you mean 'off'"),
+    ],
+)
+def test_an_act_that_cannot_be_done(act, message):
+    with pytest.raises(LessonError, match=message):
+        parse_lesson(f"[[act]]\nat = 1.0\n{act}\n", source="mine.toml")
+
+
+def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys):
+    (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\nclass Mine: pass\n")
+    lesson = tmp_path / "lesson.toml"
+    name = f"{tmp_path / 'evil.py'}:Mine"
+    lesson.write_text(f'[[act]]\nat = 1.0\nracer = "B"\nestimator = "{name}"\n')
+    record = ["--record", str(tmp_path / "a.gif"), "--script", str(lesson)]
+    for words in ([str(lesson), "--no-browser"], record):
+        assert main(["demo", *words]) == 2
+        assert "--run-code" in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()
