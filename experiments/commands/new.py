@@ -6,12 +6,8 @@ In Python a class; in C or GNU Octave a program that answers over a pipe, by the
 example:
   flexaxis new my_estimator.py
   flexaxis check my_estimator.py:Mine
-<<<<<<< HEAD
-  flexaxis compare --base relocate --candidate my_estimator.py:Mine --match-std fm_step-v1
-=======
-  flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+  flexaxis compare --base relocate --match-std --candidate my_estimator.py:Mine fm_step-v1
   flexaxis new my_estimator.c
->>>>>>> engine18
 """
 
 from __future__ import annotations
@@ -72,15 +68,6 @@ def _check(path: Path) -> None:
         )
     if path.exists():
         raise FlexaxisError(f"{path} is there already; give another name")
-<<<<<<< HEAD
-    template = files("flexaxis.experiments.conformance") / "templates" / "my_estimator.py"
-    write_text(path, template.read_text(encoding="utf-8"))
-    print(f"{path} estimates the motor friction f_m. Change it, then:")
-    print(f"  flexaxis check {path}:{CLASS}")
-    print(f"  flexaxis tune {path}:{CLASS} --match f_m")
-    print(f"  flexaxis compare --base relocate --candidate {path}:{CLASS} --match-std fm_step-v1")
-    return 0
-=======
 
 
 def _next(path: Path) -> list[str]:
@@ -94,6 +81,6 @@ def _next(path: Path) -> list[str]:
     compiled = [f"cc -O2 -o {program} {path} -lm"] if path.suffix == ".c" else []
     tuned = [f"flexaxis tune {command} --match f_m"] if path.suffix == ".py" else []
     check = f"flexaxis check {command}"
-    compare = f"flexaxis compare --base rpem-forgetting --candidate {command}"
+    fair = " --base relocate --match-std" if tuned else " --base rpem-forgetting"  # it has a knob
+    compare = f"flexaxis compare{fair} --candidate {command} fm_step-v1"
     return [*compiled, check, *tuned, compare]
->>>>>>> engine18
