@@ -1,7 +1,7 @@
 """
 Print what `identify` makes of simulated drives with dry friction, and of the real bench.
 
-``python tests/experiments/identify_tables.py [drives without robots bench] [--seeds A:B] [--seconds 20]``
+``python tests/experiments/identify_tables.py [drives without robots bench] [--seeds A:B]``
 
 Errors are of the estimate, in per cent of the truth, with the standard deviation that is said.
 """
