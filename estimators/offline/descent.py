@@ -16,6 +16,7 @@ FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that t
 CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit ends
 CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
 ROUGH = 5.0  # standard deviations that may be left where friction is at a kink and no step gains
+FULFILLED, BROKEN = 0.75, 0.25  # shares of the fall that was promised
 STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
@@ -156,7 +157,11 @@ class Problem:
                 return at, True
             tried = self.at(self._next(at, damping), colour, coarse=coarse)
             if tried.square < at.square:
-                done, at, damping = gained(at, tried) <= near, tried, max(damping / 10, BOLD)
+                step = tried.z - at.z
+                share = (at.square - tried.square) / (2 * at.g @ step - step @ at.H @ step)
+                # where less comes of a step than was promised the next is to be shorter
+                damping *= 0.1 if share > FULFILLED else 3.0 if share < BROKEN else 1.0
+                done, at, damping = gained(at, tried) <= near, tried, max(damping, BOLD)
                 if done:
                     return at, True
             else:
