@@ -219,19 +219,11 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert not (tmp_path / "x").exists()
 
 
-def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():
-    """They are a number of the law, so that nobody identifies them."""
-    scenario = find_scenario("coulomb_fc_step-v1")
-    for axis in (known_axis(scenario), told_axis(scenario, 0)):
-        assert "f_c" in axis.model.parameters and "sigma_0" not in axis.model.parameters
-        assert axis.model.laws[0].parameters["stiffness"] == 1e4
-
-
 FULL = """
 import resource, sys
 from pathlib import Path
 from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
-from flexaxis.experiments.logs.errors import LogError
+from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import load_record
 import numpy as np
 style = LogStyle()
@@ -239,7 +231,7 @@ columns = logged(load_record(sys.argv[2]), style, np.random.default_rng(0))
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
 try:
     write_log(Path(sys.argv[1]), columns, style)
-except LogError as error:
+except FlexaxisError as error:
     print(error)
 """
 
@@ -255,3 +247,11 @@ def test_a_full_disk_is_an_error_and_leaves_nothing(suffix, record, tmp_path):
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "") and "File too large" in done.stdout
     assert not list(place.iterdir())
+
+
+def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():
+    """They are a number of the law, so that nobody identifies them."""
+    scenario = find_scenario("coulomb_fc_step-v1")
+    for axis in (known_axis(scenario), told_axis(scenario, 0)):
+        assert "f_c" in axis.model.parameters and "sigma_0" not in axis.model.parameters
+        assert axis.model.laws[0].parameters["stiffness"] == 1e4
