@@ -9,14 +9,21 @@ dynamic model* (IFAC 1967). As the residual is filtered and not the signals, the
 nonlinear laws.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.colour import HIGHEST_ORDER, Colour, colourless, noise_model
-from flexaxis.estimators.offline.trajectory import Course
+from flexaxis.estimators.offline.colour import Colour, colourless
+from flexaxis.estimators.offline.descent import (
+    BOLD,
+    CAREFUL,
+    CONVERGED,
+    Point,
+    Problem,
+    damped_step,
+    gained,
+)
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -24,189 +31,8 @@ Flags = NDArray[np.bool_]
 ROUNDS = 12
 LAST = 2  # rounds that solve laws to their full accuracy, at least
 EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
-FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
-CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit ends
 SEARCHED = 0.5  # likewise, where a search does
 UNSEEN = 1e200  # variance of what a record shows nothing of
-CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
-STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
-
-
-@dataclass(frozen=True)
-class Point:
-    """
-    A place, and what a step of Gauss and Newton from it needs.
-
-    Attributes
-    ----------
-    z : (q,) array
-    residual, slopes : (N,), (q, N) arrays
-        y − ŷ and the derivatives of ŷ, as simulated.
-    square : float
-        Mean square of the white residual.
-    H, g : (q, q), (q,) arrays
-        Half its curvature, and its descent.
-    samples : int
-        Which these are means over.
-    """
-
-    z: Array
-    residual: Array
-    slopes: Array
-    square: float
-    H: Array
-    g: Array
-    samples: int
-
-
-@dataclass(frozen=True)
-class Problem:
-    """
-    A course to be fitted to a record.
-
-    Attributes
-    ----------
-    course : Course
-    y : (N,) array
-        Measured output.
-    ok : (N,) array of bool
-        Samples to be fitted.
-    lower, upper : (q,) arrays
-        The box.
-    held : (q,) array of bool
-        Unknowns that are known after all, such as a delay.
-    whiten : bool
-        Whether to model the noise; without, this is plain output error.
-    highpass : float or None
-        Corner [Hz] below which residuals do not count.
-    tell : callable
-        Told now and then that a step was taken.
-    """
-
-    course: Course
-    y: Array
-    ok: Flags
-    lower: Array
-    upper: Array
-    held: Flags
-    whiten: bool = True
-    highpass: float | None = None
-    tell: Callable[[], None] = field(default=lambda: None)
-
-    def residual(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
-        """Return y − ŷ (N,) and the derivatives (q, N) of ŷ."""
-        simulated, slopes = self.course.along(z, coarse=coarse)
-        slopes[self.held] = 0.0
-        return self.y - simulated, slopes
-
-    def colour(self, residual: Array) -> Colour:
-        """Return the colour of a residual."""
-        plain = colourless(self.highpass, self.course.period)
-        if not self.whiten:
-            return plain
-        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
-        return replace(plain, inverse=noise_model(high, HIGHEST_ORDER, ok))
-
-    def at(self, z: Array, colour: Colour, *, coarse: bool = False) -> Point:
-        """Return what a step of Gauss and Newton needs at z."""
-        q, N = len(z), len(self.y)
-        nowhere = Point(z, np.zeros(N), np.zeros((q, N)), np.inf, np.eye(q), np.zeros(q), 1)
-        if self.course.fastest(z[: self.course.p]) > FASTEST:
-            return nowhere
-        residual, slopes = self.residual(z, coarse=coarse)
-        self.tell()
-        if not np.isfinite(residual).all() or not np.isfinite(slopes).all():
-            return nowhere
-        return self.weighed(replace(nowhere, residual=residual, slopes=slopes), colour)
-
-    def weighed(self, at: Point, colour: Colour) -> Point:
-        """Return a point as noise of another colour has it, without simulating it again."""
-        good = colour.settled(self.ok)
-        e = colour.white(colour.bridged(at.residual, self.ok))[good]
-        J = colour.white(colour.bridged(at.slopes, self.ok))[:, good]
-        N = len(e)
-        return replace(at, square=float(e @ e) / N, H=J @ J.T / N, g=J @ e / N, samples=N)
-
-    def left(self, at: Point) -> float:
-        """
-        Return how far it is to the bottom, in standard deviations.
-
-        (N gᵀH⁻¹g/σ²)^½ is what a step of Gauss and Newton moves all unknowns together, whatever
-        their units; none of them moves by more of its own deviation.
-        """
-        if not np.isfinite(at.square):
-            return np.inf
-        gain = float(at.g @ self._step(at, 0.0))
-        return float(np.sqrt(max(gain, 0.0) * at.samples / at.square))
-
-    def start(self, theta: Array, delay: float) -> Array:
-        """Return z at parameters and a delay, the rest by a few linear steps at first."""
-        z = np.r_[theta, np.zeros(self.course.q - len(theta) - 1), delay]
-        rest = np.ones(self.course.q, bool)
-        rest[len(theta) : -1] = False
-        nuisance = replace(self, held=self.held | rest)
-        plain = colourless(self.highpass, self.course.period)
-        return nuisance.descend(nuisance.at(z, plain, coarse=True), plain, 4, coarse=True).z
-
-    def descend(
-        self,
-        at: Point,
-        colour: Colour,
-        most: int,
-        *,
-        coarse: bool = False,
-        near: float = CONVERGED,
-        damping: float = CAREFUL,
-    ) -> Point:
-        """
-        Return where Levenberg and Marquardt's method comes to from a point within the box.
-
-        It ends where the bottom is as near as that, in standard deviations, or steps gain no more
-        than such a step would.
-        """
-        for _ in range(most):
-            if self.left(at) <= near:
-                break
-            tried = self.at(self._next(at, damping), colour, coarse=coarse)
-            if tried.square < at.square:
-                done, at, damping = gained(at, tried) <= near, tried, max(damping / 10, BOLD)
-                if done:
-                    break
-            else:
-                damping = max(10 * damping, 1e-4)
-                if damping > STIFFEST:
-                    break
-        return at
-
-    def _next(self, at: Point, damping: float) -> Array:
-        """Return the next place to try."""
-        return np.clip(at.z + self._step(at, damping), self.lower, self.upper)
-
-    def _step(self, at: Point, damping: float) -> Array:
-        """Return the damped step; what would leave the box stays at its side."""
-        free, step = ~self.held, np.zeros(len(at.z))
-        for _ in range(len(at.z)):
-            step = np.zeros(len(at.z))
-            step[free] = damped_step(at.H[np.ix_(free, free)], at.g[free], damping)
-            out = free & (((at.z <= self.lower) & (step < 0)) | ((at.z >= self.upper) & (step > 0)))
-            if not out.any():
-                break
-            free &= ~out
-        return step
-
-
-def gained(before: Point, after: Point) -> float:
-    """Return the fall of −2 log L between points, as the standard deviations it is worth."""
-    if not np.isfinite(before.square):
-        return np.inf
-    return float(np.sqrt(max(before.square / after.square - 1, 0.0) * after.samples))
-
-
-def damped_step(H: Array, g: Array, damping: float) -> Array:
-    """Return (H + damping·diag H)⁻¹ g, where what nothing is seen of stays; free of units."""
-    size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
-    scaled = H / np.outer(size, size) + damping * np.eye(len(g))
-    return np.linalg.lstsq(scaled, g / size, rcond=1e-12)[0] / size
 
 
 @dataclass(frozen=True)
@@ -279,8 +105,10 @@ def fit(
     colour = colourless(problem.highpass, problem.course.period)
     point = problem.at(z, colour, coarse=coarse)
     if plain:
-        point = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
+        point, _ = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):
+        if not np.isfinite(point.square):
+            break  # it cannot be simulated, and has no residual that could be coloured
         colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
         if coarse and fine and (converged or left < LAST):
@@ -289,8 +117,10 @@ def fit(
         if converged and not (coarse and fine):
             break
         before = point
-        point = problem.descend(point, colour, most, coarse=coarse, near=near / 2, damping=damping)
-        converged, damping = gained(before, point) <= near, BOLD
+        point, ended = problem.descend(
+            point, colour, most, coarse=coarse, near=near / 2, damping=damping
+        )
+        converged, damping = ended and gained(before, point) <= near, BOLD
     return finished(problem, point, colour, converged)
 
 
@@ -338,7 +168,7 @@ def _covariance(point: Point, problem: Problem) -> Array:
     values, vectors = np.linalg.eigh(H / np.outer(size, size))
     values = np.maximum(values, 1e-14 * values[-1])  # smaller ones are rounding
     inverse = vectors / values @ vectors.T
-    with np.errstate(over="ignore"):  # of what the record shows nothing of
+    with np.errstate(over="ignore", invalid="ignore"):  # of what the record shows nothing of
         known = point.square / point.samples * inverse / np.outer(size, size)
     covariance[np.ix_(free, free)] = np.clip(known, -UNSEEN, UNSEEN)
     return covariance

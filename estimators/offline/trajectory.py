@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
-from flexaxis.estimators.offline.reversals import dry, follow, is_dry
+from flexaxis.estimators.offline.dry import dry, is_dry
+from flexaxis.estimators.offline.reversals import follow
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
 from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan

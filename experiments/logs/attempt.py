@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, Problem, fit
+from flexaxis.estimators.offline.descent import Problem
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, fit
 from flexaxis.estimators.offline.trajectory import course
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.sim.record import Record
@@ -20,6 +21,9 @@ Flags = NDArray[np.bool_]
 
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
+ENOUGH = 10_000  # samples, to tell which start is the best
+QUICK = 4000  # samples, to tell where not
+LIKELY = 3  # places that are looked at twice: those that the frequency response tells, and found
 EARLIEST = -2.0  # samples, of a smooth torque
 
 
@@ -203,15 +207,32 @@ class Attempt:
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
 
 
-def explored(attempt: Attempt, places: Sequence[tuple[Array, float]]) -> Fitted:
-    """Return the best of a few rounds from each place, noise taken for white at first or not."""
-    return best(
-        [
-            attempt.solve(*place, rounds=2, fine=False, plain=plain)
-            for place in places
-            for plain in ((False, True) if attempt.whiten else (False,))
-        ]
-    )
+Place = tuple[Array, float]
+
+
+def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
+    """Return the best of a few rounds from each place, on a part of the log that is enough for it.
+
+    A rich model of the noise explains what a model that is far off leaves, and little leads away
+    from there, so that noise is taken for white at first; but where an axis drifts that is what
+    would be explained, so that from the likeliest places it is not, too. Of rungs, which nothing
+    speaks for, a short piece says which two are worth as much.
+    """
+    if rungs:
+        quick = replace(attempt, log=attempt.log.part(QUICK))
+        judged = [quick.solve(*rung, rounds=1, fine=False, plain=True).square for rung in rungs]
+        places = [*places, *(rungs[i] for i in np.argsort(judged)[:2])]
+    short = replace(attempt, log=attempt.log.part(ENOUGH))
+    starts = [(place, attempt.whiten) for place in places]
+    starts += [(place, False) for place in places[:LIKELY]]
+    tried = [short.solve(*place, rounds=2, fine=False, plain=plain) for place, plain in starts]
+    likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
+    found = best([*likely, *(short.solve(at.z, rounds=2, plain=True, fine=False) for at in likely)])
+    if short.log is attempt.log or not np.isfinite(found.square):
+        return found
+    # a part has an initial state of its own, so that no more than parameters are taken from it
+    theta, lag = found.z[: len(attempt.names)], float(found.z[-1])
+    return attempt.solve(theta, lag, rounds=2, fine=False)
 
 
 def best(fits: Sequence[Fitted]) -> Fitted:

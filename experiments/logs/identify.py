@@ -17,10 +17,10 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, able, check_given, choose
+from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
-from flexaxis.experiments.logs.starts import Starts, linear_fit
+from flexaxis.experiments.logs.starts import Starts
 from flexaxis.experiments.logs.verdict import Verdict, judge
 from flexaxis.sim.record import Record
 
@@ -132,7 +132,7 @@ def identify(
     axis : Axis
         Its nominal values are where the search starts.
     free : sequence of str
-        Parameters to identify; by default all but k_T and r.
+        Parameters to identify; by default all but k_T and r, and those that a known axis has at 0.
     fix : sequence of str
         Parameters to leave at their nominal values.
     given : mapping of str to float
@@ -179,10 +179,7 @@ def identify(
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
-    attempt, fitted, tried, word = choose(
-        starts, attempt, fitted, friction, free=free, fix=fix, given=given
-    )
+    attempt, fitted, tried, word = best_of_laws(starts, friction, free, fix, given)
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,
@@ -202,7 +199,8 @@ def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...
     known = axis.model.parameters
     wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names
-    chosen = tuple(n for n in free if n in known) or tuple(n for n in known if n not in GIVEN)
+    there = [n for n in known if not axis.known or axis.model.nominal[n]]
+    chosen = tuple(n for n in free if n in known) or tuple(n for n in there if n not in GIVEN)
     chosen = tuple(name for name in chosen if name not in fix)
     if not chosen:
         raise LogError("all parameters are fixed; leave one free, with --free NAME")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -14,8 +15,8 @@ from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
-from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
-from flexaxis.experiments.logs.starts import Starts
+from flexaxis.experiments.logs.pieces import LEAST_GAIN, Comparison, compare, held_out
+from flexaxis.experiments.logs.starts import SMOOTHER, Starts, gained, smoother
 
 LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 Array = NDArray[np.float64]
@@ -23,6 +24,7 @@ Flags = NDArray[np.bool_]
 
 MOST = 20_000  # samples that laws are compared on
 OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
+HOPEFUL = 1 - 2 * LEAST_GAIN  # times the square of the error: the least that is worth it
 ORDER = ("coulomb", "lugre", "static")
 
 
@@ -36,12 +38,39 @@ class Tried:
         Words of both.
     comparison : Comparison
     taken : bool
+    held : bool
+        Whether what is compared was held out of the fit, and not fitted to as well.
     """
 
     name: str
     against: str
     comparison: Comparison
     taken: bool
+    held: bool = True
+
+
+def best_of_laws(
+    starts: Starts,
+    friction: str,
+    free: Sequence[str],
+    fix: Sequence[str],
+    given: Mapping[str, float],
+) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
+    """Return the fit with the law and the kind of torque that predict best.
+
+    Dry friction that is left out makes a held torque seem to act before it is set, and so does a
+    torque that is smooth; so where both could be, laws are looked for with both.
+    """
+    law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
+    held = starts.search(starts.attempt)
+    if starts.attempt.model.laws:
+        return law(starts, *held)
+    other = smoother(*held)
+    found = law(starts, *other)
+    if other[0] is held[0] or not (starts.whole and able(held[0].model)):
+        return found
+    rubbing = law(starts, *held)
+    return found if gained(rubbing[1], found[1]) > SMOOTHER else rubbing
 
 
 def choose(
@@ -132,8 +161,9 @@ class _Bench:
             attempt = attempt.having(simple.attempt.values(simple.fitted))
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
-            places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
-        return Begun(attempt, explored(attempt, places))
+            places = [(theta_of(attempt), self._lag), *self.starts.places(attempt, level)]
+        rungs = self.starts.ladder(attempt, level) if kind == "coulomb" else []
+        return Begun(attempt, explored(attempt, places, rungs))
 
     def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""
@@ -151,6 +181,14 @@ class _Bench:
             linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
         )
 
+    @staticmethod
+    def from_there(simple: Begun, richer: Begun) -> Begun:
+        """Return a simpler law fitted from where a richer one came to."""
+        values = richer.attempt.values(richer.fitted)
+        attempt = simple.attempt.having({name: values[name] for name in simple.attempt.names})
+        lag = float(richer.fitted.z[-1])
+        return Begun(attempt, attempt.solve(theta_of(attempt), lag, rounds=2, fine=False))
+
     @property
     def _lag(self) -> float:
         return float(self.fitted.z[-1])
@@ -164,11 +202,21 @@ class _Bench:
         kinds = tuple(kind for kind in ORDER if self.given.keys() <= names_by(kind))
         for kind in kinds if wanted == "auto" else ORDER[:1]:
             other = self.started(kind, begun)
-            other_part = other.fitted_without(without)
+            hopeful = begun is None or other.fitted.square < begun.fitted.square * HOPEFUL
+            # what explains a log no better will not predict it
+            other_part = other.fitted_without(without) if hopeful else other.fitted
             comparison = compare(part, other_part, without, ok)
-            taken = comparison.better if kind == ORDER[0] else comparison.worth_it
+            taken = hopeful and comparison.better
+            taken &= kind == ORDER[0] or comparison.worth_it
             taken |= bool(self.given) and begun is None  # whoever gives its value says it is there
-            tried.append(Tried(kind, word, comparison, taken))
+            if taken and begun is not None and word == ORDER[0]:
+                # what a richer law has found may have been another place, and not its shape
+                there = self.from_there(begun, other)
+                if there.fitted.square < begun.fitted.square * HOPEFUL:
+                    begun, part = there, there.fitted_without(without)
+                    comparison = compare(part, other_part, without, ok)
+                    taken = comparison.worth_it
+            tried.append(Tried(kind, word, comparison, taken, hopeful))
             if taken:
                 word, begun, part = kind, Begun(other.attempt, other_part), other_part
             elif kind == "coulomb":

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.offline.prediction_error import Fitted, damped_step
+from flexaxis.estimators.offline.descent import damped_step
+from flexaxis.estimators.offline.prediction_error import Fitted
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

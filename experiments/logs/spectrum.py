@@ -161,16 +161,20 @@ def fit_response(
     return scale(best), max(lag(best), earliest)
 
 
-def rough_guess(model: Model, response: Response) -> dict[str, float]:
+def rough_guess(
+    model: Model, response: Response, resonance: float | None = None
+) -> dict[str, float]:
     """Guess the size of the parameters of a shipped model; empty where it has no way to.
 
-    From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|.
+    From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|
+    if no resonance is given [rad/s].
     """
     guess = MODELS[model.name].guess
     if guess is None:
         return {}
     omega, slope = response.omega, response.omega * abs(response.gain)
     inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
-    resonance = float(omega[np.argmax(slope)])
+    if resonance is None:
+        resonance = float(omega[np.argmax(slope)])
     friction = 0.1 * inertia * float(omega[0])
     return guess(Traits(inertia, friction, resonance))

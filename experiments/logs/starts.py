@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, explored
+from flexaxis.experiments.logs.attempt import Attempt, Log, Place, explored
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import friction, guessed_level, smooth_sign
 from flexaxis.experiments.logs.spectrum import (
@@ -22,7 +22,8 @@ from flexaxis.experiments.logs.spectrum import (
 
 Array = NDArray[np.float64]
 
-ENOUGH = 10_000  # samples, to tell which start is the best
+RUNGS = 6
+FASTEST = 1.0  # rad a sample, of the resonances that are tried
 SMOOTHER = 10.0  # of the logarithm of the likelihood, that another kind of torque has to gain
 
 
@@ -73,19 +74,15 @@ class Starts:
 
     def search(self, attempt: Attempt, level: float = 0.0) -> tuple[Attempt, Fitted]:
         """Fit from each start for two rounds, and on from the best."""
-        short = replace(attempt, log=attempt.log.part(ENOUGH))
-        first = explored(short, self.places(attempt, level))
+        first = explored(attempt, self.places(attempt, level), self.ladder(attempt, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        if short.log is attempt.log:
-            return attempt, attempt.solve(first.z)
-        # a part has an initial state of its own, so that no more than parameters are taken from it
-        return attempt, attempt.solve(first.z[: len(attempt.names)], float(first.z[-1]))
+        return attempt, attempt.solve(first.z)
 
-    def places(self, attempt: Attempt, level: float) -> list[tuple[Array, float]]:
+    def places(self, attempt: Attempt, level: float) -> list[Place]:
         """Return parameters and delays [s] to start from."""
         found, problems = [], []
         for floor in (STRONG, 0.0):
@@ -102,7 +99,26 @@ class Starts:
             raise problems[0]
         return found
 
-    def _place(self, attempt: Attempt, seen: Response) -> tuple[Array, float]:
+    def ladder(self, attempt: Attempt, level: float) -> list[Place]:
+        """Return places with resonances up to the fastest that the log may show; none of a mass.
+
+        Slow motion shows a spring below its resonance, where no peak says where to start.
+        """
+        if self.known or attempt.model.name not in MODELS:
+            return []
+        try:
+            seen = self.response(level)
+        except LogError:
+            return []
+        linear = replace(attempt.model, laws=())
+        rungs = np.geomspace(seen.omega[0], FASTEST / self.log.period, RUNGS)
+        guesses = [rough_guess(linear, seen, rung) for rung in rungs]
+        if guesses[0] == guesses[-1]:
+            return []
+        values = [dict(attempt.model.nominal) | guess for guess in guesses]
+        return [(np.array([those[name] for name in attempt.names]), 0.0) for those in values]
+
+    def _place(self, attempt: Attempt, seen: Response) -> Place:
         names = attempt.names
         linear = replace(attempt.model, laws=())
         mine = tuple(name for name in names if name in linear.parameters)
@@ -123,12 +139,6 @@ class Starts:
         return np.array([values[name] for name in names]), lag
 
 
-def linear_fit(starts: Starts) -> tuple[Attempt, Fitted]:
-    """Fit the linear model; where its torque seems to act before it is set, as a smooth one too."""
-    attempt, fitted = starts.search(starts.attempt)
-    return smoother(attempt, fitted)
-
-
 def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
     """Return the fit with a smooth torque where that predicts better, else as it is."""
     if attempt.log.smooth or attempt.delay is not None or fitted.z[-1] > 0.02 * attempt.log.period:
@@ -136,5 +146,9 @@ def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
     other = replace(attempt, log=attempt.log.smoothed())
     p = len(attempt.names)
     tried = other.solve(fitted.z[:p], 0.0)
-    gained = 0.5 * fitted.good.sum() * np.log(fitted.square / tried.square)
-    return (other, tried) if gained > SMOOTHER else (attempt, fitted)
+    return (other, tried) if gained(fitted, tried) > SMOOTHER else (attempt, fitted)
+
+
+def gained(fitted: Fitted, other: Fitted) -> float:
+    """Return by how much the logarithm of the likelihood of another fit is greater."""
+    return 0.5 * float(fitted.good.sum() * np.log(fitted.square / other.square))

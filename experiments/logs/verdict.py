@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.estimators.offline.frequency import frequency_response
-from flexaxis.estimators.offline.prediction_error import CONVERGED, Fitted
+from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.laws import Tried
@@ -22,6 +23,7 @@ BLIND = 0.5  # relative standard deviation from which on a parameter counts as n
 COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, that is too much
 LAGS = 20
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
+EXPLAINED = 0.1  # of the motion, that a simulation may leave and still be of the same axis
 APART = 0.2  # median of |log G/Ĝ|: a model that far from what the log shows is another axis
 
 
@@ -110,8 +112,13 @@ def _correlation(fitted: Fitted) -> float:
 
 
 def _misfit(attempt: Attempt, fitted: Fitted, seen: Response | None) -> float:
-    """Return the median distance of model and response, in logarithms."""
-    if seen is None:
+    """Return the median distance of model and response, in logarithms.
+
+    Where a simulation explains the log, it is the response that is poor: one that dry friction, or
+    a controller, is a part of.
+    """
+    good = fitted.good
+    if seen is None or np.std(fitted.residual[good]) < EXPLAINED * np.std(attempt.log.y[good]):
         return 0.0
     model = attempt.having(attempt.values(fitted)).model
     linear = linear_part(model)
@@ -290,7 +297,8 @@ def _laws(tried: Sequence[Tried]) -> list[str]:
     for t in tried:
         c = t.comparison
         lines.append(
-            f"{t.name} friction against {t.against}: error of a prediction of held-out pieces "
+            f"{t.name} friction against {t.against}: error of a prediction of "
+            f"{'held-out pieces' if t.held else 'the log it was fitted to'} "
             f"{c.before:.4g} → {c.after:.4g} ({100 * (c.after / c.before - 1):+.2g} %), "
             f"{'better' if t.taken else 'not worth its parameters'}"
         )

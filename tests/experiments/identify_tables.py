@@ -1,7 +1,7 @@
 """
 Print what `identify` makes of simulated drives with dry friction, and of the real bench.
 
-``python tests/experiments/identify_tables.py [drives robots bench] [--seeds A:B] [--seconds 60]``
+``python tests/experiments/identify_tables.py [drives without robots bench] [--seeds A:B]``
 
 Errors are of the estimate, in per cent of the truth, with the standard deviation that is said.
 """
@@ -30,31 +30,77 @@ MAP = {
 
 
 def row(title, record, axis, truth, **options):
-    """Print one identification."""
+    """Print one identification, and return the worst error of what is to be found [%], if it is."""
     begun = time.process_time()
     found = identify(record, axis, **options)
-    cells = [
-        f"{name} {100 * (value / truth[name] - 1):+.2f} ± {100 * sd / abs(truth[name]):.2f}"
+    errors = {
+        name: (100 * (value / truth[name] - 1), 100 * sd / abs(truth[name]))
         for name, value, sd in zip(found.names, found.theta, found.deviations, strict=True)
         if truth.get(name)
-    ]
+    }
+    cells = [f"{name} {error:+.2f} ± {sd:.2f}" for name, (error, sd) in errors.items()]
     status = 1 if found.warnings else 0
     spent = time.process_time() - begun
-    print(f"{title:34} {found.friction:8} {status} {spent:4.0f} s  {'; '.join(cells)}", flush=True)
+    print(f"{title:36} {found.friction:8} {status} {spent:4.0f} s  {'; '.join(cells)}", flush=True)
     for text in found.warnings:
-        print(f"{'':36}! {text}", flush=True)
+        print(f"{'':38}! {text}", flush=True)
+    return found, errors
+
+
+ASKED = {"f_m": 3.0, "f_c": 5.0, "J_m": 3.0, "J_l": 3.0, "J_g": 3.0, "J_a": 3.0}  # per cent
+SECONDS = {(2, 1, "multisine"): 60.0}  # by which the bound of f_m is 1 %; 20 s where not said
+# what slow moves cannot tell apart, and a data sheet says: friction of both sides, and the delay
+TOLD = {(2, "moves"): ("f_l",), (3, "moves"): ("f_g", "f_a"), (3, "multisine"): ("f_g", "f_a")}
 
 
 def drives(seeds, seconds):
-    """One and two masses, slow moves and a multisine."""
-    for masses in (1, 2):
-        for ratio in RATIOS:
-            for motion in ("multisine", "moves"):
-                for seed in seeds:
-                    truth = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
-                    record = log(masses, ratio, motion, seed=seed, seconds=seconds)
-                    title = f"{masses} masses, {ratio:3} rad/s, {motion} {seed}"
-                    row(title, record, find_axis(NAMES[masses]), truth)
+    """One to three masses, slow moves and a multisine; then how many errors are as asked."""
+    kept = {}
+    for seed in seeds:
+        for masses in (1, 2, 3):
+            for ratio in RATIOS:
+                for motion in ("multisine", "moves"):
+                    key = masses, ratio, motion
+                    found, errors = drive(*key, seed, SECONDS.get(key, seconds))
+                    kept.setdefault(key, []).append((found, errors))
+    for (masses, ratio, motion), rows in kept.items():
+        good = [
+            all(abs(e[name][0]) <= most for name, most in ASKED.items() if name in e)
+            for _, e in rows
+        ]
+        wrong = [not g and not f.warnings for g, (f, _) in zip(good, rows, strict=True)]
+        z = [abs(e[n][0]) / e[n][1] for _, e in rows for n in ASKED if n in e and e[n][1]]
+        print(
+            f"{masses} masses, {ratio:3} rad/s, {motion:9}: as asked {sum(good)} of {len(rows)}, "
+            f"wrong with status 0 {sum(wrong)}, median |error|/sd {sorted(z)[len(z) // 2]:.2f}, "
+            f"largest {max(z):.1f}",
+            flush=True,
+        )
+
+
+def drive(masses, ratio, motion, seed, seconds, **options):
+    """Identify one simulated drive; three masses start from 15 % off."""
+    values = VALUES[masses]
+    truth, told = values | {"f_c": ratio * values["f_m"]}, TOLD.get((masses, motion), ())
+    axis = find_axis(NAMES[masses])
+    if masses == 3:
+        off = {n: v if n in ("k_T", "r", *told) else 1.15 * v for n, v in values.items()}
+        axis = _given(axis.having(off))
+    elif told:
+        axis = axis.having({name: values[name] for name in told})
+    if told:
+        options |= {"fix": told, "delay": 0.0}
+    record = log(masses, ratio, motion, seed=seed, seconds=seconds)
+    title = f"{masses} masses, {ratio:3} rad/s, {motion} {seed}, {seconds:.0f} s"
+    return row(title, record, axis, truth, **options)
+
+
+def without(seeds, seconds):
+    """What is said without a law, and of a log that is too short."""
+    for masses, motion in ((1, "moves"), (2, "multisine"), (3, "multisine")):
+        drive(masses, 10, motion, seeds[0], seconds, friction="none")
+    for masses, motion in ((1, "multisine"), (2, "multisine"), (2, "moves")):
+        drive(masses, 10, motion, seeds[0], 4.0)
 
 
 def robots(seeds, seconds):
@@ -93,11 +139,11 @@ def bench(seeds, seconds):
 
 def main(arguments):
     """Print the tables asked for."""
-    tables = {"drives": drives, "robots": robots, "bench": bench}
+    tables = {"drives": drives, "without": without, "robots": robots, "bench": bench}
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tables", nargs="*", choices=[*tables, []], default=[])
-    parser.add_argument("--seeds", default="4000:4010", metavar="A:B")
-    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seeds", default="5000:5005", metavar="A:B")
+    parser.add_argument("--seconds", type=float, default=20.0)
     given = parser.parse_args(arguments)
     first, last = map(int, given.seeds.split(":"))
     for name in given.tables or tables:

@@ -40,7 +40,8 @@ def found(record):
 
 def test_dry_friction_is_found_and_told_from_viscous(found):
     values = dict(zip(found.names, found.theta, strict=True))
-    assert found.friction != "none" and not found.warnings
+    assert found.friction == "coulomb" and not found.warnings
+    assert found.fitted.converged
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.03)
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
@@ -95,7 +96,7 @@ def test_what_identify_wrote_is_where_track_begins(record, found, tmp_path, caps
     assert again.model.laws == found.axis.model.laws
     assert again.deviation.keys() == set(found.names)
     words = ["track", path, "--model", axis, "--identify", "1/J_m", "--identify", "f_m", "--json"]
-    main([*map(str, words), "--estimator", "imm-friction"])
+    assert main([*map(str, words), "--estimator", "imm-friction"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["last"]["1/J_m"] == pytest.approx(1 / VALUES[1]["J_m"], rel=0.05)
     assert told["last"]["f_c"] == pytest.approx(F_C, rel=0.1)
@@ -137,7 +138,7 @@ def test_a_log_without_slow_motion_says_that_friction_was_not_looked_for(record,
 def test_a_filter_of_residuals_leaves_friction_to_be_found(record):
     found = identify(record, find_axis("one_mass"), highpass=0.5)
     values = dict(zip(found.names, found.theta, strict=True))
-    assert found.friction != "none" and found.tried
+    assert found.friction == "coulomb" and found.tried
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.05)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 
@@ -158,8 +159,9 @@ def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found, record):
     assert not any("bound" in text or "converge" in text for text in said(fitted))
 
 
-def test_steps_of_a_law_are_part_of_the_deviation(found):
-    assert np.all(found.discretisation > 0)
+def test_how_a_law_is_solved_is_part_of_the_deviation(found):
+    # reversals are met exactly, so that it is no more than the step that is left
+    assert np.all(found.discretisation < 0.2 * found.noise_deviations)
     wider = np.hypot(np.maximum(found.noise_deviations, found.spread), found.discretisation)
     np.testing.assert_allclose(found.deviations, wider)
 

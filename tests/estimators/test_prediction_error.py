@@ -1,0 +1,94 @@
+"""Fits of a record: how far it is to the bottom, what a gap is not, what steps of laws cost."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from flexaxis.estimators.models.axes import STATIC, one_mass
+from flexaxis.estimators.offline.colour import noise_model
+from flexaxis.estimators.offline.descent import CONVERGED, Problem
+from flexaxis.estimators.offline.prediction_error import discretisation, fit
+from flexaxis.estimators.offline.trajectory import course
+
+PERIOD, N, SIGMA = 0.002, 4000, 0.05
+VALUES = {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3}
+RUBS = {"f_c": 0.05, "f_s": 0.0, "alpha": 1.0, "beta": 3.0}
+
+
+def problem(model, names):
+    """Return a problem of a simulated log."""
+    rng = np.random.default_rng(3)
+    u = np.convolve(0.5 * rng.standard_normal(N + 50), np.ones(50) / 7, "valid")[:N]
+    along = course(model, names, u, period=PERIOD)
+    y, _ = along.along(np.r_[along.model.theta, 0.0, 0.0])
+    q, ok = along.q, np.ones(N, bool)
+    held = np.zeros(q, bool)
+    held[-1], ok[0] = True, False
+    box = np.full(q, 1e6)
+    return Problem(along, y + SIGMA * rng.standard_normal(N), ok, -box, box, held, whiten=False)
+
+
+@pytest.fixture(scope="module")
+def linear():
+    found = problem(one_mass(VALUES), ("J_m", "f_m"))
+    return found, fit(found, np.r_[1.3e-3, 4e-3, 0.0, 0.0])
+
+
+def test_a_fit_ends_where_the_bottom_is_near(linear):
+    problem, fitted = linear
+    assert fitted.converged
+    assert problem.left(problem.at(fitted.z, fitted.colour)) <= CONVERGED
+    again = fit(problem, fitted.z * 1.001)
+    assert np.all(abs(again.z - fitted.z)[:3] <= 2 * CONVERGED * fitted.deviations[:3])
+    assert np.all(abs(fitted.z[:2] - [1e-3, 5e-3]) < 4 * fitted.deviations[:2])
+
+
+def test_what_is_left_is_counted_in_standard_deviations(linear):
+    problem, fitted = linear
+    off = np.r_[1.0, -2.0, 0.5, 0.0] * fitted.deviations
+    expected = np.sqrt(off[:3] @ np.linalg.solve(fitted.covariance[:3, :3], off[:3]))
+    there = problem.at(fitted.z + off, fitted.colour)
+    assert problem.left(there) == pytest.approx(expected, rel=0.05)
+    # as f_m is in another unit, its step is, and how far it is in deviations is not
+    scaled = replace(there, H=there.H.copy(), g=there.g.copy())
+    scaled.H[1] *= 1e3
+    scaled.H[:, 1] *= 1e3
+    scaled.g[1] *= 1e3
+    assert problem.left(scaled) == pytest.approx(problem.left(there), rel=1e-6)
+
+
+def test_a_fit_that_is_stopped_says_that_it_moves_on(linear, monkeypatch):
+    from flexaxis.estimators.offline import prediction_error
+
+    monkeypatch.setattr(prediction_error, "EVALUATIONS", 1)
+    assert not fit(linear[0], np.r_[3e-3, 5e-2, 0.0, 0.0], rounds=1).converged
+
+
+def test_what_is_at_its_bound_stays_there(linear):
+    problem, _ = linear
+    upper = problem.upper.copy()
+    upper[0] = 0.9e-3
+    fitted = fit(replace(problem, upper=upper), np.r_[0.8e-3, 5e-3, 0.0, 0.0])
+    assert fitted.z[0] == 0.9e-3 and fitted.converged
+
+
+def test_samples_on_either_side_of_a_gap_are_no_neighbours():
+    """Pieces of an autoregression, each about a level of its own noise; gaps hold nonsense."""
+    rng = np.random.default_rng(0)
+    a = [1.0, -0.95]
+    e = lfilter([1.0], a, rng.standard_normal(40_000))
+    ok = np.arange(len(e)) % 40 < 20
+    found = noise_model(np.where(ok, e, 1e3), 1, ok)
+    # of 20 neighbours 19 are pairs, and a missing pair counts as none: −.95 · 19/20
+    assert found[1] == pytest.approx(-0.95 * 19 / 20, abs=0.01)
+    np.testing.assert_array_equal(noise_model(e, 5), noise_model(e, 5, np.ones(len(e), bool)))
+
+
+def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear):
+    model = replace(one_mass(VALUES | RUBS), laws=(STATIC,))
+    law = problem(model, ("J_m", "f_m", "f_c"))
+    fitted = fit(law, np.r_[1.1e-3, 5e-3, 0.04, 0.0, 0.0])
+    assert law.course.coarsens and np.all(discretisation(law, fitted)[:3] > 0)
+    assert np.all(discretisation(*linear) == 0)
