@@ -146,10 +146,10 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
 @pytest.mark.parametrize(
     ("candidate", "said"),
     [
-        ("frozen", "frozen has no knob to turn"),
-        (NoKnob, "NoKnob has no knob to turn"),
+        ("frozen", "frozen has no knob to turn, so it cannot be made"),
+        (NoKnob, "NoKnob has no knob to turn, so it cannot be made"),
         (Still, "std of f_m cannot be matched"),
-        ("pipe:cat", "pipe:cat has no knob to turn"),
+        ("pipe:cat", "pipe:cat has no knob to turn, so it cannot be made"),
     ],
 )
 def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said):
