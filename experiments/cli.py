@@ -21,6 +21,7 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
+from flexaxis.experiments.running.interrupts import leave, one_stage
 from flexaxis.experiments.running.told import told
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
@@ -108,6 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     words = list(sys.argv[1:] if argv is None else argv)
+    alone = argv is None  # nobody goes on after this command
     top = parser()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
         complete(top)
@@ -115,8 +117,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
-    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose):
-        return _guarded(args)
+    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose), one_stage():
+        status = _guarded(args)
+    if alone and status == INTERRUPTED:
+        leave(status)
+    return status
 
 
 class _Stream:
@@ -177,16 +182,23 @@ def _guarded(args: argparse.Namespace) -> int:
             return _crashed(args, error, str(error))
         told = str(error)
     except KeyboardInterrupt as error:
-        say("; ".join(["interrupted", *map(str, error.args)]))
-        return INTERRUPTED
+        return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
     except OSError as error:
         if error.errno != errno.ENAMETOOLONG:
             return _crashed(args, error, _unexpected(args, error))
         told = f"{error.filename}: {error.strerror}"  # what was given is no path at all
     except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
-    say(told)
-    return WRONG_USE
+    return _ended(args, WRONG_USE, told)
+
+
+def _ended(args: argparse.Namespace, status: int, text: str) -> int:
+    """Say why a command found nothing, on stderr and to who reads JSON."""
+    from flexaxis.experiments.commands.answers import no_answer
+
+    say(text)
+    no_answer(args, status, text)
+    return status
 
 
 def _unexpected(args: argparse.Namespace, error: BaseException) -> str:
@@ -214,10 +226,8 @@ def _crashed(args: argparse.Namespace, error: BaseException, text: str) -> int:
         import traceback
 
         traceback.print_exception(error)
-        say(text)
-    else:
-        say(f"{text}; {TRACEBACK} shows more")
-    return CRASH
+        return _ended(args, CRASH, text)
+    return _ended(args, CRASH, f"{text}; {TRACEBACK} shows more")
 
 
 def say(text: str) -> None:

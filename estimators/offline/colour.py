@@ -82,16 +82,19 @@ def settled(ok: Flags, length: int) -> Flags:
     return np.convolve(~ok, np.ones(length))[: len(ok)] < 0.5
 
 
-def noise_model(residual: Array, highest: int) -> Array:
+def noise_model(residual: Array, highest: int, ok: Flags | None = None) -> Array:
     """
     Return the coefficients (n+1,) of an autoregression, 1, a₁, …, a_n, of the best order.
 
     By the recursion of Levinson and Durbin; the order is the one of the least Bayesian information
-    criterion, N log σ² + n log N.
+    criterion, N log σ² + n log N. Samples on either side of a gap are no neighbours: what is not
+    ``ok`` adds nothing to the correlations, which stay those of a sequence.
     """
-    e = residual - residual.mean()
-    N, highest = len(e), min(highest, len(e) // 20)
-    r = np.array([e[: N - k] @ e[k:] for k in range(highest + 1)]) / N
+    used = np.ones(len(residual), bool) if ok is None else ok
+    N = int(used.sum())
+    e = np.where(used, residual - residual[used].mean(), 0.0)
+    highest = min(highest, N // 20)
+    r = np.array([e[: len(e) - k] @ e[k:] for k in range(highest + 1)]) / N
     a, variance = np.ones(1), r[0]
     best, least = a, N * np.log(variance)
     for n in range(1, highest + 1):

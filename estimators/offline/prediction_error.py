@@ -21,24 +21,42 @@ from flexaxis.estimators.offline.trajectory import Course
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ROUNDS = 8
+ROUNDS = 12
 LAST = 2  # rounds that solve laws to their full accuracy, at least
-EVALUATIONS = 8  # in a round
-AT_FIRST = 12  # in a round with noise that is taken for white
+EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
 FASTEST = 4 * np.pi  # radians a sample: an axis with such a pole is none that the log can show
-CONVERGED = 0.2  # standard deviations: a step below that ends the rounds
+CONVERGED = 0.05  # standard deviations that it is to the bottom, where a fit ends
+SEARCHED = 0.5  # likewise, where a search does
 UNSEEN = 1e200  # variance of what a record shows nothing of
-GAINED = 1e-4  # of the sum of squares: a step of less ends a search
+CAREFUL, BOLD = 1e-3, 1e-8  # damping of the first step: far from the bottom, and near it
+STIFFEST = 1e3  # damping of steps so short that, where none gains, there is a bottom
 
 
 @dataclass(frozen=True)
 class Point:
-    """z (q,), mean square of the white residual there, half its curvature, and its descent."""
+    """
+    A place, and what a step of Gauss and Newton from it needs.
+
+    Attributes
+    ----------
+    z : (q,) array
+    residual, slopes : (N,), (q, N) arrays
+        y − ŷ and the derivatives of ŷ, as simulated.
+    square : float
+        Mean square of the white residual.
+    H, g : (q, q), (q,) arrays
+        Half its curvature, and its descent.
+    samples : int
+        Which these are means over.
+    """
 
     z: Array
+    residual: Array
+    slopes: Array
     square: float
     H: Array
     g: Array
+    samples: int
 
 
 @dataclass(frozen=True)
@@ -86,22 +104,40 @@ class Problem:
         plain = colourless(self.highpass, self.course.period)
         if not self.whiten:
             return plain
-        high = plain.high(plain.bridged(residual, self.ok))
-        return replace(plain, inverse=noise_model(high[plain.settled(self.ok)], HIGHEST_ORDER))
+        high, ok = plain.high(plain.bridged(residual, self.ok)), plain.settled(self.ok)
+        return replace(plain, inverse=noise_model(high, HIGHEST_ORDER, ok))
 
     def at(self, z: Array, colour: Colour, *, coarse: bool = False) -> Point:
         """Return what a step of Gauss and Newton needs at z."""
-        nowhere = Point(z, np.inf, np.eye(len(z)), np.zeros(len(z)))
+        q, N = len(z), len(self.y)
+        nowhere = Point(z, np.zeros(N), np.zeros((q, N)), np.inf, np.eye(q), np.zeros(q), 1)
         if self.course.fastest(z[: self.course.p]) > FASTEST:
             return nowhere
         residual, slopes = self.residual(z, coarse=coarse)
         self.tell()
         if not np.isfinite(residual).all() or not np.isfinite(slopes).all():
             return nowhere
+        return self.weighed(replace(nowhere, residual=residual, slopes=slopes), colour)
+
+    def weighed(self, at: Point, colour: Colour) -> Point:
+        """Return a point as noise of another colour has it, without simulating it again."""
         good = colour.settled(self.ok)
-        e = colour.white(colour.bridged(residual, self.ok))[good]
-        J = colour.white(colour.bridged(slopes, self.ok))[:, good]
-        return Point(z, float(e @ e) / len(e), J @ J.T / len(e), J @ e / len(e))
+        e = colour.white(colour.bridged(at.residual, self.ok))[good]
+        J = colour.white(colour.bridged(at.slopes, self.ok))[:, good]
+        N = len(e)
+        return replace(at, square=float(e @ e) / N, H=J @ J.T / N, g=J @ e / N, samples=N)
+
+    def left(self, at: Point) -> float:
+        """
+        Return how far it is to the bottom, in standard deviations.
+
+        (N gᵀH⁻¹g/σ²)^½ is what a step of Gauss and Newton moves all unknowns together, whatever
+        their units; none of them moves by more of its own deviation.
+        """
+        if not np.isfinite(at.square):
+            return np.inf
+        gain = float(at.g @ self._step(at, 0.0))
+        return float(np.sqrt(max(gain, 0.0) * at.samples / at.square))
 
     def start(self, theta: Array, delay: float) -> Array:
         """Return z at parameters and a delay, the rest by a few linear steps at first."""
@@ -112,25 +148,43 @@ class Problem:
         plain = colourless(self.highpass, self.course.period)
         return nuisance.descend(nuisance.at(z, plain, coarse=True), plain, 4, coarse=True).z
 
-    def descend(self, at: Point, colour: Colour, most: int, *, coarse: bool = False) -> Point:
-        """Return where Levenberg and Marquardt's method comes to from a point within the box."""
-        damping = 1e-3
+    def descend(
+        self,
+        at: Point,
+        colour: Colour,
+        most: int,
+        *,
+        coarse: bool = False,
+        near: float = CONVERGED,
+        damping: float = CAREFUL,
+    ) -> Point:
+        """
+        Return where Levenberg and Marquardt's method comes to from a point within the box.
+
+        It ends where the bottom is as near as that, in standard deviations, or steps gain no more
+        than such a step would.
+        """
         for _ in range(most):
+            if self.left(at) <= near:
+                break
             tried = self.at(self._next(at, damping), colour, coarse=coarse)
-            gained = at.square - tried.square
-            if gained > 0:
-                at, damping = tried, max(damping / 10, 1e-9)
-                if gained < GAINED * at.square / 10:
+            if tried.square < at.square:
+                done, at, damping = gained(at, tried) <= near, tried, max(damping / 10, BOLD)
+                if done:
                     break
             else:
                 damping = max(10 * damping, 1e-4)
-                if damping > 1e4 or abs(gained) < 1e-9 * at.square:
+                if damping > STIFFEST:
                     break
         return at
 
     def _next(self, at: Point, damping: float) -> Array:
-        """Return the next place to try; what would leave the box stays at its side."""
-        free = ~self.held
+        """Return the next place to try."""
+        return np.clip(at.z + self._step(at, damping), self.lower, self.upper)
+
+    def _step(self, at: Point, damping: float) -> Array:
+        """Return the damped step; what would leave the box stays at its side."""
+        free, step = ~self.held, np.zeros(len(at.z))
         for _ in range(len(at.z)):
             step = np.zeros(len(at.z))
             step[free] = damped_step(at.H[np.ix_(free, free)], at.g[free], damping)
@@ -138,7 +192,14 @@ class Problem:
             if not out.any():
                 break
             free &= ~out
-        return np.clip(at.z + step, self.lower, self.upper)
+        return step
+
+
+def gained(before: Point, after: Point) -> float:
+    """Return the fall of −2 log L between points, as the standard deviations it is worth."""
+    if not np.isfinite(before.square):
+        return np.inf
+    return float(np.sqrt(max(before.square / after.square - 1, 0.0) * after.samples))
 
 
 def damped_step(H: Array, g: Array, damping: float) -> Array:
@@ -213,59 +274,61 @@ def fit(
         what parameters should, and gives it back slowly; but where an axis drifts, that is what
         parameters would explain.
     """
-    lawful, converged = problem.course.model.laws is not None, False
-    coarse = lawful
+    coarse, most = problem.course.coarsens, EVALUATIONS if fine else SEARCHING
+    near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
+    colour = colourless(problem.highpass, problem.course.period)
+    point = problem.at(z, colour, coarse=coarse)
     if plain:
-        colour = colourless(problem.highpass, problem.course.period)
-        z = problem.descend(problem.at(z, colour, coarse=coarse), colour, AT_FIRST, coarse=coarse).z
-    colour = problem.colour(problem.residual(z, coarse=coarse)[0])
+        point = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):
-        before, coarse = z, coarse and not (fine and (converged or left < LAST))
-        point = problem.at(z, colour, coarse=coarse)
-        point = problem.descend(point, colour, EVALUATIONS, coarse=coarse)
-        z = point.z
-        covariance = _covariance(point, problem, int(colour.settled(problem.ok).sum()))
-        deviations = np.sqrt(np.diag(covariance))
-        moved = abs(z - before)[: problem.course.p]
-        converged = bool(np.all(moved <= CONVERGED * deviations[: problem.course.p]))
+        colour = problem.colour(point.residual)
+        point = problem.weighed(point, colour)
+        if coarse and fine and (converged or left < LAST):
+            point, coarse, converged = problem.at(point.z, colour), False, False
+        converged = converged or problem.left(point) <= near
         if converged and not (coarse and fine):
             break
-        colour = problem.colour(problem.residual(z, coarse=coarse)[0])
-    return finished(problem, z, colour, converged)
+        before = point
+        point = problem.descend(point, colour, most, coarse=coarse, near=near / 2, damping=damping)
+        converged, damping = gained(before, point) <= near, BOLD
+    return finished(problem, point, colour, converged)
 
 
-def finished(problem: Problem, z: Array, colour: Colour, converged: bool = True) -> Fitted:
-    """Return what there is to know of a fit at z."""
-    residual, slopes = problem.residual(z)
-    white = colour.white(colour.bridged(residual, problem.ok))
-    slopes = colour.white(colour.bridged(slopes, problem.ok))
+def finished(problem: Problem, point: Point, colour: Colour, converged: bool = True) -> Fitted:
+    """Return what there is to know of a fit that ended at a point."""
+    white = colour.white(colour.bridged(point.residual, problem.ok))
+    slopes = colour.white(colour.bridged(point.slopes, problem.ok))
     good = colour.settled(problem.ok)
-    e, J = white[good], slopes[:, good]
-    point = Point(z, float(e @ e) / len(e), J @ J.T / len(e), J @ e / len(e))
-    covariance = _covariance(point, problem, len(e))
-    return Fitted(z, covariance, colour, point.square, residual, white, slopes, good, converged)
+    covariance = _covariance(point, problem)
+    return Fitted(
+        point.z, covariance, colour, point.square, point.residual, white, slopes, good, converged
+    )
 
 
 def discretisation(problem: Problem, fitted: Fitted) -> Array:
     """
-    Return by how much unknowns (q,) depend on the steps that laws are solved in; zero without laws.
+    Return by how much unknowns (q,) depend on how laws are solved; zero without laws.
 
-    One step of Gauss and Newton from the fit with fine steps to that with coarse ones, which are
-    twice as long: as the error where friction reverses is of the first order, that is about what
-    fine steps are off themselves (L. F. Richardson, 1911).
+    Of Coulomb friction it is the step of Gauss and Newton that is left where no step gains: there a
+    speed only just reaches zero, and derivatives hold for less than a standard deviation. Of other
+    laws it is such a step from the fit with fine steps to that with coarse ones, which are twice as
+    long: as the error where friction reverses is of the first order, that is about what fine steps
+    are off themselves (L. F. Richardson, 1911).
     """
     step = np.zeros_like(fitted.z)
     if problem.course.model.laws is None:
         return step
-    coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
-    e = (fitted.colour.white(coarse) - fitted.white)[fitted.good]
+    e = fitted.white[fitted.good]
+    if problem.course.coarsens:
+        coarse = fitted.colour.bridged(problem.residual(fitted.z, coarse=True)[0], problem.ok)
+        e = fitted.colour.white(coarse)[fitted.good] - e
     free = np.diag(fitted.covariance) > 0
     J = fitted.slopes[:, fitted.good][free]
     step[free] = damped_step(J @ J.T, J @ e, 0.0)
     return abs(step)
 
 
-def _covariance(point: Point, problem: Problem, samples: int) -> Array:
+def _covariance(point: Point, problem: Problem) -> Array:
     """Return σ² (J Jᵀ)⁻¹, zero for what is held."""
     free, covariance = ~problem.held, np.zeros_like(point.H)
     if not free.any():
@@ -276,6 +339,6 @@ def _covariance(point: Point, problem: Problem, samples: int) -> Array:
     values = np.maximum(values, 1e-14 * values[-1])  # smaller ones are rounding
     inverse = vectors / values @ vectors.T
     with np.errstate(over="ignore"):  # of what the record shows nothing of
-        known = point.square / samples * inverse / np.outer(size, size)
+        known = point.square / point.samples * inverse / np.outer(size, size)
     covariance[np.ix_(free, free)] = np.clip(known, -UNSEEN, UNSEEN)
     return covariance

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline.delay import delay_slope, delayed
+from flexaxis.estimators.offline.reversals import dry, follow, is_dry
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
 from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
@@ -65,6 +66,10 @@ class Course:
         Sampling period [s].
     smooth : bool
         Whether the torque goes on changing between samples, see `delayed`.
+    begin : int
+        Sample of the initial state; before it the output is zero.
+    dry : bool
+        Whether the law is Coulomb friction, of which reversals are met exactly.
     """
 
     model: Parametrization
@@ -72,6 +77,8 @@ class Course:
     u: Array
     period: float
     smooth: bool
+    begin: int = 0
+    dry: bool = False
 
     @property
     def p(self) -> int:
@@ -83,6 +90,11 @@ class Course:
         """Number of unknowns."""
         return self.p + len(self.free) + 1
 
+    @property
+    def coarsens(self) -> bool:
+        """Whether there are laws that are solved in steps."""
+        return self.model.laws is not None and not self.dry
+
     def fastest(self, theta: Array) -> float:
         """Return the greatest |pole| of the linear part, in radians a sample; inf if it is none."""
         A = self.model.blocks(theta)[0][:-1, :-1]
@@ -92,29 +104,35 @@ class Course:
 
     def along(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
         """
-        Return the output ŷ (N,) and its derivatives (q, N) at z; those of the first sample are 0.
+        Return the output ŷ (N,) and its derivatives (q, N) at z; both 0 up to where it begins.
 
         Parameters
         ----------
         z : (q,) array
         coarse : bool
-            Whether laws may be solved at less places of a sample, in a search that goes on.
+            Whether laws may be solved at less places of a sample, in a search that goes on;
+            Coulomb friction alone is solved exactly in any case.
         """
         p, theta = self.p, z[: self.p]
         samples = z[-1] / self.period
         torque = delayed(self.u, samples, smooth=self.smooth)
         slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
         further = len(self.free) + 1
+        X = np.zeros((1 + p + further, self.model.n + 1))
+        X[0, list(self.free)] = z[p:-1]
+        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
+        if self.dry:
+            rows = follow(
+                dry(self.model, theta, self.period), X, torque, slope, self.free[-1], self.begin
+            )
+            return rows[0], rows[1:]
         active = np.arange(p)
         ready = prepare(self._planned(theta, 1), theta, active, further)
         reversing = ready
         if self.model.laws is not None:
             often = self._planned(theta, COARSE if coarse else FINE)
             reversing = prepare(often, theta, active, further)
-        X = np.zeros((1 + p + further, self.model.n + 1))
-        X[0, list(self.free)] = z[p:-1]
-        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
-        rows = _along(ready, reversing, X, torque, slope, self.free[-1])
+        rows = _along(ready, reversing, X, torque, slope, self.free[-1], self.begin)
         return rows[0], rows[1:]
 
     def _planned(self, theta: Array, steps: int) -> Terms:
@@ -137,6 +155,7 @@ def course(
     output: str = "speed",
     smooth: bool = False,
     resting: bool = True,
+    begin: int = 0,
 ) -> Course:
     """
     Return the course of a model along a torque.
@@ -156,12 +175,15 @@ def course(
         As for `delayed`.
     resting : bool
         Whether the axis is known to be at rest at the first sample.
+    begin : int
+        Sample of the initial state.
     """
     grown = with_offset(model)
     chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
-    return Course(chosen, free, np.ascontiguousarray(u, float), period, smooth)
+    torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)
+    return Course(chosen, free, torque, period, smooth, begin, alone)
 
 
 def _own(model: Parametrization) -> list[int]:
@@ -170,7 +192,7 @@ def _own(model: Parametrization) -> list[int]:
 
 
 @compiled
-def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
+def _along(ready, reversing, X, u, slope, offset, begin):  # noqa: PLR0917
     """
     Return output and derivatives (rows, N); the last row is by the delay; X is lost.
 
@@ -179,7 +201,7 @@ def _along(ready, reversing, X, u, slope, offset):  # noqa: PLR0917
     """
     moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
     peak, last = np.zeros(len(ready.kind)), np.zeros(len(ready.kind))
-    for k in range(len(u) - 1):
+    for k in range(begin, len(u) - 1):
         X[-1, offset] = slope[k]
         travel(ready, X, moved, u[k])
         if turns(ready, X, moved, peak, last):

@@ -11,6 +11,7 @@ TOLERANCE = 1e-12
 LAW_TOLERANCE = 1e-9  # of the linear part of a step with laws, whose own error is 1e-5
 LAW_RANGE = 2.0  # factor by which θ is off its start, for which that tolerance is planned
 LAW_STEPS = 4  # of a sample at least: so well is a reversal of dry friction met in time
+LAW_LONGEST = 1.25e-3  # s, as at 200 Hz: a motion reverses as fast, however seldom it is sampled
 LAW_STEP = 0.2  # of the fastest mode's time constant, |pole|⁻¹: 1.3 ms on the paper's axis
 MAX_SIZE = 3.0  # of A·T per substep; larger terms cancel and cost digits, e^3 = 20
 MAX_ORDER = 40
@@ -61,7 +62,8 @@ def law_plan(
     """
     A, _, _ = model.matrices(model.theta)
     fastest = float(max(abs(np.linalg.eigvals(A))))
-    steps = max(LAW_STEPS, math.ceil(fastest * period / LAW_STEP))
+    longest = math.ceil(period / LAW_LONGEST - 1e-9)  # not one more for a rounded period
+    steps = max(LAW_STEPS, longest, math.ceil(fastest * period / LAW_STEP))
     # wherever θ may go the series converges, if not to the last digit, which the laws lack anyway
     ends = np.sort([model.theta / LAW_RANGE, model.theta * LAW_RANGE], axis=0)
     size = perron_root(model, np.maximum(lower, ends[0]), np.minimum(upper, ends[1]))

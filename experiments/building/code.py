@@ -13,7 +13,7 @@ from pathlib import Path
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.given import is_given, written
 from flexaxis.experiments.building.neighbours import imported_neighbours
-from flexaxis.experiments.building.specs import PIPE
+from flexaxis.experiments.building.specs import piped
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
 
@@ -39,8 +39,8 @@ def digest(estimator: str) -> str | None:
 
 
 def _named(estimator: str) -> list[Path]:
-    if estimator.startswith(PIPE):
-        return [Path(word) for word in shlex.split(estimator.removeprefix(PIPE))]
+    if program := piped(estimator):
+        return [Path(word) for word in shlex.split(program[1])]
     module = estimator.partition("[")[0].rpartition(":")[0]
     if module.endswith(".py"):
         return [Path(module), *imported_neighbours(Path(module).resolve())]

@@ -64,7 +64,7 @@ def limited(seconds: float | None) -> Iterator[None]:
     """
     if seconds is not None and not 0 < seconds < float("inf"):
         raise EstimatorError(
-            f"a time limit of {seconds:g} s (--time-limit) is none: give a finite number of "
+            f"a time limit of {seconds:g} s is none: give a finite number of "
             f"seconds above 0, or leave it out for {LIMIT:g}"
         )
     token = _limit.set(_limit.get() if seconds is None else seconds)
@@ -140,7 +140,8 @@ def hosted(
                 yield
     except _TimeUp as error:
         limit = TimeoutError(
-            f"no end within {time_limit():g} s; if it needs longer, give --time-limit"
+            f"no end within {time_limit():g} s; if it needs longer, give --time-limit "
+            "(in Python time_limit=)"
         )
         raise crash(text, doing, limit.with_traceback(error.__traceback__)) from None
     except (Exception, SystemExit) as error:

@@ -1,27 +1,23 @@
 """Estimators in another process and any language: JSON lines on its stdin and stdout.
 
-docs/gate.md has the protocol, docs/examples/ a program in Python and one in GNU Octave.
+docs/pipes.md has the protocol, docs/examples/ a program in Python and one in GNU Octave.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import shlex
-import subprocess
-import tempfile
-import threading
-import weakref
 from collections.abc import Mapping, Sequence
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.building.programs import PATIENCE, Program
 
 PROTOCOL = 1
-PATIENCE = 30.0  # s that a program may take for an answer, its start included
+HOW = "answer every line with one line, and flush it"
 
 
 class PipeEstimator:
@@ -60,8 +56,8 @@ class PipeEstimator:
         output: str = "speed",
         patience: float = PATIENCE,
     ) -> None:
-        self._program = _Program(command, patience)
-        answer = self._program.ask(
+        self._lines = _Lines(command, patience)
+        answer = self._lines.ask(
             {
                 "flexaxis": PROTOCOL,
                 "names": list(identify),
@@ -75,7 +71,7 @@ class PipeEstimator:
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
         """Send u[k] and y[k] (null in a gap), return θ[k] (p,) of the answer."""
-        answer = self._program.ask({"u": u, "y": y})
+        answer = self._lines.ask({"u": u, "y": y})
         # Octave's jsonencode writes NaN as null and a single number without brackets.
         theta = np.array(_field(answer, "theta"), float, ndmin=1)
         if theta.shape != (len(self.names),):
@@ -86,102 +82,33 @@ class PipeEstimator:
         return theta
 
 
-class _Program:
-    """A process that is asked one line at a time, and stopped if it does not answer."""
+class _Lines:
+    """A program that is asked one line at a time."""
 
     def __init__(self, command: str, patience: float) -> None:
-        self._patience = patience
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115, closed by _end
-        try:
-            self._process = subprocess.Popen(
-                shlex.split(command, posix=os.name != "nt"),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=self._errors,
-            )
-        except (OSError, ValueError, IndexError) as error:
-            self._errors.close()
-            raise EstimatorError(
-                f"the program cannot be started: {error}. Write the command as you "
-                "would type it, such as 'pipe:octave-cli -q my.m'"
-            ) from error
-        self._watch = _Watch(self._process)
-        weakref.finalize(self, _end, self._process, self._watch, self._errors)
+        self.program = Program(command, patience, "pipe:octave-cli -q my.m")
+        self._rest = b""
 
     def ask(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """Send a line and return the answer."""
-        stdin, stdout = self._process.stdin, self._process.stdout
-        assert stdin is not None and stdout is not None
-        self._watch.allow(self._patience)
-        try:
-            stdin.write(json.dumps(content).encode() + b"\n")
-            stdin.flush()
-            line = stdout.readline()
-        except OSError:  # it has gone
-            line = b""
-        finally:
-            self._watch.rest()
+        with self.program.in_time():
+            there = self.program.send(json.dumps(content).encode() + b"\n")
+            line = self._line() if there else b""
         if not line:
-            raise EstimatorError(f"the program {self._what_happened()}")
+            why = self.program.what_happened("an answer", HOW)
+            raise EstimatorError(f"the program {why}")
         return _parsed(line)
 
-    def _what_happened(self) -> str:
-        if self._watch.fired:
-            return (
-                f"did not answer within {self._patience:g} s and was stopped: answer every line "
-                "with one line, and flush it"
-            )
-        self._process.wait(5)
-        self._errors.seek(0)
-        said = self._errors.read().decode(errors="replace").strip().splitlines()
-        last = f"; on stderr it said: {' | '.join(said[-3:])}" if said else ""
-        return f"ended with status {self._process.returncode} instead of an answer{last}"
-
-
-class _Watch:
-    """Kills a process that is over its time; one thread, and nothing to do for each sample."""
-
-    def __init__(self, process: subprocess.Popen[bytes]) -> None:
-        self._process, self.fired = process, False
-        self._left: float | None = None
-        self._stop = threading.Event()
-        threading.Thread(target=self._look, daemon=True).start()
-
-    def allow(self, seconds: float) -> None:
-        self._left = seconds
-
-    def rest(self) -> None:
-        self._left = None
-
-    def stop(self) -> None:
-        self._stop.set()
-
-    def _look(self, every: float = 0.2) -> None:
-        while not self._stop.wait(every):
-            if self._left is None:
-                continue
-            self._left -= every
-            if self._left <= 0:
-                self.fired = True
-                self._process.kill()
-                return
-
-
-def _end(process: subprocess.Popen[bytes], watch: _Watch, errors: IO[bytes]) -> None:
-    """Close its input, which asks it to end; a program that does not is killed."""
-    watch.stop()
-    for stream in (process.stdin, process.stdout):
-        try:
-            if stream is not None:
-                stream.close()
-        except OSError:  # it has gone already
-            pass
-    try:
-        process.wait(1)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    errors.close()
+    def _line(self) -> bytes:
+        """Return the next line; what there is at the end; nothing after it."""
+        parts = [self._rest]
+        while b"\n" not in parts[-1]:
+            part = os.read(self.program.back, 65536)
+            if not part:
+                break
+            parts.append(part)
+        line, end, self._rest = b"".join(parts).partition(b"\n")
+        return line + end
 
 
 def _parsed(line: bytes) -> dict[str, Any]:

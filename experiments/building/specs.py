@@ -2,9 +2,10 @@
 
 Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
-TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program
-in any language. All but the first run the code they name, so that text which was not typed on the
-command line goes through `flexaxis.experiments.building.consent` before it comes here.
+TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND`` or, faster,
+``pipe-binary:COMMAND``, a program in any language. All but the first run the code they name, so
+that text which was not typed on the command line goes through
+`flexaxis.experiments.building.consent` before it comes here.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
 from flexaxis.experiments.building.nominal import Nominal
 from flexaxis.experiments.building.pipe import PipeEstimator
+from flexaxis.experiments.building.pipe_binary import BinaryPipeEstimator
 from flexaxis.experiments.scoring.theta import known_names, started_nominal
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
@@ -37,7 +39,12 @@ from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
-PIPE = "pipe:"
+PIPES: Mapping[str, Callable[..., Estimator]] = {
+    "pipe:": PipeEstimator,
+    "pipe-binary:": BinaryPipeEstimator,
+    "pipe-binary-step:": partial(BinaryPipeEstimator, stepwise=True),
+}
+"""What a program is asked by, from how its command begins."""
 
 
 class Misfit(EstimatorError):
@@ -61,8 +68,9 @@ def parse(text: str) -> Spec:
     EstimatorError
         If there is no such estimator or option, or its file cannot be imported.
     """
-    if text.startswith(PIPE):  # brackets are part of the command
-        return Spec(text, partial(PipeEstimator, text.removeprefix(PIPE)), {})
+    if program := piped(text):  # brackets are part of the command
+        make, command = program
+        return Spec(text, partial(make, command), {})
     name, _, rest = text.partition("[")
     make = _find(name.strip())
     options = _options(rest, text)
@@ -81,6 +89,19 @@ def parse(text: str) -> Spec:
     return Spec(text, make, options)
 
 
+def piped(text: str) -> tuple[Callable[..., Any], str] | None:
+    """Return what makes an estimator of a program, and its command; None for any other text.
+
+    Examples
+    --------
+    >>> piped("pipe-binary:./mine -v")[1]
+    './mine -v'
+    """
+    kind, colon, command = text.partition(":")
+    make = PIPES.get(kind + colon)
+    return None if make is None else (make, command)
+
+
 def written_options(text: str) -> dict[str, Any]:
     """Return the options that stand in an `--estimator` option; nothing is looked up or run.
 
@@ -94,7 +115,7 @@ def written_options(text: str) -> dict[str, Any]:
     >>> written_options("mine.py:Mine[gain=0.1]")
     {'gain': 0.1}
     """
-    return {} if text.startswith(PIPE) else _options(text.partition("[")[2], text)
+    return {} if piped(text) else _options(text.partition("[")[2], text)
 
 
 def build(spec: Spec, scenario: Scenario) -> Estimator:

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import argparse
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "show or empty the cache of simulated records"
 GROUP = "look"
 
@@ -20,13 +22,12 @@ GROUP = "look"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("action", choices=("info", "clear"))
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Show or empty it."""
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps
 
     store = default_cache()
     facts: dict[str, object] = {"folder": str(store.folder), "limit_mb": store.limit / 1024**2}
@@ -34,7 +35,6 @@ def main(args: argparse.Namespace) -> int:
         facts["removed"] = store.clear()
     facts |= {"records": len(store.entries()), "size_mb": round(store.size() / 1024**2, 1)}
     if args.json:
-        print(dumps(facts))
-    else:
-        print("\n".join(f"{key}: {value}" for key, value in facts.items()))
+        return answer(args, facts)
+    print("\n".join(f"{key}: {value}" for key, value in facts.items()))
     return 0

@@ -18,6 +18,7 @@ import argparse
 import time
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "check that an estimator keeps the rules"
 GROUP = "judge"
@@ -32,23 +33,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="also what happens to an axis in a year: hours off, gaps, failing sensors (minutes)",
     )
     options.add_time_limit(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 class _Slow:
-    """Says which rule is looked at, once it takes long: code may take minutes for a run."""
+    """Says which rule is looked at, whenever it has been long: code may take minutes for a run."""
 
     PATIENCE = 2.0  # s
 
     def __init__(self) -> None:
-        self._start = time.monotonic()
+        self._start = self._said = time.monotonic()
 
     def __call__(self, rule: str) -> None:
         from flexaxis.experiments.running.told import remark
 
-        seconds = time.monotonic() - self._start
-        if seconds > self.PATIENCE:
-            remark(f"checking: {rule} … ({seconds:.0f} s so far)")
+        now = time.monotonic()
+        if now - self._said > self.PATIENCE:
+            self._said = now
+            remark(f"checking: {rule} … ({now - self._start:.0f} s so far)")
 
 
 def main(args: argparse.Namespace) -> int:
@@ -63,15 +65,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.conformance.check import check
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps
 
     with limited(args.time_limit):
         found = check(parse(args.estimator), long=args.long, store=default_cache(), begun=_Slow())
     status = int(any(finding.holds is False for finding in found))
     if args.json:
-        content = {"estimator": args.estimator, "status": status}
-        print(dumps(content | {"rules": [asdict(finding) for finding in found]}))
-        return status
+        rules = [asdict(finding) for finding in found]
+        return answer(args, {"estimator": args.estimator, "rules": rules}, status)
     table = Table("rule", "", box=None, pad_edge=False)
     table.add_column("what was seen", overflow="fold")  # a path is of no use without its end
     told: set[str] = set()

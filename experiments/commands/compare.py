@@ -5,6 +5,10 @@ docs/gate.md explains the statistics. SUITE and SCENARIO as for `run` (default g
 of finished runs are compared as they are, if their scenarios and versions agree, on the seeds that
 both have (those of --seeds, if given).
 
+With --match-std both are tuned to one noise first (that of rpem-forgetting, on seeds 0 to 15): to
+equal std of the parameter that changes, or, where several do, equal excess prediction error. Then
+noise is equal and lag alone is judged. For any class that names its knob; docs/scores.md.
+
 exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or where two runs
 or more were newly lost; 70 a crash
 
@@ -12,6 +16,7 @@ example:
   flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
   flexaxis compare --base rpem-forgetting --candidate 'pipe:octave-cli -q my.m' fm_step-v1 \
                    --max-seeds 128 --margin lag=5%,std=5%
+  flexaxis compare --base relocate --candidate my_estimator.py:Mine --match-std fm_step-v1
   flexaxis compare results/old results/new
   flexaxis compare --self-test
 """
@@ -23,6 +28,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -52,6 +58,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="smaller changes do not matter (default lag=2%%,std=2%%; others: t10, std_after, "
         "cross_talk, excess)",
     )
+    parser.add_argument(
+        "--match-std", action="store_true", help="tune both to one noise first, and judge the lag"
+    )
     parser.add_argument("--strict", action="store_true", help="exit 3 if undecided")
     parser.add_argument(
         "--self-test", action="store_true", help="rate of false alarms and power of the gate"
@@ -63,7 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_resume(parser)
     options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -77,12 +86,13 @@ def main(args: argparse.Namespace) -> int:
         if value is not None and value < 1:
             raise FlexaxisError(f"{option} {value}: give a whole number, 1 or more")
     if args.self_test:
-        _refuse(args, "the self-test", "max_seeds", "strict", "output", "resume")
+        _refuse(args, "the self-test", "max_seeds", "strict", "output", "resume",
+                "match_std")  # fmt: skip
         return _self_test(args, margins)
     _refuse(args, "a comparison (it is of --self-test)", "comparisons")
     if len(args.names) == 2 and all(map(is_run, args.names)):
         _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs",
-                "resume")  # fmt: skip
+                "resume", "match_std")  # fmt: skip
         return _stored(args, margins)
     if not (args.base and args.candidate):
         raise FlexaxisError(
@@ -103,7 +113,13 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
     from flexaxis.experiments.gate.comparison_report import write
-    from flexaxis.experiments.gate.gate import SUITE, Question, compare, default_seeds
+    from flexaxis.experiments.gate.gate import (
+        SUITE,
+        Question,
+        at_equal_noise,
+        compare,
+        default_seeds,
+    )
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
@@ -121,6 +137,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         max_seeds=args.max_seeds or 0,
     )
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
+    most *= 3 if args.match_std else 1  # tuning, and neighbouring turns of the knob
     command = command_line([word for word in args.words if word != options.RESUME])
     folder = _output(args)
     how = {"resume": args.resume, "replace": True, "traced": True, "about": {"command": command}}
@@ -128,6 +145,8 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         options.working(args, f"at most {most} cases", most) as (means, _),
         Bench(scenarios, folder, means, **how) as bench,
     ):
+        if args.match_std:
+            question = at_equal_noise(question, bench)
         found = compare(question, bench)
         path = write(folder, found, scenarios, sources=sources, command=command)
     completed(folder)
@@ -158,16 +177,16 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
     from flexaxis.experiments.gate.comparison_report import row_command, terminal_table, worst
-    from flexaxis.experiments.gate.words import headline, meaning
+    from flexaxis.experiments.gate.words import headline, knobs, meaning
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.files import dumps
 
     status = found.status(strict=args.strict)
     if args.json:
-        print(dumps(found.as_dict() | {"status": status, "report": str(path)}))
-        return status
+        return answer(args, found.as_dict() | {"report": path}, status)
     show(terminal_table(found))
-    print(f"\n{headline(found)}\n{meaning(found)}")
+    print(
+        "\n".join(["", headline(found), meaning(found), *([knobs(found)] if found.equal else [])])
+    )
     if status in (1, 3):
         print(f"look at the worst seed: {row_command(found, worst(found), sources)}")
     print(path)
@@ -179,7 +198,6 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate import selftable, selftest
     from flexaxis.experiments.gate.gate import SUITE
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.seeds import parse_seeds
 
     scenarios = select(args.names or [SUITE]).scenarios
@@ -201,8 +219,7 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     broken = [rate for rate in found if not rate.kept]
     told = [rate.as_dict() for rate in found]
     if args.json:
-        print(dumps(told))
-        return int(bool(broken))
+        return answer(args, {"rates": told, "broken": len(broken)}, int(bool(broken)))
     show(selftable.terminal(told))
     print(f"\n{len(broken)} of {len(found)} rates break their promise" if broken else "\nkept")
     return int(bool(broken))

@@ -12,6 +12,8 @@ import argparse
 
 HELP = "print what lets bash, zsh or fish complete words"
 GROUP = "look"
+_ZSH = "#compdef flexaxis"  # to be the first line, for who puts it into a file
+_BEGIN = "(( $+functions[compdef] )) || { autoload -U compinit && compinit }"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -23,5 +25,8 @@ def main(args: argparse.Namespace) -> int:
     """Print it."""
     from argcomplete import shellcode
 
-    print(shellcode(["flexaxis"], shell=args.shell))
+    text = shellcode(["flexaxis"], shell=args.shell)
+    if args.shell == "zsh":
+        text = text.replace(_ZSH, f"{_ZSH}\n{_BEGIN}", 1)
+    print(text)
     return 0

@@ -19,6 +19,7 @@ import argparse
 import re
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
 
 HELP = "simulate daily logs of an axis that wears and warms"
@@ -59,7 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--as-log", choices=("csv", "mat", "h5"), default="csv", help="as what")
     parser.add_argument("--seed", type=int, default=0, help="number of the set (default 0)")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_style_options(parser)
     parser.set_defaults(counts=65536)
 
@@ -69,7 +70,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.days import Days, without_faults, write_days
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.progress import progress
 
     if args.no_header:
@@ -90,11 +90,10 @@ def main(args: argparse.Namespace) -> int:
             advance(1)
     model = args.output / "axis.toml"
     if args.json:
-        content = {"folder": str(args.output), "model": str(model), "days": args.days}
-        print(dumps(content | {"truth": str(args.output / "truth.json")}))
-    else:
-        print(f"flexaxis trend {args.output} --model {model} --covariate temp")
-        print(args.output)
+        content = {"folder": args.output, "model": model, "days": args.days}
+        return answer(args, content | {"truth": args.output / "truth.json"})
+    print(f"flexaxis trend {args.output} --model {model} --covariate temp")
+    print(args.output)
     return 0
 
 

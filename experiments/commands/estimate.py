@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
@@ -43,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="estimates only: several times faster on long records",
     )
     options.add_time_limit(parser)
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -53,7 +54,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.record import count_samples
@@ -76,11 +76,10 @@ def main(args: argparse.Namespace) -> int:
         values = dict(zip(found.names, found.last.tolist(), strict=True))
         known = zip(found.names, _truth(found), strict=True)
         truth = {name: true for name, true in known if true is not None}
-        content = {"estimates": str(path), "estimator": spec.text, "samples": found.samples}
-        print(dumps(content | {"last": values, "truth": truth}))
-    else:
-        _print(found)
-        print(path)
+        content = {"estimates": path, "estimator": spec.text, "samples": found.samples}
+        return answer(args, content | {"last": values, "truth": truth})
+    _print(found)
+    print(path)
     return 0
 
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "write the rows of a run or a study as Parquet, CSV or NetCDF"
 GROUP = "look"
 
@@ -21,14 +23,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group(required=True)
     for name in ("parquet", "csv", "netcdf"):
         form.add_argument(f"--{name}", type=Path, metavar="FILE")
-    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.results import export
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.report import inputs
@@ -43,8 +44,7 @@ def main(args: argparse.Namespace) -> int:
     spare([*inputs(args.folder), args.folder / REPORT], target)
     count = forms[name](Results.load(args.folder), target)
     if args.json:
-        print(dumps({"rows": count, "file": str(target)}))
-    else:
-        print(f"{count} rows")
-        print(target)
+        return answer(args, {"rows": count, "file": target})
+    print(f"{count} rows")
+    print(target)
     return 0

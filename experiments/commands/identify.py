@@ -13,19 +13,23 @@ example:
   flexaxis identify rec.nc --model two_mass -o axis.toml
   flexaxis identify rec.nc --model two_mass --friction coulomb --validate tuesday.nc
   flexaxis identify log.csv --torque current --angle phi --fix k_T=0.6 --fix f_l=0.01
+  flexaxis identify rec.nc --model one_mass --friction coulomb --fix f_c=0.12
   flexaxis identify rec.nc --model my_axis.toml --free J_m --free k --json
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
 from flexaxis.experiments.logs.ticker import ticker
 
 if TYPE_CHECKING:
+    from flexaxis.experiments.logs.axis_file import Axis
     from flexaxis.sim.record import Record
 
 HELP = "identify the nominal values of your axis from a log"
@@ -37,13 +41,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("log", type=Path, metavar="LOG|REC.nc")
     parser.add_argument("--model", default="two_mass", metavar="MODEL", help="default: two_mass")
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME", help="identify this, and no others"
+        "--free",
+        action="append",
+        default=[],
+        metavar="PARAMETER",
+        help="identify this, and no others",
     )
     parser.add_argument(
-        "--fix", action="append", default=[], metavar="NAME[=VALUE]", help="do not identify this"
+        "--fix",
+        action="append",
+        default=[],
+        metavar="PARAMETER[=VALUE]",
+        help="do not identify this; f_c, f_s … of --friction as well",
     )
     parser.add_argument(
-        "--start", action="append", default=[], metavar="NAME=VALUE", help="where to start"
+        "--start", action="append", default=[], metavar="PARAMETER=VALUE", help="where to start"
     )
     parser.add_argument(
         "--delay", type=float, metavar="S", help="known delay of the torque [s]; default: find it"
@@ -66,7 +78,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="AXIS.toml", help="default: LOG-axis.toml"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -87,7 +99,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.obvious import with_the_obvious
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -101,8 +112,9 @@ def main(args: argparse.Namespace) -> int:
         raise LogError("--start takes NAME=VALUE")
     axis = find_axis(args.model)
     values = {name: v for name, v in (starts | fixed).items() if v is not None}
-    axis = axis.having(values)
-    if starts:
+    own, given = _told(axis, values)
+    axis = axis.having(own)
+    if own.keys() & starts.keys():
         axis = replace(axis, known=True)
     record = _read(args.log, args)
     other = _read(args.validate, args) if args.validate else None
@@ -113,6 +125,7 @@ def main(args: argparse.Namespace) -> int:
             axis,
             free=args.free,
             fix=tuple(fixed),
+            given=given,
             delay=args.delay,
             whiten=not args.white,
             friction=args.friction,
@@ -125,22 +138,41 @@ def main(args: argparse.Namespace) -> int:
     found.axis.save(path)
     title, command = f"{found.axis.model.name} from {args.log.name}", command_line(args.words)
     write_page(identification_page(found, record.period, tried, title, command), report)
+    status = 1 if found.warnings or (tried is not None and tried.warnings) else 0
     if args.json:
-        print(dumps(content(found, tried) | {"axis": str(path), "report": str(report)}))
-    else:
-        print_identification(found, tried)
-        print(path)
-        print(report)
-    return 1 if found.warnings or (tried is not None and tried.warnings) else 0
+        return answer(args, content(found, tried) | {"axis": path, "report": report}, status)
+    print_identification(found, tried)
+    print(path)
+    print(report)
+    return status
+
+
+def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return values of parameters that an axis has, and of those that a law of friction brings."""
+    from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.identify import LAWFUL
+    from flexaxis.sim.errors import did_you_mean
+
+    mine = axis.model.parameters
+    for name in values:
+        if name not in {*mine, *LAWFUL}:
+            raise LogError(
+                f"{axis.model.name} has no parameter {name!r}."
+                f"{did_you_mean(name, [*mine, *LAWFUL])} It has {', '.join(mine)}; laws of "
+                f"--friction have {', '.join(name for name in LAWFUL if name not in mine)}"
+            )
+    own = {name: value for name, value in values.items() if name in mine}
+    return own, {name: value for name, value in values.items() if name not in own}
 
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
-    from flexaxis.experiments.logs.aloud import say_problems
+    from flexaxis.experiments.logs.aloud import say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
 
     # laws hold for signals as they are: residuals are filtered and not the log
-    found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+    with waiting(f"reading {path.name}"):
+        found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
     met = set() if args.friction == "none" else {"friction"}
     say_problems(path, found.checks, met=met if args.highpass is None else met | {"highpass"})
     return found.record

@@ -3,7 +3,8 @@
 LOG is a table of text, MAT (all versions), HDF5, NetCDF, parquet or a bag of ROS. The report says
 what to doubt before any estimator runs, and what to type against it: time stamps, gaps, clipping,
 resolution, clocks, dead time, offset, drift, dry friction, the band of the excitation, and, with
---model, which parameters that excitation can see.
+--model, which parameters that excitation can see. A record that flexaxis wrote is imported already:
+it is looked at as it is, and takes --highpass, --burn-in and --torque-is smooth.
 
 example:
   flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -17,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
@@ -41,18 +43,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strict", action="store_true", help="status 1 if something spoils the estimates (✗)"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
+    from flexaxis.experiments.logs.aloud import waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.import_page import import_page
-    from flexaxis.experiments.logs.importing import import_log
+    from flexaxis.experiments.logs.importing import import_log, look_again
     from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import record_beside, require_suffix, spare_foreign
-    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.logs.own import (
+        is_record,
+        record_beside,
+        require_suffix,
+        spare_foreign,
+    )
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -62,22 +69,29 @@ def main(args: argparse.Namespace) -> int:
     require_suffix(path, ".nc", "a record")
     spare_foreign(path, report)
     axis = find_axis(args.model) if args.model else None
-    found = import_log(args.log, tables_of(args), **treatment(args))
-    seen, hidden = _visible(found.record, axis) if axis else ({}, "")
-    found.record.save(path)
+    already, tables, treated = is_record(args.log), tables_of(args), treatment(args)
+    with waiting(f"importing {args.log.name}"):
+        found = (look_again if already else import_log)(args.log, tables, **treated)
+        seen, hidden = _visible(found.record, axis) if axis else ({}, "")
+    same = already and not (args.output or tables or any(v is not None for v in treated.values()))
+    record = args.log if same else path
+    if not same:
+        found.record.save(path)
     write_page(import_page(found, seen, args.log, command_line(args.words)), report)
+    status = int(args.strict and any(check.verdict == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
         told = {name: vars(one) for name, one in seen.items()}
-        answer = {"record": str(path), "checks": checks, "seen": told, "hidden": hidden}
-        print(dumps(answer | {"report": str(report)}))
-    else:
-        _print(found.checks, seen)
-        if hidden:
-            print(f"what the excitation can see is not known: {hidden}")
-        print(path)
-        print(report)
-    return int(args.strict and any(check.verdict == "problem" for check in found.checks))
+        content = {"record": record, "checks": checks, "seen": told, "hidden": hidden}
+        return answer(args, content | {"report": report}, status)
+    _print(found.checks, seen)
+    if hidden:
+        print(f"what the excitation can see is not known: {hidden}")
+    if already:
+        print(f"{args.log} is a record already: go on with flexaxis identify {record}")
+    print(record)
+    print(report)
+    return status
 
 
 def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
@@ -93,15 +107,24 @@ def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
 
 
 def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
-    from rich.console import Console
-    from rich.table import Table
+    """Print what was looked at, what spoils the estimates first."""
+    from textwrap import fill
 
-    table = Table(box=None, pad_edge=False, show_header=False)
-    for check in checks:
-        style = {"ok": None, "note": "yellow", "problem": "red"}[check.verdict]
-        mark = {"ok": "✓", "note": "!", "problem": "✗"}[check.verdict]
-        text = f"{check.text}\n→ {check.command}" if check.command else check.text
-        table.add_row(mark, check.name, check.measured, text, style=style)
-    Console().print(table)
+    from rich.console import Console
+
+    console = Console()
+    style = {"problem": "red", "note": "yellow", "ok": None}
+    mark = {"problem": "✗", "note": "!", "ok": "✓"}
+    order = [*style]
+    for check in sorted(checks, key=lambda check: order.index(check.verdict)):
+        measured = check.measured.strip()
+        lines = [f"{mark[check.verdict]} {check.name}: {measured}".rstrip(": ")]
+        if check.verdict == "ok":
+            lines[0] += f" ({check.text})" if measured else f": {check.text}"
+        else:
+            lines += [f"  {check.text}", *([f"  → {check.command}"] if check.command else [])]
+        for line in lines:
+            text = fill(line, console.width, subsequent_indent="  ", break_long_words=False)
+            console.print(text, style=style[check.verdict], markup=False, highlight=False)
     for name, one in seen.items():
         print(f"  {name}: {one.words}")

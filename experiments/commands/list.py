@@ -12,6 +12,8 @@ import argparse
 from collections.abc import Callable, Iterator
 from functools import partial
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "list scenarios, suites and estimators"
 GROUP = "look"
 KINDS = ("scenarios", "suites", "estimators")
@@ -24,17 +26,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", nargs="?", choices=KINDS, help="list only these")
     parser.add_argument("--group", metavar="GROUP", help="only scenarios of a group, such as steps")
     parser.add_argument("--find", metavar="TEXT", default="", help="only what has this text")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Print the catalogue."""
-    from flexaxis.experiments.running.files import dumps
-
     found = {kind: lines() for kind, lines in _wanted(args).items()}
     if args.json:
-        print(dumps(found))
-        return 0
+        return answer(args, found)
     for kind, lines in found.items():
         if lines:
             _print(kind, lines)

@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "put the shares of a run or a study together"
 GROUP = "run"
 
@@ -19,13 +21,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR")
     parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
-    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Merge and report; what is missing is said, and is a finding."""
     from flexaxis.experiments.cli import FINDING, FINE, say
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.merge import merge
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.report import report
@@ -39,10 +40,10 @@ def main(args: argparse.Namespace) -> int:
         say("the folders are of unlike estimators or seeds: what is still missing is not known")
     if merged.missing:
         say(f"incomplete: {merged.missing} of {merged.cases + merged.missing} cases are missing")
+    status = FINDING if merged.missing else FINE
     if args.json:
         told = {"cases": merged.cases, "doubles": merged.doubles, "missing": merged.missing}
-        print(dumps(told | {"folder": str(args.output), "report": str(path)}))
-    else:
-        print(f"{merged.cases} cases, {merged.doubles} more were doubles")
-        print(path)
-    return FINDING if merged.missing else FINE
+        return answer(args, told | {"folder": args.output, "report": path}, status)
+    print(f"{merged.cases} cases, {merged.doubles} more were doubles")
+    print(path)
+    return status

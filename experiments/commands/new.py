@@ -1,9 +1,13 @@
 """Write a template of an own estimator that works and can be changed.
 
+In Python a class; in C or GNU Octave a program that answers over a pipe, by the end of FILE: .py,
+.c or .m (docs/pipes.md has the protocol, for any other language).
+
 example:
   flexaxis new my_estimator.py
   flexaxis check my_estimator.py:Mine
   flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+  flexaxis new my_estimator.c
 """
 
 from __future__ import annotations
@@ -11,14 +15,23 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "write a working template of an own estimator"
 GROUP = "judge"
 CLASS = "Mine"
+TEMPLATES = {
+    ".py": ("my_estimator.py",),
+    ".c": ("my_estimator.c", "flexaxis.h"),
+    ".m": ("my_estimator.m",),
+}
+"""What is written, by the end of its name: the first under the name that is given."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("path", type=Path, metavar="FILE.py")
+    parser.add_argument("path", type=Path, metavar="FILE.py|c|m")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -26,17 +39,47 @@ def main(args: argparse.Namespace) -> int:
     from importlib.resources import files
 
     from flexaxis.experiments.running.files import write_text
+
+    _check(args.path)
+    home = files("flexaxis.experiments.conformance") / "templates"
+    written: list[Path] = []
+    for source in TEMPLATES[args.path.suffix]:
+        path = args.path if not written else args.path.with_name(source)
+        text = (home / source).read_text(encoding="utf-8")
+        if not path.exists():  # an include file may be there from the last one
+            write_text(path, text.replace("my_estimator", args.path.stem))
+        written.append(path)
+    lines = _next(args.path)
+    if args.json:
+        return answer(args, {"files": written, "next": lines})
+    print(f"{args.path} estimates the motor friction f_m. Change it, then:")
+    print("\n".join(f"  {line}" for line in lines))
+    return 0
+
+
+def _check(path: Path) -> None:
+    """Refuse a name that no template is for, and one that is taken."""
     from flexaxis.sim.errors import FlexaxisError
 
-    path = args.path
-    if path.suffix != ".py" or not path.stem.isidentifier():
-        raise FlexaxisError(f"{path}: give a file that Python can import, such as my_estimator.py")
+    if path.suffix not in TEMPLATES or not path.stem.isidentifier():
+        raise FlexaxisError(
+            f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
+            "Octave, such as my_estimator.c or my_estimator.m"
+        )
     if path.exists():
         raise FlexaxisError(f"{path} is there already; give another name")
-    template = files("flexaxis.experiments.conformance") / "templates" / "my_estimator.py"
-    write_text(path, template.read_text(encoding="utf-8"))
-    print(f"{path} estimates the motor friction f_m. Change it, then:")
-    print(f"  flexaxis check {path}:{CLASS}")
-    print(f"  flexaxis tune {path}:{CLASS} --match f_m")
-    print(f"  flexaxis compare --base rpem-forgetting --candidate {path}:{CLASS}")
-    return 0
+
+
+def _next(path: Path) -> list[str]:
+    """Return the lines to be typed next."""
+    program = path.with_suffix("") if path.suffix == ".c" else path
+    command = {
+        ".py": f"{path}:{CLASS}",
+        ".c": f"pipe-binary:{program if program.is_absolute() else f'./{program}'}",
+        ".m": f"'pipe-binary:octave-cli -q {path}'",
+    }[path.suffix]
+    compiled = [f"cc -O2 -o {program} {path} -lm"] if path.suffix == ".c" else []
+    tuned = [f"flexaxis tune {command} --match f_m"] if path.suffix == ".py" else []
+    check = f"flexaxis check {command}"
+    compare = f"flexaxis compare --base rpem-forgetting --candidate {command}"
+    return [*compiled, check, *tuned, compare]

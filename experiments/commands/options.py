@@ -21,7 +21,9 @@ def add_jobs(parser: Any, *, what: str = "the scores do") -> None:
     parser.add_argument(
         "--jobs",
         type=int,
-        default=os.cpu_count() or 1,
+        # As text: argparse takes what is the default itself, a small number, for not typed, and so
+        # would not see that it excludes another option.
+        default=str(os.cpu_count() or 1),
         metavar="N",
         help=f"processes (default: one a core); {what} not depend on it",
     )
@@ -81,6 +83,18 @@ def shard(args: argparse.Namespace) -> tuple[int, int]:
     if not (mine.isdigit() and shares.isdigit() and 1 <= int(mine) <= int(shares)):
         raise FlexaxisError(f"--shard {args.shard!r}: give I/N with I from 1 to N, such as 3/100")
     return int(mine), int(shares)
+
+
+def check_dask(args: argparse.Namespace) -> None:
+    """Refuse a cluster where its client is not installed."""
+    from importlib.util import find_spec
+
+    from flexaxis.sim.errors import FlexaxisError
+
+    if find_spec("distributed") is None:
+        raise FlexaxisError(
+            f"--dask {args.dask}: this needs distributed: python -m pip install distributed"
+        )
 
 
 def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:

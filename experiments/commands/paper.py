@@ -13,6 +13,8 @@ import argparse
 import os
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "reproduce the paper's figures and check its claims"
 GROUP = "teach"
 
@@ -37,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-cache", action="store_true", help="simulate every record, and keep none"
     )
-    parser.add_argument("--json", action="store_true", help="print the claims as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -47,25 +49,29 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.paper.paper_page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.sim.errors import FlexaxisError
 
     if args.jobs < 1:
         raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
-    with progress("paper", 1) as advance:
-        claims = reproduce(
-            args.output,
-            command=command_line(args.words),
-            jobs=args.jobs,
-            store=None if args.no_cache else default_cache(),
-            advance=advance,
-        )
+    try:
+        with progress("paper", 1) as advance:
+            claims = reproduce(
+                args.output,
+                command=command_line(args.words),
+                jobs=args.jobs,
+                store=None if args.no_cache else default_cache(),
+                advance=advance,
+            )
+    except KeyboardInterrupt:
+        kept = "nothing is" if args.no_cache else "the records that were simulated are"
+        again = command_line(args.words)
+        raise KeyboardInterrupt(f"{kept} kept; begin again with: {again}") from None
     page = args.output / PAGE
+    status = int(not all(claim.holds for claim in claims))
     if args.json:
-        print(dumps({"claims": [claim.as_json() for claim in claims], "page": str(page)}))
-    else:
-        Console().print(claims_table(claims))
-        print(page)
-    return int(not all(claim.holds for claim in claims))
+        return answer(args, {"claims": [claim.as_json() for claim in claims], "page": page}, status)
+    Console().print(claims_table(claims))
+    print(page)
+    return status

@@ -10,6 +10,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "write report.html again from the results in a folder"
 GROUP = "look"
@@ -19,7 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -40,11 +41,12 @@ def main(args: argparse.Namespace) -> int:
 def _of_study(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.study_page import write_report
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.files import dumps
 
     results = Results.load(args.folder)
     write_report(results, path)
-    print(dumps({"rows": results.pooled(), "report": str(path)}) if args.json else path)
+    if args.json:
+        return answer(args, {"rows": results.pooled(), "report": path})
+    print(path)
     return 0
 
 
@@ -52,14 +54,14 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.run_page import render
     from flexaxis.experiments.reporting.terminal import score_table, show
     from flexaxis.experiments.results.pooled import load
-    from flexaxis.experiments.running.files import dumps, write_text
+    from flexaxis.experiments.running.files import write_text
 
     found = load(args.folder)
     write_text(path, render(found))
     if args.json:
-        print(dumps(found.summary | {"report": str(path)}))
-    else:
-        show(score_table(found.summary["rows"]))
-        options.tell_failures(found.summary.get("failures", []))
-        print(path)
+        known = {key: value for key, value in found.summary.items() if key != "command"}
+        return answer(args, known | {"made_by": found.summary["command"], "report": path})
+    show(score_table(found.summary["rows"]))
+    options.tell_failures(found.summary.get("failures", []))
+    print(path)
     return 0

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
@@ -52,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-cache", action="store_true", help="simulate every record, and keep none"
     )
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -137,27 +138,28 @@ def _readable(chosen: Selection, estimators: Sequence[str]) -> set[str]:
 def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) -> int:
     """Print what became of a share; all of them are reported on when they are merged."""
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.files import dumps
 
     failures = Results.load(folder).failures()
     options.tell_failures(failures)
     told = {"folder": str(folder), "shard": "/".join(map(str, share)), "failed": len(failures)}
-    print(dumps(told) if args.json else folder)
-    return options.failed(failures, args.remarks)
+    status = options.failed(failures, args.remarks)
+    if args.json:
+        return answer(args, told, status)
+    print(folder)
+    return status
 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import score_table, show
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.names import REPORT
 
     failures = found.summary["failures"]
-    if args.json:
-        print(dumps(found.summary | {"report": str(folder / REPORT)}))
-    else:
+    status = options.failed(failures, args.remarks)
+    if not args.json:
         show(score_table(found.summary["rows"]))
     options.tell_failures(failures)
-    if not args.json:
-        print(folder / REPORT)
-    return options.failed(failures, args.remarks)
+    if args.json:
+        return answer(args, found.summary | {"report": folder / REPORT}, status)
+    print(folder / REPORT)
+    return status

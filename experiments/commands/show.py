@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import argparse
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "show a scenario, suite or estimator with all its values"
 GROUP = "look"
 
@@ -19,7 +21,7 @@ GROUP = "look"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("name", metavar="SCENARIO|SUITE|ESTIMATOR", help="its name, or a TOML path")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -29,7 +31,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.estimators.registry import REGISTRY
     from flexaxis.experiments.catalogue import card
     from flexaxis.experiments.catalogue import find as catalogue
-    from flexaxis.experiments.running.files import dumps
 
     if args.name in REGISTRY:
         entry = REGISTRY[args.name]
@@ -60,5 +61,7 @@ def main(args: argparse.Namespace) -> int:
         known = card.reference_card(scenario) | {"content hash": scenario.hash}
         text = "".join(f"# {key}: {' '.join(value.split())}\n" for key, value in known.items())
         text += f"\n{scenario.to_toml()}"
-    print(dumps(content) if args.json else text.rstrip())
+    if args.json:
+        return answer(args, content)
+    print(text.rstrip())
     return 0

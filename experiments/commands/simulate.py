@@ -15,6 +15,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--as-log", choices=("csv", "mat", "h5"), help="write what a robot would log, as this"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_style_options(parser)
 
 
@@ -43,7 +44,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.own import spare_foreign
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.simulate import simulate
@@ -73,8 +73,7 @@ def main(args: argparse.Namespace) -> int:
         record.save(path)
     content |= {"scenario": scenario.name, "hash": record.hash, "seed": args.seed}
     if args.json:
-        print(dumps(content | {"samples": len(record.time)}))
-        return 0
+        return answer(args, content | {"samples": len(record.time)})
     if args.as_log:
         print(f"import it by: {content['import']}")
     print(path)

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import argparse
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "measure time per sample against rivals, as ratios"
 GROUP = "judge"
 
@@ -19,7 +21,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("--rounds", type=int, default=7, metavar="N", help="default 7")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -27,7 +29,6 @@ def main(args: argparse.Namespace) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.speed import measure
     from flexaxis.sim.errors import FlexaxisError
@@ -39,8 +40,7 @@ def main(args: argparse.Namespace) -> int:
             rows = found
             advance(1)
     if args.json:
-        print(dumps({"rounds": args.rounds, "rows": rows}))
-        return 0
+        return answer(args, {"rounds": args.rounds, "rows": rows})
     table = Table("name", box=None, pad_edge=False)
     for heading in ("µs", "ratio", "range"):
         table.add_column(heading, justify="right")

@@ -27,12 +27,14 @@ example:
 from __future__ import annotations
 
 import argparse
+import shlex
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
@@ -59,27 +61,33 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="keep simulated records (`flexaxis cache info`), for studies of the same records",
     )
     add_run_code(parser, "estimators of FILE.toml")
-    parser.add_argument("--json", action="store_true", help="print what was done as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
-    """Plan, run and report."""
+    """Read, ask for consent, plan, run and report."""
     from flexaxis.experiments.building.consent import require
+    from flexaxis.experiments.studies.definition import load_study
+
+    study = load_study(args.file)
+    line = shlex.join(["flexaxis", *(word for word in args.words if word != "--dry-run")])
+    consent = {"source": str(args.file), "command": line}
+    if not args.dry_run:
+        require(args.run_code, study.estimators, **consent)
+    status = _planned_and_run(args, study)
+    require(args.run_code, study.estimators, **consent)
+    return status
+
+
+def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     from flexaxis.experiments.running import rows
     from flexaxis.experiments.running.folder import check
     from flexaxis.experiments.running.names import REPORT, STUDY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
     from flexaxis.experiments.running.told import remark
-    from flexaxis.experiments.studies.benchmark import command_line
-    from flexaxis.experiments.studies.definition import load_study
 
-    options.check_jobs(args)
-    study, shard = load_study(args.file), options.shard(args)
-    typed = [word for word in args.words if word != "--dry-run"]
-    consent = {"source": str(args.file), "command": command_line(typed)}
-    if not args.dry_run:
-        require(args.run_code, study.estimators, **consent)
+    shard = options.shard(args)
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)
     folder = args.output or Path("results") / plan.study.name
     spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
@@ -89,11 +97,16 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         told = _announced(plan, done, place[1], dry=args.dry_run)
-        (print if args.dry_run else remark)(told)
+        (remark if args.json or not args.dry_run else print)(told)
         if not args.dry_run:
             return _run(args, plan, folder, place)
-    require(args.run_code, study.estimators, **consent)
-    return 0
+    return answer(args, _planned(plan, done, folder)) if args.json else 0
+
+
+def _planned(plan: Plan, done: Any, folder: Path) -> dict[str, Any]:
+    whole, todo = plan.work(), plan.work(done)
+    found = {"folder": folder, "variants": len(plan.variants), "cases": whole.cases}
+    return found | {"records": whole.records, "to_run": todo.cases}
 
 
 def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
@@ -144,7 +157,6 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
     from flexaxis.experiments.results.results import Results
     from flexaxis.experiments.running import rows
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.studies.report import report
 
     total = plan.work().cases
@@ -152,11 +164,11 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     failures = Results.load(folder).failures()
     # A share is reported on when all are merged.
     path = report(folder) if plan.shard[1] == 1 else folder
+    status = options.failed(failures, args.remarks)
     if args.json:
-        told = {"folder": str(folder), "report": str(path), "cases": counted, "of": total}
-        print(dumps(told | {"run": run, "failed": len(failures)}))
-        return options.failed(failures, args.remarks)
+        told = {"folder": folder, "report": path, "cases": counted, "of": total}
+        return answer(args, told | {"run": run, "failed": len(failures)}, status)
     print(f"{counted} of {total} cases done, {run} of them just now")
     options.tell_failures(failures)
     print(path)
-    return options.failed(failures, args.remarks)
+    return status

@@ -17,6 +17,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--identify",
         action="append",
         required=True,
-        metavar="NAME",
+        metavar="PARAMETER",
         help="parameter to track, or its inverse, such as 1/J_l; repeat for several",
     )
     parser.add_argument(
@@ -49,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="EST.nc", help="default: LOG-track.nc")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -57,7 +58,7 @@ def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
     from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
-    from flexaxis.experiments.logs.aloud import say_problems
+    from flexaxis.experiments.logs.aloud import say_problems, waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.forgetting import with_forgetting
@@ -68,7 +69,6 @@ def main(args: argparse.Namespace) -> int:
         save,
         track,
     )
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.outputs import spare
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
@@ -84,23 +84,25 @@ def main(args: argparse.Namespace) -> int:
             f"--model {args.model}: has no nominal values; give the file that "
             "`flexaxis identify` wrote"
         )
-    log = import_any(args.log, tables_of(args), **treatment(args))
+    with waiting(f"reading {args.log.name}"):
+        log = import_any(args.log, tables_of(args), **treatment(args))
     say_problems(args.log, log.checks, met={"friction"} if axis.model.laws else ())
     record = log.record
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator or default_estimator(axis))
     if args.forgetting is not None:
         spec = with_forgetting(spec, args.forgetting, record.period)
-    found = track(record, axis, spec, identify=names, start=args.start)
+    with waiting(f"tracking {', '.join(names)}"):
+        found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
     _write_page(found, record.period, report, args, spec.text)
+    status = 1 if found.changes else 0
     if args.json:
-        print(dumps(_content(found) | {"estimates": str(path), "report": str(report)}))
-    else:
-        _print(found)
-        print(path)
-        print(report)
-    return 1 if found.changes else 0
+        return answer(args, _content(found) | {"estimates": path, "report": report}, status)
+    _print(found)
+    print(path)
+    print(report)
+    return status
 
 
 def _content(found: Tracked) -> dict[str, Any]:

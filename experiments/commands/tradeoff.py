@@ -17,6 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
 GROUP = "judge"
@@ -31,7 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_resume(parser)
     options.add_time_limit(parser)
     parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -41,7 +42,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.reporting.tradeoff_figure import figure
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.files import dumps, write_json, write_text
+    from flexaxis.experiments.running.files import write_json, write_text
     from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
@@ -72,8 +73,7 @@ def main(args: argparse.Namespace) -> int:
         write_json(args.output / "tradeoff.json", content)
         completed(args.output)
     if args.json:
-        print(dumps(content))
-        return 0
+        return answer(args, content | {"figure": args.output / "tradeoff.svg"})
     show(equal_noise_table(found.matched, content["overall"]))
     print(args.output / "tradeoff.svg")
     return 0

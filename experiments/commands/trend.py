@@ -18,6 +18,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
@@ -34,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "a CSV with the name of each log and its value; repeat for several",
     )  # fmt: skip
     parser.add_argument(
-        "--free", action="append", default=[], metavar="NAME",
+        "--free", action="append", default=[], metavar="PARAMETER",
         help="estimate this, and no others; default: what the first log tells to 10 %%",
     )  # fmt: skip
     parser.add_argument(
@@ -50,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, default=Path("trend"), metavar="FOLDER", help="default: trend"
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
     add_log_options(parser)
 
 
@@ -59,6 +60,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.covariates import clock, covariates_of
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.log_health import ailments
+    from flexaxis.experiments.logs.trend_words import remarks
     from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdicts
 
     if not 0 < args.false_alarms < 0.5:
@@ -80,8 +82,15 @@ def main(args: argparse.Namespace) -> int:
         )  # fmt: skip
     except LogError as error:
         raise LogError(f"{error}; {_values(args, ordered, rows, str(error))}") from None
-    _report(args, found, when, covariates, rows)
-    return 1 if ailments(rows) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
+    status = 1 if ailments(rows) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
+    content = _report(args, found, when, covariates, rows)
+    if args.json:
+        return answer(args, content, status)
+    marks = {"problem": "✗", "note": "!", "ok": "✓"}
+    for kind, text in remarks(found, when, [*covariates], rows, args.false_alarms):
+        print(f"{marks[kind]} {text}")
+    print(content["report"])
+    return status
 
 
 def _values(args: argparse.Namespace, good: Any, rows: list[dict[str, Any]], why: str) -> str:
@@ -138,12 +147,13 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
 
 def _report(
     args: argparse.Namespace, found: Any, when: Any, covariates: Any, rows: list[dict[str, Any]]
-) -> None:
+) -> dict[str, Any]:
+    """Write page and result; return the result."""
     from flexaxis.experiments.logs.log_health import ailments
     from flexaxis.experiments.logs.trend import RESULT
     from flexaxis.experiments.logs.trend_page import write_trend
-    from flexaxis.experiments.logs.trend_words import remarks, summary
-    from flexaxis.experiments.running.files import dumps, write_json
+    from flexaxis.experiments.logs.trend_words import summary
+    from flexaxis.experiments.running.files import write_json
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -165,10 +175,4 @@ def _report(
         "report": str(report),
     }
     write_json(args.output / RESULT, content)
-    if args.json:
-        print(dumps(content))
-        return
-    marks = {"problem": "✗", "note": "!", "ok": "✓"}
-    for kind, text in remarks(found, when, [*covariates], rows, args.false_alarms):
-        print(f"{marks[kind]} {text}")
-    print(report)
+    return content

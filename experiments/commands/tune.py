@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
 GROUP = "judge"
@@ -61,13 +62,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     options.add_resume(parser)
     options.add_time_limit(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Tune and print."""
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.files import dumps
 
     tasks = _tasks(args)
     path = _file(args.save)
@@ -92,17 +92,18 @@ def main(args: argparse.Namespace) -> int:
             found.append(asdict(tuned) | {"estimator": task.estimator})
             if not args.json:
                 print(_in_words(task, tuned), flush=True)
-    if args.json:
-        print(dumps(found if args.all else found[0]))
     if missed:
         print(f"not matched, and not in the file: {', '.join(missed)}", file=sys.stderr)
-    return int(bool(missed))
+    status = int(bool(missed))
+    alone = {} if args.all else found[0]
+    return answer(args, alone | {"tuned": found, "missed": missed}, status) if args.json else status
 
 
 def _tuned(task: argparse.Namespace, bench: Any, path: Path | None, *, alone: bool) -> Any:
     """Return what was found, after it was saved; None where nothing was, if others may follow."""
     from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.studies.tuning import Trials, forget, save
+    from flexaxis.experiments.studies.tuned_file import forget, save
+    from flexaxis.experiments.studies.tuning import Trials
     from flexaxis.sim.errors import FlexaxisError
 
     try:

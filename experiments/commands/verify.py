@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "run random cases of a run or a study again and compare"
 GROUP = "run"
@@ -25,14 +26,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sample", type=int, default=10, metavar="N", help="cases (default: 10)")
     parser.add_argument("--seed", type=int, default=0, help="of the choice (default: 0)")
     add_run_code(parser, "rows in DIR")
-    parser.add_argument("--json", action="store_true", help="print the verdicts as JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Run again, compare, and name what differs."""
     from dataclasses import asdict
 
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.experiments.running.verify import verify
     from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.sim.errors import FlexaxisError
@@ -50,8 +50,8 @@ def main(args: argparse.Namespace) -> int:
     )
     wrong = [verdict for verdict in verdicts if verdict.differences]
     if args.json:
-        print(dumps([asdict(verdict) for verdict in verdicts]))
-        return 1 if wrong else 0
+        cases = [asdict(verdict) for verdict in verdicts]
+        return answer(args, {"cases": cases, "differ": len(wrong)}, 1 if wrong else 0)
     for verdict in wrong:
         print(f"{verdict.case} ({verdict.what}):", *verdict.differences, sep="\n  ")
     exact = sum(verdict.exact for verdict in verdicts)

@@ -13,6 +13,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.commands.answers import add_json, answer
+
 HELP = "look at a run in 3-D, in a window or as a picture"
 GROUP = "look"
 
@@ -26,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"
     )
     parser.add_argument("-o", "--output", type=Path, metavar="PICTURE.png")
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
@@ -41,7 +43,6 @@ def main(args: argparse.Namespace) -> int:
         draw_offscreen()  # before the engine is imported
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.reporting.view import picture, window
-    from flexaxis.experiments.running.files import dumps
     from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate
@@ -56,9 +57,12 @@ def main(args: argparse.Namespace) -> int:
         )
     if args.output is None:
         window(record, start=args.at, exaggerate=args.exaggerate)
-        return 0
-    picture(record, args.output, at=args.at, exaggerate=args.exaggerate)
-    print(dumps({"picture": str(args.output)}) if args.json else args.output)
+    else:
+        picture(record, args.output, at=args.at, exaggerate=args.exaggerate)
+    if args.json:
+        return answer(args, {"picture": args.output})
+    if args.output is not None:
+        print(args.output)
     return 0
 
 

@@ -68,6 +68,12 @@ class Parser(argparse.ArgumentParser):
             hint = did_you_mean(found[1], known)
             message = message[: found.start()] + f"unknown {found[1]!r}.{hint}"
             message += "" if hint else f" It is one of: {', '.join(known)}"
+        if "--json" in self._typed:
+            from flexaxis.experiments.commands.answers import refusal
+
+            _, _, command = self.prog.partition(" ")
+            words = [*([command] if command else []), *self._typed]
+            print(refusal(command or None, words, 2, message))
         super().error(message)
 
 
@@ -80,12 +86,16 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
         With a line for each that is wrong.
     """
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.commands.options import check_jobs
+    from flexaxis.experiments.commands import options
     from flexaxis.sim.errors import FlexaxisError
 
     problems = []
     if "jobs" in args:
-        check_jobs(args)
+        options.check_jobs(args)
+    if "shard" in args:
+        options.shard(args)
+    if getattr(args, "dask", None):
+        options.check_dask(args)
     if getattr(args, "time_limit", None) is not None:
         from flexaxis.experiments.building.guest import limited
 
@@ -219,10 +229,29 @@ def complete(parser: argparse.ArgumentParser) -> None:
         names += _estimators() if kinds & {"E", "ESTIMATOR"} else ()
         if kinds == {"GROUP"}:
             action.completer = ChoicesCompleter(dict.fromkeys(_groups(), ""))  # type: ignore[attr-defined]
+        if str(action.metavar).startswith("PARAMETER"):
+            action.completer = _parameters  # type: ignore[attr-defined]
         if names:
             # "path/file.py:Class" and "mine.toml" begin with a file
             action.completer = _NamesOrFiles(names, FilesCompleter(("py", "toml", "nc")))  # type: ignore[attr-defined]
     argcomplete.autocomplete(parser)
+
+
+def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> list[str]:
+    """Return how a word may go on to a parameter of the model that is typed, or of friction."""
+    from flexaxis.estimators.errors import EstimatorError
+    from flexaxis.experiments.logs.axis_file import find_axis
+    from flexaxis.experiments.logs.friction import CHOICES, names_by
+    from flexaxis.sim.errors import FlexaxisError
+
+    try:
+        names = list(find_axis(str(parsed_args.model)).model.parameters)
+    except (EstimatorError, FlexaxisError):
+        return []
+    if "friction" in parsed_args:
+        names += sorted({name for kind in CHOICES for name in names_by(kind)} - {*names})
+    begin = "1/" if prefix.startswith("1/") else ""
+    return [begin + name for name in names if (begin + name).startswith(prefix)]
 
 
 class _NamesOrFiles:

@@ -135,7 +135,7 @@ class Unguarded:
     ) -> None:
         self.names, self.output = identify, output
         self._start = nominal[identify[0]]
-        self.reset()
+        self._theta, self._P, self._phi = self._start, 1.0, 0.0
 
     def step(self, u: float, y: float | None) -> Array:
         """Take one sample: what one speed tells of the next."""
@@ -149,4 +149,4 @@ class Unguarded:
 
     def reset(self) -> None:
         """Return to the start."""
-        self._theta, self._P, self._phi = float(self._start), 1.0, 0.0
+        self._theta, self._P, self._phi = self._start, 1.0, 0.0

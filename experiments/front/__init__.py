@@ -1,4 +1,4 @@
-"""flexaxis in Python: ``import flexaxis as fx``, then simulate, estimate, score, benchmark.
+"""flexaxis in Python: ``import flexaxis as fx``; simulate, estimate, score, compare, benchmark.
 
 A name is imported when it is first used: `import flexaxis` itself takes milliseconds. The modules
 beside this one are thin; what they call lies in `flexaxis.sim`, `.estimators`, `.experiments`.
@@ -13,21 +13,28 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and completion read; a test compares it with _HOME
     from flexaxis._axis import Axis, Sample, make_axis
-    from flexaxis._estimates import Estimate, estimate, score
+    from flexaxis._check import check
+    from flexaxis._compare import Comparison, compare
+    from flexaxis._estimates import Estimate
     from flexaxis._lists import scenarios
     from flexaxis._records import Recording, load, simulate
     from flexaxis._results import Results, benchmark, study
+    from flexaxis._running import estimate
+    from flexaxis._scores import score
 
     __version__: str
 
 __all__ = [
     "Axis",
+    "Comparison",
     "Estimate",
     "Recording",
     "Results",
     "Sample",
     "__version__",
     "benchmark",
+    "check",
+    "compare",
     "estimate",
     "estimators",
     "load",
@@ -42,9 +49,12 @@ _HOME = {
     "Axis": "_axis",
     "Sample": "_axis",
     "make_axis": "_axis",
+    "check": "_check",
+    "Comparison": "_compare",
+    "compare": "_compare",
     "Estimate": "_estimates",
-    "estimate": "_estimates",
-    "score": "_estimates",
+    "estimate": "_running",
+    "score": "_scores",
     "scenarios": "_lists",
     "Recording": "_records",
     "load": "_records",

@@ -107,14 +107,52 @@ def estimates(
     return returned(found)
 
 
+def changes(lines: Sequence[dict[str, Any]], ax: Any, names: tuple[str, str]) -> Axes:
+    """Draw changes with their intervals, a line a score, as candidate over base.
+
+    Parameters
+    ----------
+    lines : sequence of dict
+        ``name, where, word, change, interval, margin``; all changes as shares.
+    ax : axes, optional
+    names : (str, str)
+        Base and candidate.
+    """
+    if ax is None:
+        from matplotlib import pyplot
+
+        size = (8.0, 1.3 + 0.42 * max(1, len(lines)))
+        _, ax = pyplot.subplots(figsize=size, layout="constrained")
+    for place, line in enumerate(lines):
+        low, high = 1 + line["interval"]
+        ax.plot([low, high], [place, place], color=_WORDS.get(line["word"], "0.45"), lw=2)
+        ax.plot(1 + line["change"], place, "o", color=_WORDS.get(line["word"], "0.45"))
+        ax.plot([1 - line["margin"], 1 + line["margin"]], [place, place], "k", lw=7, alpha=0.12)
+    ax.axvline(1.0, color="k", lw=0.8)
+    ax.set_xscale("log")
+    ax.set_yticks(range(len(lines)), [f"{x['name']}, {x['where']}: {x['word']}" for x in lines])
+    ax.set_ylim(len(lines) - 0.4, -0.6)
+    ax.set_xlabel(f"{names[1]} over {names[0]}: less is better")
+    _plain(ax.xaxis)
+    ax.grid(axis="x", alpha=0.25)
+    return ax
+
+
+_WORDS = {"worse": "#d55e00", "better": "#009e73", "undecided": "#e69f00"}
+
+
 def plain_logs(ax: Axes) -> None:
     """Write plain numbers on logarithmic axes, so few that they have room."""
+    for axis in (ax.xaxis, ax.yaxis):
+        _plain(axis)
+
+
+def _plain(axis: Any) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _finish(ax: Axes, scenario: Scenario | None) -> None:

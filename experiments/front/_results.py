@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import tempfile
-import warnings
 import weakref
 from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexaxis._given import (
     Estimators,
@@ -24,10 +23,6 @@ from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
-
-if TYPE_CHECKING:
-    from flexaxis.experiments.building.guest import Remark
-    from flexaxis.experiments.running.work import Outcome
 
 _SHOWN = ("estimator", "scenario", "parameter", "lag", "t10", "std", "bias", "diverged", "cases")
 
@@ -116,6 +111,7 @@ def benchmark(
     folder: str | Path | None = None,
     jobs: int = 1,
     resume: bool = False,
+    time_limit: float | None = None,
 ) -> Results:
     """Run estimators on scenarios over many seeds, and score them.
 
@@ -135,6 +131,8 @@ def benchmark(
         ``if __name__ == "__main__":``.
     resume : bool
         Whether to keep what `folder` holds, and run what is missing.
+    time_limit : float, optional
+        How long code of your own may take for one run [s]; 600 by default.
 
     Raises
     ------
@@ -145,7 +143,7 @@ def benchmark(
     study = Study(
         "benchmark", scenarios_of(scenarios), texts_of(estimators, jobs=jobs), seeds_of(seeds)
     )
-    return _run(study, folder, jobs=jobs, resume=resume)
+    return _run(study, folder, jobs=jobs, resume=resume, time_limit=time_limit)
 
 
 def study(
@@ -155,6 +153,7 @@ def study(
     jobs: int = 1,
     resume: bool = False,
     run_code: bool = False,
+    time_limit: float | None = None,
 ) -> Results:
     """Run a study: estimators over values of any key of scenario, fault or estimator.
 
@@ -163,7 +162,7 @@ def study(
     definition : str, Path or mapping
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["relocate"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    folder, jobs, resume
+    folder, jobs, resume, time_limit
         As for `benchmark`.
     run_code : bool
         Whether code that a file names may be run; what stands in a mapping is yours.
@@ -179,18 +178,27 @@ def study(
 
     path = path_of(definition)
     if path is not None:
-        return _run(load_study(path), folder, jobs=jobs, resume=resume, run_code=run_code)
+        loaded = load_study(path)
+        return _run(
+            loaded, folder, jobs=jobs, resume=resume, run_code=run_code, time_limit=time_limit
+        )
     content = {"name": "study"} | dict(definition)  # type: ignore[arg-type]
     if "estimators" in content:
         content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
-    return _run(study_from(content), folder, jobs=jobs, resume=resume)
+    return _run(study_from(content), folder, jobs=jobs, resume=resume, time_limit=time_limit)
 
 
-def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool = True) -> Results:
-    from flexaxis.experiments.building.guest import in_words
-    from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.engine import Means, run_study
-    from flexaxis.experiments.running.progress import progress
+def _run(
+    wanted: Study,
+    folder: Any,
+    *,
+    jobs: int,
+    resume: bool,
+    run_code: bool = True,
+    time_limit: float | None = None,
+) -> Results:
+    from flexaxis._working import working
+    from flexaxis.experiments.running.engine import run_study
 
     if resume and (here := [text for text in wanted.estimators if is_given(text)]):
         raise EstimatorError(
@@ -200,17 +208,8 @@ def _run(wanted: Study, folder: Any, *, jobs: int, resume: bool, run_code: bool 
         )
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
-    remarks: list[Remark] = []
-    with progress(f"{total} cases", total) as advance:
-
-        def landed(outcome: Outcome) -> None:
-            remarks.extend(outcome.remarks)
-            advance(outcome.cases)
-
-        means = Means(jobs=jobs, store=default_cache(), advance=landed)
+    with working(f"{total} cases", total, jobs=jobs, time_limit=time_limit) as means:
         run_study(wanted, place, means, resume=resume, run_code=run_code)
-    for text in in_words(remarks):
-        warnings.warn(text, stacklevel=3)
     found = Results.load(place)
     if not folder:  # the rows go when nobody holds the table that is read from them
         weakref.finalize(found.table, _remove, place)

@@ -14,7 +14,7 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.lost import SILENT
 from flexaxis.experiments.gate.pairs import LOST, METRICS
 from flexaxis.experiments.gate.verdicts import Verdict
-from flexaxis.experiments.gate.words import explanation, headline, meaning, percent
+from flexaxis.experiments.gate.words import explanation, headline, knobs, meaning, percent
 from flexaxis.experiments.reporting import figures, page
 from flexaxis.experiments.reporting.cells import number
 from flexaxis.experiments.running.case import case_id
@@ -79,6 +79,7 @@ def markdown(found: Comparison) -> str:
         meaning(found),
         "",
         f"base {_code(found.base)}, candidate {_code(found.candidate)}",
+        *(["", _cell(knobs(found))] if found.equal else []),
         "",
         f"| {' | '.join(COLUMNS)} |",
         f"|{'---|' * len(COLUMNS)}",
@@ -171,6 +172,7 @@ def _page(
         "found": found,
         "headline": headline(found),
         "meaning": meaning(found),
+        "knobs": knobs(found),
         "explanation": explanation(found),
         "columns": COLUMNS,
         "rows": [

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, UNDECIDED, WORSE
+from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise
 from flexaxis.experiments.gate.lost import MANY
 from flexaxis.experiments.gate.pairs import Table, pair, table
 from flexaxis.experiments.gate.verdicts import (
@@ -41,6 +42,8 @@ class Question:
         Seeds that may be spent; more than those of the first look make the gate sequential.
     alpha : float
         Chance of any false alarm, at most, over all looks.
+    equal : EqualNoise, optional
+        The settings that `base` and `candidate` are; then noise is equal, and not judged.
     """
 
     base: str
@@ -50,6 +53,7 @@ class Question:
     margins: Mapping[str, float]
     max_seeds: int = 0
     alpha: float = ALPHA
+    equal: EqualNoise | None = None
 
     def looks(self) -> list[list[int]]:
         """Return the seeds of each look: the first ones, then twice as many, up to the most.
@@ -99,6 +103,10 @@ class Comparison:
     missing : tuple of (scenario, parameter)
         What changes and is estimated by the base, but not by the candidate: nothing can be called
         better then, or the same.
+    equal : EqualNoise, optional
+        The settings that both are, where they were tuned to one noise first.
+    unmatched : tuple of (scenario, parameter)
+        Where the candidate is as noisy as the base at no turn of its knob that was tried.
     """
 
     base: str
@@ -109,12 +117,14 @@ class Comparison:
     alpha: float
     verdicts: list[Verdict]
     missing: tuple[tuple[str, str], ...] = ()
+    equal: EqualNoise | None = None
+    unmatched: tuple[tuple[str, str], ...] = ()
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
         word = overall(self.verdicts)
-        return UNDECIDED if self.missing and word != WORSE else word
+        return UNDECIDED if (self.missing or self.unmatched) and word != WORSE else word
 
     @property
     def newly_lost(self) -> int:
@@ -133,6 +143,8 @@ class Comparison:
             "verdict": self.verdict,
             "newly_lost": self.newly_lost,
             "missing": [list(kind) for kind in self.missing],
+            "equal_noise": self.equal and self.equal.as_dict(),
+            "unmatched": [list(kind) for kind in self.unmatched],
             "by_metric": by_metric(self.verdicts),
             "base": self.base,
             "candidate": self.candidate,
@@ -142,6 +154,24 @@ class Comparison:
             "alpha": self.alpha,
             "rows": [asdict(v) for v in self.verdicts],
         }
+
+
+def at_equal_noise(question: Question, bench: Bench) -> Question:
+    """Return a question of the settings at which both are as noisy as the reference.
+
+    Raises
+    ------
+    FlexaxisError
+        As from `at_one_noise`, and where seeds are asked for that the tuning uses.
+    """
+    if used := set(SEEDS) & set(question.looks()[-1]):
+        raise FlexaxisError(
+            f"--seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
+            f"on {min(used)} cannot be judged there: give others, such as 1000:1032"
+        )
+    equal = at_one_noise(question.base, question.candidate, question.scenarios, bench)
+    base, candidate = equal.base.setting, equal.candidate.setting
+    return replace(question, base=base, candidate=candidate, equal=equal)
 
 
 def compare(question: Question, bench: Bench) -> Comparison:
@@ -175,6 +205,9 @@ def compare(question: Question, bench: Bench) -> Comparison:
         runs = bench.runs(question.scenarios, both, seeds)
         base, candidate = (rows_of(runs, text) for text in both)
         paired = pair(base, candidate, question.margins)
+        unmatched: tuple[tuple[str, str], ...] = ()
+        if question.equal is not None:
+            paired, unmatched = question.equal.apply(paired, question.scenarios, bench, seeds)
         found = Comparison(
             *both,
             seeds=seeds,
@@ -183,6 +216,8 @@ def compare(question: Question, bench: Bench) -> Comparison:
             alpha=question.alpha / len(looks),
             verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
             missing=paired.missing,
+            equal=question.equal,
+            unmatched=unmatched,
         )
         if overall(found.verdicts) != UNDECIDED:
             break

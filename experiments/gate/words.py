@@ -9,6 +9,8 @@ from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.lost import MANY
 from flexaxis.experiments.gate.pairs import LOST, METRICS
 from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
+from flexaxis.experiments.scoring.ranking import REFERENCE
+from flexaxis.experiments.studies.tuning import EXCESS
 
 LOST_WORDS = {"diverged": "diverge", "never_settled": "never settle"}
 
@@ -25,6 +27,7 @@ MEANING = {
 def headline(found: Comparison) -> str:
     """Return the verdict in a line: its word, the lost runs, then what each word is said of."""
     clauses = [f"{p} of {s} is not estimated" for s, p in found.missing]
+    clauses += [f"{p} of {s} is not matched" for s, p in found.unmatched]
     clauses += [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
     for word in VERDICTS:
         for metric in METRICS:
@@ -32,7 +35,8 @@ def headline(found: Comparison) -> str:
             said = [v for v in of_metric if v.verdict == word]
             if said:
                 clauses.append(_scores(metric, word, said, len(of_metric)))
-    return f"{found.verdict}: {', '.join(clauses) or 'no run has a score on both sides'}"
+    word = f"{found.verdict} at equal noise" if found.equal else found.verdict
+    return f"{word}: {', '.join(clauses) or 'no run has a score on both sides'}"
 
 
 def _lost(v: Verdict) -> str:
@@ -61,6 +65,12 @@ def meaning(found: Comparison) -> str:
         return (
             f"The candidate does not estimate all that changes ({what}): choose scenarios whose "
             "faults both estimate."
+        )
+    if found.unmatched:
+        what = ", ".join(dict.fromkeys(scenario for scenario, _ in found.unmatched))
+        return (
+            f"The candidate is not as noisy as the base at any turn of its knob near {what}: "
+            "`flexaxis tradeoff` draws both over all of it."
         )
     if found.newly_lost >= MANY:
         return (
@@ -91,6 +101,22 @@ def _needed(undecided: Sequence[Verdict]) -> str:
     if None in needed:
         return "More seeds may (--max-seeds); for some scores it cannot be said how many."
     return f"About {max(n for n in needed if n is not None)} would (--max-seeds)."
+
+
+def knobs(found: Comparison) -> str:
+    """Return what knob each side got, where both were tuned to one noise; else nothing."""
+    equal = found.equal
+    if equal is None:
+        return ""
+    what = "the excess prediction error" if equal.match == EXCESS else f"the std of {equal.match}"
+    sides = " and ".join(
+        f"{name} {side.setting} ({side.ratio:.3f})"
+        for name, side in (("base", equal.base), ("candidate", equal.candidate))
+    )
+    return (
+        f"Tuned to {what} of {REFERENCE} on seeds {equal.seeds[0]} to {equal.seeds[-1]}: {sides} "
+        "times its noise. What is left of a difference on the seeds compared is taken off."
+    )
 
 
 def explanation(found: Comparison) -> str:

@@ -1,12 +1,14 @@
-"""Problems of a log, said on the standard error by commands that read it and make no page of it."""
+"""What commands say on the standard error of a log that they read: problems, and to wait."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.running.told import is_quiet
 
 
 def say_problems(path: Path, checks: Sequence[Doubt], *, met: Collection[str] = ()) -> None:
@@ -24,3 +26,18 @@ def say_problems(path: Path, checks: Sequence[Doubt], *, met: Collection[str] = 
         if check.verdict == "problem" and not set(met) & set(check.remedy):
             advice = f". Type: {check.command}" if check.command else ""
             print(f"✗ {path}: {check.name}: {check.text}{advice}", file=sys.stderr)
+
+
+@contextmanager
+def waiting(doing: str) -> Iterator[None]:
+    """Show on a terminal that something goes on, and since when; a file is told nothing."""
+    if is_quiet() or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        shown.add_task(doing, total=None)
+        yield

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -188,8 +189,7 @@ def _write_mat(
     from scipy.io import savemat
 
     del units  # a MAT file has no place for them
-    content = dict(columns) if style.header else {"data": np.column_stack([*columns.values()])}
-    savemat(path, content | ({"date": date} if date else {}))
+    savemat(path, _variables(columns, style) | ({"date": date} if date else {}))
     with path.open("r+b") as file:  # over the date of the file: equal runs write equal files
         file.write(f"MATLAB 5.0 MAT-file, {WRITTEN}".encode().ljust(MAT_HEAD))
 
@@ -203,17 +203,21 @@ def _write_h5(
 ) -> None:
     import h5py
 
-    with h5py.File(path, "w") as file:
+    memory = io.BytesIO()  # HDF5 cannot close a file on a full disk, and ends the process with that
+    with h5py.File(memory, "w") as file:
         file.attrs["flexaxis"] = WRITTEN
         if date:
             file.attrs["date"] = date
-        if not style.header:
-            file["data"] = np.column_stack([*columns.values()])
-            return
-        for name, values in columns.items():
+        for name, values in _variables(columns, style).items():
             file[name] = values
             if name in units:
                 file[name].attrs["units"] = units[name]
+    path.write_bytes(memory.getbuffer())
+
+
+def _variables(columns: Mapping[str, Array], style: LogStyle) -> dict[str, Array]:
+    """Return the variables of a file that has such: a matrix without names where they have none."""
+    return dict(columns) if style.header else {"data": np.column_stack([*columns.values()])}
 
 
 def import_words(path: Path, columns: Sequence[str], style: LogStyle) -> list[str]:

@@ -132,6 +132,8 @@ class Attempt:
     def problem(self, without: Flags | None = None) -> Problem:
         """Return it as a problem, without some samples if these are held out."""
         log = self.log
+        # a state that is forgotten before the first usable sample could be any
+        begin = 0 if log.resting else int(np.argmax(log.ok))
         along = course(
             self.model,
             self.names,
@@ -140,12 +142,15 @@ class Attempt:
             output=log.output,
             smooth=log.smooth,
             resting=log.resting,
+            begin=begin,
         )
         lower, upper = self._box(along.q)
         held = np.zeros(along.q, bool)
         held[-1] = self.delay is not None
+        # how bristles are bent at first is forgotten once they have given, and seen by nothing
+        held[along.p + len(self.model.states) : -2] = True
         ok = log.ok.copy()
-        ok[0] = False  # an increment has no past there, and a state no consequence yet
+        ok[begin] = False  # an increment has no past there, and a state no consequence yet
         if without is not None:
             ok &= ~without
         return Problem(

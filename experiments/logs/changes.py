@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,8 @@ WINDOWS = 40  # that a record is cut into
 FEWEST = 3  # windows on each side of a change
 SCATTERS = 5.0  # of a difference of means; 22 false alarms in 10 000 sequences of white noise
 SMALLEST = 0.02  # relative change that is worth a word
+STEPS = 4  # of Gauss and Newton to the values on both sides of a change
+FARTHEST = 0.5  # relative change of a parameter in one of them
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,13 @@ class Change:
 
 
 def find_changes(
-    time: Array, error: Array, psi: Array, theta: Array, names: Sequence[str]
+    time: Array,
+    error: Array,
+    psi: Array,
+    theta: Array,
+    names: Sequence[str],
+    *,
+    windows: int = WINDOWS,
 ) -> list[Change]:
     """Find changes from the residual ε and its gradient ψ at fixed parameters.
 
@@ -62,14 +70,16 @@ def find_changes(
         Where ε and ψ were taken.
     names : sequence of str
         Of the p parameters.
+    windows : int
+        That the samples are cut into.
 
     Returns
     -------
     list of Change
         In the order of time.
     """
-    bounds = np.linspace(0, len(time), WINDOWS + 1).astype(int)
-    local = np.full((WINDOWS, len(names)), np.nan)
+    bounds = np.linspace(0, len(time), windows + 1).astype(int)
+    local = np.full((windows, len(names)), np.nan)
     for i, (start, stop) in enumerate(pairwise(bounds)):
         if stop - start > 10 * len(names):
             local[i] = np.linalg.lstsq(psi[start:stop] * theta, error[start:stop])[0]
@@ -82,6 +92,76 @@ def find_changes(
         )
     ]
     return sorted(found, key=lambda change: (change.time, -change.scatters))
+
+
+def changes_along(
+    look: Callable[[Array], Sequence[Array]], time: Array, theta: Array, names: Sequence[str]
+) -> list[Change]:
+    """Find changes however large they are: the parameters are fitted anew on both sides of each.
+
+    A residual is linear in small changes only, and where a motor sticks hardly at all: seen from
+    the values after a large change, what was before has the wrong size, and changes of others
+    beside it that never were. So both sides are looked at again from their own values.
+
+    Parameters
+    ----------
+    look : callable
+        Returns ε (N,) and ψ (N, p) of the usable samples at any θ.
+    time, theta, names
+        As for `find_changes`.
+
+    Returns
+    -------
+    list of Change
+        In the order of time.
+    """
+    return _along(_Record(look, time, names), np.ones(len(time), bool), theta)
+
+
+@dataclass(frozen=True)
+class _Record:
+    look: Callable[[Array], Sequence[Array]]
+    time: Array
+    names: Sequence[str]
+
+
+def _along(record: _Record, inside: NDArray[np.bool_], theta: Array) -> list[Change]:
+    """Return the changes of a stretch, seen from its own parameters."""
+    error, psi = (signal[inside] for signal in record.look(theta))
+    windows = round(WINDOWS * np.mean(inside))
+    if windows < 2 * FEWEST:
+        return []
+    first = find_changes(record.time[inside], error, psi, theta, record.names, windows=windows)
+    if not first:
+        return []
+    at = max(first, key=lambda change: change.scatters).time
+    sides = inside & (record.time < at), inside & (record.time >= at)
+    before, after = (_fitted(record.look, side, theta) for side in sides)
+    here = [
+        replace(change, relative=float((after / before)[record.names.index(change.name)] - 1))
+        for change in first
+        if change.time == at
+    ]
+    here = [change for change in here if abs(change.relative) >= SMALLEST]
+    if not here:
+        return []
+    return [*_along(record, sides[0], before), *here, *_along(record, sides[1], after)]
+
+
+def _fitted(
+    look: Callable[[Array], Sequence[Array]], inside: NDArray[np.bool_], theta: Array
+) -> Array:
+    """Return the parameters (p,) of a stretch: as long as steps of Gauss and Newton help."""
+    best, least, at = theta, np.inf, theta
+    for _ in range(STEPS + 1):
+        error, psi = (signal[inside] for signal in look(at))
+        square = float(error @ error)
+        if not square < least:
+            break
+        best, least = at, square
+        step = np.linalg.lstsq(psi * at, error)[0]
+        at = at * (1 + np.clip(step, -FARTHEST, FARTHEST))
+    return best
 
 
 def _scatter(values: Array) -> float:

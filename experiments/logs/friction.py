@@ -18,7 +18,6 @@ from flexaxis.sim.errors import did_you_mean
 Array = NDArray[np.float64]
 
 STIFF = 1e4  # of bristles that stand for none, in units of the law's size
-SOFTER = 0.01  # times that, of those that a search begins with: they turn more evenly
 LEVELS = np.r_[0.0, np.geomspace(0.01, 1.2, 40)]  # of dry friction, times the rms torque
 MOVING = 0.01  # of the greatest power of the speed: where there is less, noise is too near
 STUCK = 0.03  # of the rms speed: slower, friction is what the torque is
@@ -106,9 +105,7 @@ class Box:
     upper: Mapping[str, float]
 
 
-def rubbing(
-    model: Model, kind: str, sizes: Sizes, level: float, *, ease: float = 1.0
-) -> tuple[Model, Box]:
+def rubbing(model: Model, kind: str, sizes: Sizes, level: float) -> tuple[Model, Box]:
     """Return a model with a law of friction of the motor, and where its parameters may be.
 
     Parameters
@@ -120,8 +117,6 @@ def rubbing(
     sizes : Sizes
     level : float
         Level of dry friction to start from [N m].
-    ease : float
-        Times what is fixed, the stiffness of bristles that stand for none.
 
     Raises
     ------
@@ -141,7 +136,7 @@ def rubbing(
     names: dict[str, str | float] = {
         role: str(choice.law.parameters[role]) for role in choice.start
     }
-    numbers = {role: ease * value * units[role] for role, value in choice.numbers.items()}
+    numbers = {role: value * units[role] for role, value in choice.numbers.items()}
     law = replace(choice.law, parameters=names | numbers)
     start = {str(names[role]): value * units[role] for role, value in choice.start.items()}
     start["f_c"] = max(level, 0.01 * sizes.torque)
@@ -198,6 +193,12 @@ def friction(u: Array, v: Array, direction: Array, level: float) -> Array:
     """Return the torque of dry friction of some level; at rest it is what the torque is."""
     resting = abs(direction) < 1
     return np.where(resting, np.clip(u, -level, level), level * direction)
+
+
+def names_by(kind: str) -> set[str]:
+    """Return the parameters of a law of `CHOICES` that can be identified."""
+    choice = CHOICES[kind]
+    return {str(choice.law.parameters[role]) for role in choice.start}
 
 
 def names_of(model: Model) -> Sequence[str]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Tried, able, choose
+from flexaxis.experiments.logs.laws import Tried, able, check_given, choose
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
 from flexaxis.experiments.logs.starts import Starts, linear_fit
@@ -116,6 +117,7 @@ def identify(
     *,
     free: Sequence[str] = (),
     fix: Sequence[str] = (),
+    given: Mapping[str, float] = MappingProxyType({}),
     delay: float | None = None,
     whiten: bool = True,
     friction: str = "auto",
@@ -133,6 +135,9 @@ def identify(
         Parameters to identify; by default all but k_T and r.
     fix : sequence of str
         Parameters to leave at their nominal values.
+    given : mapping of str to float
+        Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
+        ``"auto"`` takes one of the laws that have them.
     delay : float, optional
         Known delay of the torque [s]; it is identified too if not given.
     whiten : bool
@@ -152,6 +157,7 @@ def identify(
     """
     if friction not in FRICTION:
         raise LogError(f"--friction {friction}: it is one of {', '.join(FRICTION)}")
+    check_given(axis.model, friction, given)
     log = log_of(record, axis)
     own = names_of(axis.model)
     names = _free(axis, free, fix)
@@ -174,7 +180,9 @@ def identify(
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
     attempt, fitted = starts.search(attempt) if own else linear_fit(starts)
-    attempt, fitted, tried, word = choose(starts, attempt, fitted, friction, free=free, fix=fix)
+    attempt, fitted, tried, word = choose(
+        starts, attempt, fitted, friction, free=free, fix=fix, given=given
+    )
     blind = friction == "auto" and not own and not whole and able(attempt.model)
     found = _found(
         axis,

@@ -23,7 +23,7 @@ from flexaxis.experiments.logs.doubts.torque_kind import (
 )
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
-from flexaxis.experiments.logs.own import is_ours
+from flexaxis.experiments.logs.own import is_record
 from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
 from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.experiments.logs.remedies import ON_RECORDS, remedied
@@ -161,7 +161,7 @@ def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -
         If the record cannot be read.
     """
     asked: dict[str, Any] = {name: v for name, v in options.items() if v is not None}
-    if path.suffix == ".nc" and (is_ours(path) or not (tables or asked)):
+    if is_record(path) or (path.suffix == ".nc" and not (tables or asked)):
         try:
             record = load_record(path)
         except RecordError as error:
@@ -173,6 +173,20 @@ def import_any(path: Path, tables: Mapping[str, Any], **options: float | None) -
         except LogError as error:
             raise LogError(f"{path}: {error}") from error
     return import_log(path, tables, **options)
+
+
+def look_again(path: Path, tables: Mapping[str, Any], **options: float | None) -> Imported:
+    """Return a record that flexaxis wrote, treated as by `import_any`, and what to doubt of it.
+
+    What only its log told (jitter, clipping, wrapping) is on the page of its import.
+
+    Raises
+    ------
+    LogError, RecordError
+        As from `import_any`.
+    """
+    record = import_any(path, tables, **options).record
+    return Imported(record, examine(of_record(record)))
 
 
 def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:
@@ -188,7 +202,7 @@ def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
         raise LogError(
             f"is a record that flexaxis wrote, with signals in SI on an even grid; {words} "
             f"{'is' if len(wrong) == 1 else 'are'} for logs (and so in --map). Leave it out, or "
-            f"import the log {record.versions.get('log', '')!r} again with it"
+            f"{_log_of(record)}"
         )
     before = record.versions.get("highpass")
     if "highpass" in asked and before is not None:
@@ -202,6 +216,14 @@ def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
         _check_burn_in(asked["burn_in"], len(record.time) * record.period)
         record = replace(record, burn_in=asked["burn_in"])
     return remedied(record, asked)
+
+
+def _log_of(record: Record) -> str:
+    """Return what to do to have the log of a record."""
+    log = record.versions.get("log")
+    if log is None:
+        return "simulate it as a log: flexaxis simulate … --as-log csv"
+    return f"import the log {log!r} again with it"
 
 
 def _check_burn_in(burn_in: float, seconds: float) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt, Log, explored
-from flexaxis.experiments.logs.friction import CHOICES, SOFTER, Sizes, rubbing
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
 from flexaxis.experiments.logs.pieces import Comparison, compare, held_out
 from flexaxis.experiments.logs.starts import Starts
 
@@ -50,6 +52,7 @@ def choose(
     *,
     free: Sequence[str] = (),
     fix: Sequence[str] = (),
+    given: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
     """Return the attempt with the law that is wanted, or with the one that the log asks for.
 
@@ -61,6 +64,7 @@ def choose(
     wanted : str
         Word of the law, or ``"auto"``.
     free, fix : sequence of str
+    given : mapping of str to float
         As for `flexaxis.experiments.logs.identify.identify`.
     """
     if linear.model.laws:
@@ -68,12 +72,35 @@ def choose(
     if wanted in OPEN and not (able(linear.model) and starts.whole):
         return linear, fitted, (), "none"
     short = replace(linear, log=linear.log.part(MOST))
-    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), starts.level())
+    level = given["f_c"] / torque_constant(linear.model) if "f_c" in given else starts.level()
+    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), level, given)
     begun, tried = bench.compared(wanted) if wanted in OPEN else (bench.started(wanted, None), ())
     if begun is None or wanted == "none":
         return linear, fitted, tried, "none"
     begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
     return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+
+def torque_constant(model: Model) -> float:
+    """Return the torque constant of a model, 1 where it has none."""
+    return float(model.nominal.get("k_T", 1.0))
+
+
+def check_given(model: Model, wanted: str, given: Mapping[str, float]) -> None:
+    """Refuse values of parameters that no law has which is looked for.
+
+    Raises
+    ------
+    LogError
+    """
+    if not given:
+        return
+    kinds = ORDER if wanted == "auto" else (wanted,) if wanted in ORDER else ()
+    fitting = [kind for kind in kinds if given.keys() <= names_by(kind)]
+    if model.laws or not fitting:
+        have = "; ".join(f"{kind} has {', '.join(sorted(names_by(kind)))}" for kind in ORDER)
+        whose = "the axis, with laws of its own," if model.laws else f"--friction {wanted}"
+        raise LogError(f"{whose} has no {', '.join(given)}; of --friction, {have}")
 
 
 def able(model: Model) -> bool:
@@ -94,6 +121,7 @@ class _Bench:
     free: tuple[str, ...]
     fix: tuple[str, ...]
     level: float
+    given: Mapping[str, float]
 
     def started(self, kind: str, simple: Begun | None) -> Begun:
         """Return a law about where it fits: from the linear model's values, or a simpler law's."""
@@ -105,22 +133,19 @@ class _Bench:
             places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
         else:
             places = [*self.starts.places(attempt, level), (theta_of(attempt), self._lag)]
-        if kind != "coulomb":
-            return Begun(attempt, explored(attempt, places))
-        soft = explored(self.attempt(kind, ease=SOFTER), places)
-        return Begun(attempt, attempt.solve(soft.z, rounds=3, fine=False))
+        return Begun(attempt, explored(attempt, places))
 
-    def attempt(self, kind: str, *, ease: float = 1.0) -> Attempt:
+    def attempt(self, kind: str) -> Attempt:
         """Return the attempt with a law."""
         linear = self.linear
-        k_T = linear.model.nominal.get("k_T", 1.0)
         model, box = rubbing(
             linear.having(linear.values(self.fitted)).model,
             kind,
             _sizes(linear.log, linear, self.fitted),
-            abs(self.level * k_T),
-            ease=ease,
+            abs(self.level * torque_constant(linear.model)),
         )
+        told = {name: value for name, value in self.given.items() if name in box.start}
+        model = replace(model, nominal=dict(model.nominal) | told)
         mine = [n for n in box.start if (not self.free or n in self.free) and n not in self.fix]
         return replace(
             linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
@@ -136,11 +161,13 @@ class _Bench:
         without, word = held_out(ok), "none"
         begun, part = None, Begun(self.linear, self.fitted).fitted_without(without)
         tried: list[Tried] = []
-        for kind in ORDER if wanted == "auto" else ORDER[:1]:
+        kinds = tuple(kind for kind in ORDER if self.given.keys() <= names_by(kind))
+        for kind in kinds if wanted == "auto" else ORDER[:1]:
             other = self.started(kind, begun)
             other_part = other.fitted_without(without)
             comparison = compare(part, other_part, without, ok)
             taken = comparison.better if kind == ORDER[0] else comparison.worth_it
+            taken |= bool(self.given) and begun is None  # whoever gives its value says it is there
             tried.append(Tried(kind, word, comparison, taken))
             if taken:
                 word, begun, part = kind, Begun(other.attempt, other_part), other_part

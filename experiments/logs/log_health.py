@@ -1,4 +1,13 @@
-"""Which logs of a trend are not like the others: fitted worse, late, or not fitted to the end."""
+"""Which logs of a trend are not like the others: fitted worse, late, or not fitted to the end.
+
+The thresholds were judged by `tests/experiments/log_health_tables.py`: 40 sets of 20 logs of one
+and two masses at 200 to 4000 Hz, of 3 and 12 s, with noise of 2 and 30 % of the speed, friction
+that falls by 10 % over a set, and an axis known to 3 %. None of 800 good logs was said to be bad.
+Of logs with 2 % of noise, all were found that were half a sample late, vibrated by 15 % or had dry
+friction of a tenth of the torque. With 30 % the noise hides the latter two, and half a sample where
+it is short. Where a parameter is held at a value that is wrong by 3 %, and the logs tell it, up
+to a third of good ones were said to be bad: what is told should be free, as it is by default.
+"""
 
 from __future__ import annotations
 

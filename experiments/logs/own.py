@@ -52,6 +52,11 @@ def is_ours(path: Path) -> bool:
     return bool(_attributes(path).keys() & _ATTRIBUTES)
 
 
+def is_record(path: Path) -> bool:
+    """Whether a file is a record that flexaxis wrote."""
+    return path.suffix == ".nc" and path.is_file() and "versions" in _attributes(path)
+
+
 def record_beside(log: Path) -> Path:
     """Return where the record of a log goes by default: beside it, and over nothing but itself."""
     path = log.with_suffix(".nc")

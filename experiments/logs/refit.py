@@ -43,7 +43,7 @@ class Refit:
     names : tuple of str
     theta, deviations : ndarray (p,)
         The deviation is the larger of that for the modelled noise and that of the blocks.
-    offset : float
+    offset, offset_deviation : float
         Constant torque that acts besides the logged one, in its unit.
     fit : float
         100 (1 − |y − ŷ|/|y − mean y|) of a simulation from the torque alone, above the high-pass
@@ -53,16 +53,20 @@ class Refit:
         changed for it.
     left : float
         Greatest step that a parameter would still go, in its deviations.
+    colour : float
+        Share of the residual's variance that its own past predicts: 0 if it is white.
     """
 
     names: tuple[str, ...]
     theta: Array
     deviations: Array
     offset: float
+    offset_deviation: float
     fit: float
     late: float
     late_deviation: float
     left: float
+    colour: float
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,7 @@ def _solution(problem: _Problem) -> Refit:
         step, covariance = _solved(problem, z, error, psi[:, :-1], _colour(problem, error))
         z[:p] = np.clip(z[:p] * (1 + np.clip(step[:p], -FARTHEST, FARTHEST)), *bounds)
         z[p:] += step[p:]
-        if np.all(abs(step[:p]) <= 0.1 * np.sqrt(np.diag(covariance)[:p])):
+        if np.all(abs(step) <= 0.1 * np.sqrt(np.diag(covariance))):  # the noise hangs on all
             break
     return _found(problem, z, bounds)
 
@@ -162,11 +166,20 @@ def _found(problem: _Problem, z: Array, bounds: Array) -> Refit:
         z[:p],
         np.maximum(claimed, blocks)[:p] * abs(z[:p]),
         float(z[-1]),
+        float(claimed[-1]),
         fit,
         late=float(with_delay[-1]),
         late_deviation=float(np.sqrt(its_covariance[-1, -1])),
         left=float(np.max(abs(step[:p]) / claimed[:p])),
+        colour=_predictable(problem, error, colour),
     )
+
+
+def _predictable(problem: _Problem, error: Array, colour: Colour) -> float:
+    """Return the share of the variance of a residual that its own past predicts."""
+    ok = colour.settled(problem.ok)
+    left = np.var(colour.white(error)[ok]) / np.var(problem.plain.high(error)[ok])
+    return float(np.clip(1 - left, 0.0, 1.0))
 
 
 def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:

@@ -64,7 +64,7 @@ class Starts:
 
     def seen_by(self, attempt: Attempt, fitted: Fitted) -> Response | None:
         """Return the frequency response without the dry friction that was found."""
-        values = attempt.values(fitted) | {"k_T": attempt.model.nominal.get("k_T", 1.0)}
+        values = {"k_T": 1.0} | dict(attempt.model.nominal) | attempt.values(fitted)
         level = values.get("f_c", 0.0) if attempt.model.laws else 0.0
         try:
             return self.response(level / values["k_T"])

@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.model import Model, increment
-from flexaxis.estimators.offline.colour import colourless
+from flexaxis.estimators.models.model import increment
+from flexaxis.estimators.models.parametrization import Parametrization
+from flexaxis.estimators.offline.colour import Colour, colourless
 from flexaxis.estimators.offline.delay import delayed
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import Spec, made
 from flexaxis.experiments.logs.attempt import log_of
-from flexaxis.experiments.logs.axis_file import Axis, usable
-from flexaxis.experiments.logs.changes import Change, find_changes
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.load_angle import Load, predicted_load
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
 
@@ -31,20 +33,22 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Load:
-    """Load angle from motor angle and model, and the hidden encoder it is compared with.
+class _Look:
+    """What a record says of a model at fixed parameters."""
 
-    Attributes
-    ----------
-    predicted, measured : ndarray (N,)
-        [rad].
-    fit : float
-        100 (1 − |measured − predicted|/|measured − mean|).
-    """
-
-    predicted: Array
+    model: Parametrization
+    torque: Array
     measured: Array
-    fit: float
+    colour: Colour
+    ok: NDArray[np.bool_]
+    period: float
+
+    def at(self, theta: Array) -> tuple[Array, Array, Array]:
+        """Return y − ŷ (N,), and that and its gradient ψ (N, p) made white."""
+        simulated, psi = predict(self.model, theta, self.torque, period=self.period)
+        error, bridged = self.measured - simulated, self.colour.bridged
+        white = self.colour.white
+        return error, white(bridged(error, self.ok)), white(bridged(psi.T, self.ok)).T
 
 
 @dataclass(frozen=True)
@@ -169,10 +173,11 @@ def track(
     last = np.median(theta[-max(len(theta) // 5, 1) :], axis=0)
     if not np.isfinite(last).all():
         raise LogError("the estimates diverged: identify first, or choose another estimator")
-    simulated, psi = predict(model, last, torque, period=period)
-    residual = colour.white(colour.bridged(measured - simulated, ok))
-    psi = colour.white(colour.bridged(psi.T, ok)).T
-    changes = find_changes(record.time[good], residual[good], psi[good], last, names)
+    look = _Look(model, torque, measured, colour, ok, period)
+    error, residual, _ = look.at(last)
+    changes = changes_along(
+        lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
+    )
     correlation = _correlation(residual[good])
     return Tracked(
         names=names,
@@ -181,13 +186,13 @@ def track(
         deviations=None if claimed is None else _deviations(claimed),
         nominal=nominal.theta,
         usable=good,
-        fit=100 * float(1 - np.std((measured - simulated)[ok]) / np.std(measured[ok])),
+        fit=100 * float(1 - np.std(error[ok]) / np.std(measured[ok])),
         residual=residual,
         correlation=correlation,
         white=abs(correlation) < 0.1,
         alarms=record.time[alarms],
         changes=changes,
-        load=_load(record, axis, dict(zip(names, last.tolist(), strict=True))),
+        load=predicted_load(record, axis, dict(zip(names, last.tolist(), strict=True))),
     )
 
 
@@ -251,46 +256,3 @@ def _correlation(residual: Array) -> float:
     e = residual - residual.mean()
     past = np.array([e[k:] @ e[: len(e) - k] for k in range(1, 21)]) / (e @ e)
     return float(past[np.argmax(abs(past))])
-
-
-def load_side(model: Model) -> Model | None:
-    """Return the rest of a model when its motor speed is given: from motor speed to load speed.
-
-    Row and column of the motor are taken out; what it did to the others becomes the input. None
-    if there are no states ``speed_motor`` and ``speed_load`` or ``speed_arm``.
-    """
-    states = list(model.states)
-    load = next((name for name in ("speed_load", "speed_arm") if name in states), None)
-    if load is None or "speed_motor" not in states:
-        return None
-    motor = states.index("speed_motor")
-    rest = [i for i in range(len(states)) if i != motor]
-    return Model(
-        name=f"{model.name}, load side",
-        states=[states[i] for i in rest],
-        A=[[model.A[i][j] for j in rest] for i in rest],
-        B=[model.A[i][motor] for i in rest],
-        C=["1" if states[i] == load else "0" for i in rest],
-        nominal=model.nominal,
-    )
-
-
-def _load(record: Record, axis: Axis, estimates: dict[str, float]) -> Load | None:
-    """Predict the load angle from the measured motor angle by the estimated model."""
-    side = load_side(axis.model)
-    if side is None or record.true_angle_a is None or record.increment is None:
-        return None
-    physical = {
-        name.removeprefix("1/"): 1 / value if name.startswith("1/") else value
-        for name, value in estimates.items()
-    }
-    side = replace(side, nominal=dict(axis.model.nominal) | physical)
-    chosen = increment(side, record.period).parametrize(side.parameters[:1])
-    # the increment up to t_{k+1} is the mean motor speed over the sample from t_k on
-    moved = np.append(record.increment[1:], record.increment[-1])
-    speed, _ = predict(chosen, chosen.theta, moved, period=record.period)
-    predicted, ok = np.cumsum(speed) * record.period, usable(record)
-    predicted += np.mean((record.true_angle_a - predicted)[ok])
-    error = (record.true_angle_a - predicted)[ok]
-    fit = 100 * float(1 - np.std(error) / np.std(record.true_angle_a[ok]))
-    return Load(predicted, record.true_angle_a, fit)

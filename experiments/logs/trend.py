@@ -36,7 +36,7 @@ SUFFIXES = (
     ".bag", ".db3",
 )  # fmt: skip
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 3  # of the estimates; another number and all are made anew
+METHOD = 4  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -248,13 +248,18 @@ def row_of(plan: Plan, task: Task) -> bytes:
 
 
 def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
-    record = plan.source.read(path)
+    found = estimated(plan.source.read(path), plan.axis, plan.names)
+    return found if "problem" in found else found | {"columns": _means(path)}
+
+
+def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any]:
+    """Return what a record adds to the row of its log, but for the means of its columns."""
     try:
         with np.errstate(all="ignore"):
-            found = refit(record, plan.axis, plan.names)
+            found = refit(record, axis, names)
     except (LogError, EstimatorError) as error:  # it was read, but is not like its axis
         return {"problem": " ".join(str(error).split()), "unlike": True}
-    numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset])
+    numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset, found.colour])
     if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
         raise LogError("this log tells nothing of the parameters: did the axis move?")
     return {
@@ -266,11 +271,11 @@ def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
                 found.names, found.theta.tolist(), found.deviations.tolist(), strict=True
             )
         },
-        "offset": found.offset,
+        "offset": {"value": found.offset, "sd": found.offset_deviation},
         "fit": found.fit,
         "late": {"value": found.late, "sd": found.late_deviation},
         "left": found.left,
-        "columns": _means(path),
+        "colour": found.colour,
     }
 
 

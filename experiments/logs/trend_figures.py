@@ -67,7 +67,7 @@ def overview_figure(found: Sequence[Verdict], clock: Clock, first: datetime | No
 
 
 def logs_figure(rows: Sequence[Mapping[str, Any]], clock: Clock, first: datetime | None) -> Figure:
-    """Draw how well each log is fitted, and how late its torque acts.
+    """Draw fit, delay, constant torque and colour of the residual of each log.
 
     Parameters
     ----------
@@ -76,21 +76,31 @@ def logs_figure(rows: Sequence[Mapping[str, Any]], clock: Clock, first: datetime
     clock : Clock
     first : datetime or None
     """
-    fig = Figure(figsize=(8.0, 3.6), layout="constrained")
-    above, below = fig.subplots(2, 1, sharex=True)
-    times = _times(clock.time, first)
-    above.plot(times, [row["fit"] for row in rows], "o", color=BLUE, ms=3)
-    above.set_ylabel("fit [%]")
-    late, bars = (
-        np.array([row["late"][key] / row["period"] for row in rows]) for key in ("value", "sd")
-    )
-    below.errorbar(times, late, 2 * bars, fmt="o", color=BLUE, ms=3, elinewidth=0.7)
-    below.axhline(0.0, color="0.5", lw=0.8)
-    below.set_ylabel("later than\nthe axis has it\n[samples]")
-    _label_time(below, first)
-    for ax in (above, below):
+    fig = Figure(figsize=(8.0, 7.0), layout="constrained")
+    fits, lates, offsets, colours = fig.subplots(4, 1, sharex=True)
+    times, periods = _times(clock.time, first), np.array([row["period"] for row in rows])
+    fits.plot(times, [row["fit"] for row in rows], "o", color=BLUE, ms=3)
+    fits.set_ylabel("fit [%]")
+    _bars(lates, times, rows, "late", 1 / periods)
+    lates.set_ylabel("later than\nthe axis has it\n[samples]")
+    _bars(offsets, times, rows, "offset", np.ones(len(rows)))
+    offsets.set_ylabel("constant torque\nbesides the log's\n[N m, or its unit]")
+    colours.plot(times, [100 * row["colour"] for row in rows], "o", color=BLUE, ms=3)
+    colours.set_ylabel("residual that its\npast predicts [%]")
+    colours.set_ylim(0, 105)
+    _label_time(colours, first)
+    for ax in (fits, lates, offsets, colours):
         ax.grid(alpha=0.25)
     return fig
+
+
+def _bars(  # type: ignore[no-untyped-def]
+    ax: Axes, times, rows: Sequence[Mapping[str, Any]], name: str, scale: Array
+) -> None:
+    """Draw something of each log over time, with ±2σ."""
+    value, sd = (scale * np.array([row[name][key] for row in rows]) for key in ("value", "sd"))
+    ax.errorbar(times, value, 2 * sd, fmt="o", color=BLUE, ms=3, elinewidth=0.7)
+    ax.axhline(0.0, color="0.5", lw=0.8)
 
 
 def _label_time(ax: Axes, first: datetime | None) -> None:

@@ -55,7 +55,7 @@ def write_trend(
     """
     good = [row for row in rows if not row["problem"]]
     first = datetime.fromisoformat(good[clock.order[0]]["date"]) if clock.dated else None
-    loud = [one for one in found if one.kind != STEADY]
+    loud = sorted((v for v in found if v.kind != STEADY), key=lambda v: [*WORDS].index(v.kind))
     figures = [
         (
             _heading(one),
@@ -76,8 +76,9 @@ def write_trend(
         (
             "The logs",
             logs_figure(ordered, clock, first),
-            "How well a simulation from the torque alone fits each, and how late its torque acts; "
-            "bars are ±2σ.",
+            "How well a simulation from the torque alone fits each, how late its torque acts, what "
+            "constant torque acts besides, and how much of what is left its own past predicts: 0 "
+            "if it is white noise, and more where the model leaves something out. Bars are ±2σ.",
         )
     )
     tables: list[Table] = [

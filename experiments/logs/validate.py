@@ -86,8 +86,7 @@ def validate(record: Record, axis: Axis, own: Fits | None = None) -> Validation:
     z = np.zeros(problem.course.q)
     z[: len(names)] = axis.model.parametrize(names).theta
     z[-2:] = axis.offset, axis.delay
-    z = problem.descend(problem.at(z, colour), colour, 6).z
-    found = finished(problem, z, colour)
+    found = finished(problem, problem.descend(problem.at(z, colour), colour, 6), colour)
     if not np.isfinite(found.residual).all():
         raise LogError("the axis cannot be simulated over this log: is it the same axis?")
     y, theirs = log.y, fits(log.y, found)

@@ -14,6 +14,7 @@ from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
 from flexaxis.experiments.logs.doubts.reversals import reversals_of
+from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
 from flexaxis.sim.record import Record
 
@@ -22,8 +23,8 @@ Array = NDArray[np.float64]
 
 ENOUGH = 0.5  # relative standard deviation from which on a parameter counts as not seen
 NOTHING = 1e9  # relative standard deviation of what is not seen at all
-SCALE = "k_T"  # what a log cannot tell: it shows ratios to the torque constant
 QUIETEST = 1e-12  # of the power of the output: less noise than that is rounding
+HELD = "stays as it is: a log shows ratios to it, so identify holds it unless it is freed"
 CROSSINGS = 10  # reversals that a law of friction needs, at the least
 
 
@@ -36,7 +37,7 @@ class Seen:
     alone : float or None
         Relative standard deviation were all others known; None of a law.
     together : float or None
-        The same with all of them unknown, but for the torque constant.
+        The same with all of them unknown, but for torque constant and gear ratio.
     partner : str
         The parameter with which it is confused most.
     words : str
@@ -86,7 +87,7 @@ def _deviations(Q: Array, names: Sequence[str]) -> dict[str, Seen]:
     """Return what an information matrix (p, p) of relative parameters says of each."""
     diagonal = np.diag(Q)
     alone = np.divide(1, np.sqrt(diagonal), out=np.full(len(names), np.inf), where=diagonal > 0)
-    free = [i for i, name in enumerate(names) if name != SCALE and diagonal[i] > 0]
+    free = [i for i, name in enumerate(names) if name not in GIVEN and diagonal[i] > 0]
     scaled = Q[np.ix_(free, free)] * np.outer(alone[free], alone[free])
     # a direction without any information is as uncertain as rounding lets it be
     values, vectors = np.linalg.eigh(scaled)
@@ -101,7 +102,7 @@ def _deviations(Q: Array, names: Sequence[str]) -> dict[str, Seen]:
             tied = np.abs(cover[j]) / np.sqrt(np.diag(cover))
             tied[j] = 0
             partner = names[free[int(np.argmax(tied))]] if len(free) > 1 else ""
-        words = _words(float(alone[i]), together, partner)
+        words = HELD if name in GIVEN else _words(float(alone[i]), together, partner)
         found[name] = Seen(min(float(alone[i]), NOTHING), min(together, NOTHING), partner, words)
     return found
 

@@ -26,6 +26,7 @@ from flexaxis.sim.scenario import Scenario
 # Okabe and Ito, and after Tol), one hue a family, and a marker. Others get a pair by their name.
 _ROLES = {"base": ("#0072B2", "o"), "candidate": ("#D55E00", "o")}
 _PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+LONGEST = 40  # characters of a name in a legend
 
 
 def colour(estimator: str) -> str:
@@ -79,7 +80,7 @@ def trajectories(
             ax.fill_between(
                 curve.time, curve.low[:, i], curve.high[:, i], color=shade, alpha=0.18, lw=0
             )
-            label = said.get(curve.estimator, curve.estimator)
+            label = said.get(curve.estimator, _shortened(curve.estimator))
             ax.plot(curve.time, curve.median[:, i], color=shade, lw=1.3, label=label)
         first, i = mine[0]
         ax.plot(first.time, first.truth[:, i], "k--", lw=1.0, label="truth")
@@ -187,10 +188,19 @@ def _bars(value: float, interval: Sequence[float] | None) -> list[list[float]] |
     return [[max(0.0, value - interval[0])], [max(0.0, interval[1] - value)]]
 
 
+def _shortened(text: str) -> str:
+    """Return a text for a legend: of a long one, such as a command, beginning and end.
+
+    Else nothing would be left of the figure beside it.
+    """
+    rest = LONGEST // 2 - 1
+    return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
+
+
 def _legends(ax: Axes, estimators: Sequence[str], markers: Mapping[str, str]) -> None:
     from matplotlib.lines import Line2D
 
-    lines = [Line2D([], [], color=colour(e), lw=3, label=e) for e in estimators]
+    lines = [Line2D([], [], color=colour(e), lw=3, label=_shortened(e)) for e in estimators]
     points = [Line2D([], [], color="0.3", marker=m, lw=0, label=s) for s, m in markers.items()]
     figure = ax.get_figure()
     assert figure is not None

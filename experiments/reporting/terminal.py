@@ -27,32 +27,56 @@ SHOWN = [score for score in SCORES.values() if score.short]
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
 
 
+NAME = 20  # columns that the names of estimators have at least; longer ones are folded
+
+
 def show(table: Table) -> None:
     """Print a table, in a file or a pipe as wide as it needs."""
+    Console(width=_width()).print(table)
+
+
+def _width() -> int:
     console = Console()
-    (console if console.is_terminal else Console(width=WIDE)).print(table)
+    return console.width if console.is_terminal else WIDE
 
 
 def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return a line per scenario and estimator, on the parameter that changed.
 
-    Without a fault, or for who does not estimate what changed, there is one for each parameter.
+    Without a fault, or for who does not estimate what changed, there is one for each parameter. In
+    a narrow terminal the last columns are left out, and named below.
     """
-    table = Table(box=None, padding=(0, 1, 0, 0), caption=CAPTION, caption_justify="left")
-    for heading in ("estimator", "θ"):
-        table.add_column(heading, no_wrap=True)
-    units = ["[s]" if score.unit == "s" else score.unit or "" for score in SHOWN]
-    headings = [f"{score.short} {unit}" for score, unit in zip(SHOWN, units, strict=True)]
-    for heading in (*headings, "x-talk", "µs"):
-        table.add_column(escape(heading.strip()), justify="right", no_wrap=True)
     found = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
-    for before, row in zip([None, *shown], shown, strict=False):
+    lines = [_cells(row, _cross_talk(rows, row)) for row in shown]
+    units = ["[s]" if score.unit == "s" else score.unit or "" for score in SHOWN]
+    short = [f"{score.short} {unit}".strip() for score, unit in zip(SHOWN, units, strict=True)]
+    headings = ["estimator", "θ", *short, "x-talk", "µs"]
+    kept = _fitting([headings, *lines], _width())
+    table = Table(box=None, padding=(0, 1, 0, 0), caption_justify="left")
+    table.caption = CAPTION + _left_out(headings[kept:])
+    for place, heading in enumerate(headings[:kept]):
+        how: Any = {"overflow": "fold"} if place == 0 else {"no_wrap": True}
+        table.add_column(escape(heading), justify="right" if place > 1 else "left", **how)
+    for before, row, cells in zip([None, *shown], shown, lines, strict=False):
         if before is None or before["scenario"] != row["scenario"]:
             table.add_row(f"[bold]{row['scenario']}[/]")
-        cells = _cells(row, _cross_talk(rows, row))
-        table.add_row(*cells, style="red" if row["diverged"] else None)
+        table.add_row(*cells[:kept], style="red" if row["diverged"] else None)
     return table
+
+
+def _fitting(lines: Sequence[Sequence[str]], width: int) -> int:
+    """Return how many columns have room beside the names of estimators, four at least."""
+    columns = list(zip(*lines, strict=True))
+    wide = [max(map(len, column)) + 1 for column in columns]
+    wide[0] = min(wide[0], NAME)
+    return next((n for n in range(len(wide), 4, -1) if sum(wide[:n]) <= width), 4)
+
+
+def _left_out(headings: Sequence[str]) -> str:
+    if not headings:
+        return ""
+    return f"\nleft out, for the terminal is narrow: {', '.join(map(escape, headings))}"
 
 
 def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
@@ -111,10 +135,8 @@ def equal_noise_table(
     matched, overall : sequence of mapping
         As from a `flexaxis.experiments.studies.sweep.Sweep`, and from `scoring.ranking.overall`.
     """
-    table = Table(
-        box=None, padding=(0, 1, 0, 0), min_width=78, caption=EQUAL, caption_justify="left"
-    )
-    table.add_column("estimator", no_wrap=True)
+    table = Table(box=None, padding=(0, 1, 0, 0), caption=EQUAL, caption_justify="left")
+    table.add_column("estimator", overflow="fold")
     for heading in (r"lag \[s]", "95 %", "×bound", "after %", "false"):
         table.add_column(heading, justify="right", no_wrap=True)
     for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in matched):

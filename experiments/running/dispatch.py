@@ -12,11 +12,14 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import suppress
+from functools import partial
 from typing import Generic, TypeVar
 
+from flexaxis.experiments.building.inherited import held_back
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, held_back, two_stage
-from flexaxis.experiments.running.processes import process_pool
+from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, two_stage
+from flexaxis.experiments.running.processes import kill, process_pool, stop
+from flexaxis.experiments.running.stopping import Stopped, check, stoppable
 
 ATTEMPTS = 3
 Task = TypeVar("Task")
@@ -33,8 +36,8 @@ def spread(
 ) -> Generator[Result, None, None]:
     """Yield results as they come, in any order.
 
-    Ctrl-C once lets what is at work come in and starts nothing new; twice ends at once. Either way
-    a KeyboardInterrupt follows what was done.
+    Ctrl-C once starts nothing new and stops what is at work; what is done of it comes in, unless
+    that takes too long. Twice ends at once. Either way a KeyboardInterrupt follows.
 
     Parameters
     ----------
@@ -63,10 +66,27 @@ def spread(
         if executor is not None:
             yield from _elsewhere(_Flight(executor, work, interrupts), remaining, room)
         elif jobs == 1:
-            yield from map(work, remaining)
+            yield from _here(remaining, work)
         else:
             yield from _own_pools(remaining, work, jobs, room, interrupts)
         interrupts.tell()
+
+
+def _done(work: Callable[[Task], Result], task: Task) -> Result:
+    """Return what became of a task; work that cannot say how far it has come is lost by a stop."""
+    with stoppable():
+        check()
+        return work(task)
+    raise Stopped
+
+
+def _here(tasks: Iterator[Task], work: Callable[[Task], Result]) -> Iterator[Result]:
+    for task in tasks:
+        try:
+            result = _done(work, task)
+        except Stopped:
+            return
+        yield result
 
 
 def _elsewhere(flight: _Flight[Task, Result], tasks: Iterator[Task], room: int) -> Iterator[Result]:
@@ -91,10 +111,13 @@ def _own_pools(
     more = True
     while more:
         with process_pool(jobs) as pool:
-            flight = _Flight(pool, work, interrupts)
+            interrupts.stop = partial(stop, pool)
+            flight = _Flight(pool, partial(_done, work), interrupts)
             try:
                 yield from flight.all(tasks, room)
                 more = False
+                if interrupts.asked:  # what they do now, nobody waits for
+                    kill(pool)
             except BrokenExecutor:
                 pass
         lost = [task for task, _ in flight.out.values()]
@@ -107,14 +130,15 @@ def _one_by_one(
     attempt = 0
     while tasks and not interrupts.asked:
         with process_pool(1) as pool:
+            interrupts.stop = partial(stop, pool)
+            flight = _Flight(pool, partial(_done, work), interrupts)
             try:
                 while tasks and not interrupts.asked:
-                    with held_back():
-                        future = pool.submit(work, tasks[0])
-                    result = future.result()
+                    yield from flight.all(tasks[:1], 1)
                     del tasks[0]
                     attempt = 0
-                    yield result
+                if interrupts.asked:  # what they do now, nobody waits for
+                    kill(pool)
             except BrokenExecutor as error:
                 attempt += 1
                 if attempt == ATTEMPTS:
@@ -122,21 +146,24 @@ def _one_by_one(
 
 
 class _Flight(Generic[Task, Result]):
-    """Tasks that are out, and how often each was tried, by the futures of their results."""
+    """Tasks that are out, and how often each was tried, by the futures of their results.
+
+    They are given up where they do not come in soon after Ctrl-C.
+    """
 
     def __init__(
         self, executor: Executor, work: Callable[[Task], Result], interrupts: Interrupts
     ) -> None:
         self.executor, self.work, self.interrupts = executor, work, interrupts
         self.out: dict[Future[Result], tuple[Task, int]] = {}
-        interrupts.at_work = lambda: sum(future.running() for future in [*self.out])
+        self.given_up = False
 
     def all(self, tasks: Iterable[Task], room: int) -> Iterator[Result]:
         for task in tasks:
             self._submit(task, 1)
-            while len(self.out) >= room:
+            while len(self.out) >= room and not self.given_up:
                 yield from self._land()
-        while self.out:
+        while self.out and not self.given_up:
             yield from self._land()
 
     def _submit(self, task: Task, attempt: int) -> None:
@@ -160,10 +187,13 @@ class _Flight(Generic[Task, Result]):
             task, attempt = self.out.pop(future)
             if error is None:
                 yield future.result()
+            elif isinstance(error, Stopped) or self.interrupts.asked:  # as missing as it was
+                continue
             elif attempt < ATTEMPTS:
                 self._submit(task, attempt + 1)
             else:
                 raise _given_up(task, error)
+        self.given_up = self.interrupts.overdue
 
     def _give_back(self) -> None:
         """Take back what has not begun: it is as missing as what was never handed out."""

@@ -1,20 +1,30 @@
-"""Ctrl-C in two stages: first finish what is at work, then end at once."""
+"""Ctrl-C: once stops the work and keeps what is done, twice ends at once."""
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TypeVar
+from typing import NoReturn, TypeVar
+
+from flexaxis.experiments.building.inherited import STOP
+from flexaxis.experiments.running import stopping
+from flexaxis.experiments.running.stopping import patient
 
 Item = TypeVar("Item")
 
 PATIENCE = 0.5
 """For how long a wait may last before it looks whether anything was asked [s]: less than a person
 waits for an answer, and rarely enough to cost nothing."""
+GRACE = 1.5
+"""How long what is at work may take to stop before it is lost [s]: much longer than it needs, and
+as long as a person believes that a key was heard."""
 
 
 class Interrupts:
@@ -24,13 +34,22 @@ class Interrupts:
     ----------
     asked : bool
         Whether nothing new is to be begun.
-    at_work : callable
-        Gives the number of parts of the work that are under way, for the words.
+    stop : callable
+        Stops what is at work elsewhere; what is at work in this process is stopped anyway.
+    over : bool
+        Whether what Ctrl-C is for has ended.
     """
 
     def __init__(self) -> None:
         self.asked = False
-        self.at_work: Callable[[], int] = lambda: 1
+        self.stop: Callable[[], None] = lambda: None
+        self._until = float("inf")
+        self.over = False
+
+    @property
+    def overdue(self) -> bool:
+        """Whether what was at work has had its time to stop."""
+        return time.monotonic() > self._until
 
     def until(self, items: Iterable[Item]) -> Iterator[Item]:
         """Yield items until Ctrl-C."""
@@ -44,57 +63,89 @@ class Interrupts:
         if self.asked:
             raise KeyboardInterrupt
 
-    def __call__(self, number: int, frame: FrameType | None) -> None:
+    def ask(self) -> None:
         """Take a Ctrl-C."""
-        if self.asked:
-            if not _in_numba(frame):
-                raise KeyboardInterrupt
-            again = threading.Timer(0.01, signal.raise_signal, [number])
-            again.daemon = True
-            again.start()
-            return
-        self.asked = True
-        count = self.at_work()
-        parts = f"{count} part{'s'[: count != 1]} of the work"
+        self.tell()
+        self.asked, self._until = True, time.monotonic() + GRACE
         # Not by print: what is interrupted may be in the middle of one.
-        os.write(
-            2, f"\nflexaxis: stopping; waiting for {parts}. Ctrl-C again ends at once\n".encode()
-        )
+        os.write(2, b"\nflexaxis: stopping; what is done is kept. Ctrl-C again ends at once\n")
+        self.stop()
+        if STOP is not None and stopping.heed():
+            signal.raise_signal(STOP)  # which comes again where it is lost
+        else:
+            stopping.ask()
 
 
-def _in_numba(frame: FrameType | None) -> bool:
-    """Whether compiled code has called Python, for a type; it takes no exception from there.
+def _at_once() -> None:
+    raise KeyboardInterrupt
 
-    Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.
-    """
-    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
-        frame = frame.f_back
-    return frame is not None
+
+_over = threading.Event()  # what Ctrl-C ends at once
+AT_ONCE = patient(_at_once, lambda: not _over.is_set())
+
+
+@contextmanager
+def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
+    before = signal.getsignal(signal.SIGINT)
+    ours = before in {signal.default_int_handler, AT_ONCE}
+    if not ours or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    signal.signal(signal.SIGINT, react)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if not usual or threading.current_thread() is not threading.main_thread():
-        yield interrupts
-        return
-    signal.signal(signal.SIGINT, interrupts)
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
+        try:
+            yield interrupts
+        finally:
+            interrupts.over = True
+            stopping.forget()
 
 
 @contextmanager
-def held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while a process may be started, which inherits that: it is for us alone."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def one_stage() -> Iterator[None]:
+    """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
+    _over.clear()
+    with _handling(AT_ONCE), _dropped_in_silence():
+        try:
+            yield
+        finally:
+            _over.set()
+
+
+@contextmanager
+def _dropped_in_silence() -> Iterator[None]:
+    """Say nothing of a Ctrl-C that Python drops, for it comes again."""
+    usual = sys.unraisablehook
+
+    def drop(what: sys.UnraisableHookArgs) -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt | stopping.Stopped):
+            usual(what)
+
+    sys.unraisablehook = drop
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        sys.unraisablehook = usual
+
+
+def leave(status: int) -> NoReturn:
+    """End this process after Ctrl-C, without what Python does at its end.
+
+    That takes up to a second, in which another Ctrl-C would change the status.
+    """
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(status))
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # closed, or nobody reads it
+            stream.flush()
+    os._exit(status)

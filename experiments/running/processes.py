@@ -6,15 +6,22 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
+from multiprocessing.process import BaseProcess
+
+from flexaxis.experiments.building.inherited import STOP
+from flexaxis.experiments.running.stopping import heed
 
 
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "setpgid"):
+        os.setpgid(0, 0)  # so that what it starts can be killed with it
+    heed()
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
@@ -42,8 +49,7 @@ def process_pool(jobs: int) -> Iterator[Executor]:
     try:
         yield pool
     except BaseException:  # nobody waits for what they do any more
-        for process in list((pool._processes or {}).values()):
-            process.kill()
+        kill(pool)
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
@@ -52,3 +58,24 @@ def process_pool(jobs: int) -> Iterator[Executor]:
                 os.environ.pop(key, None)
             else:
                 os.environ[key] = value
+
+
+def stop(pool: Executor) -> None:
+    """Tell the processes of a pool to stop what they are doing, and give back what is done."""
+    for process in _workers(pool):
+        if STOP is not None and process.pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(process.pid, STOP)
+
+
+def kill(pool: Executor) -> None:
+    """Kill the processes of a pool, and the programs that they have started."""
+    for process in _workers(pool):
+        if hasattr(os, "killpg") and process.pid is not None:
+            with suppress(ProcessLookupError):  # it has ended, or has only just begun
+                os.killpg(process.pid, signal.SIGKILL)
+        process.kill()
+
+
+def _workers(pool: Executor) -> Iterable[BaseProcess]:
+    return list((getattr(pool, "_processes", None) or {}).values())

@@ -1,9 +1,12 @@
-"""Progress on stderr: a bar in a terminal, a line now and then elsewhere."""
+"""Progress on stderr: a bar in a terminal, lines elsewhere; in a notebook one line in its cell."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from flexaxis.experiments.running.told import is_quiet
 
@@ -15,6 +18,10 @@ def progress(what: str, total: float) -> Iterator[Callable[[float], None]]:
 
     if is_quiet():
         yield lambda amount: None
+        return
+    if (handle := _notebook()) is not None:
+        with _cell(handle, what, total) as advance:
+            yield advance
         return
     console = Console(stderr=True)
     shown = _bar if console.is_terminal else _lines
@@ -58,3 +65,45 @@ def _lines(console, what: str, total: float) -> Iterator[Callable[[float], None]
             console.print(f"{what}: {100 * done / total:.0f} %", highlight=False)
 
     yield advance
+
+
+PATIENCE = 2.0  # s that a cell of a notebook is silent
+EVERY = 0.5  # s between changes of its line
+
+
+def _notebook() -> Any:
+    """Return what shows something in a cell of a notebook, None where this is none."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    if shell is None or not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import DisplayHandle
+
+    return DisplayHandle()
+
+
+@contextmanager
+def _cell(handle: Any, what: str, total: float) -> Iterator[Callable[[float], None]]:
+    """Show one line below the cell once it takes long, and wipe it off at the end."""
+    begun = last = time.monotonic()
+    done, shown = 0.0, False
+
+    def show(text: str) -> None:
+        nonlocal shown
+        raw = {"text/plain": text}
+        (handle.update if shown else handle.display)(raw, raw=True)
+        shown = True
+
+    def advance(amount: float) -> None:
+        nonlocal done, last
+        done, now = min(done + amount, total), time.monotonic()
+        if now - begun < PATIENCE or now - last < EVERY:
+            return
+        last, left = now, (now - begun) * (total / done - 1) if done else 0.0
+        show(f"{what}: {100 * done / total:.0f} %, {left:.0f} s left")
+
+    try:
+        yield advance
+    finally:
+        if shown:
+            show("")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -21,6 +21,7 @@ from flexaxis.experiments.building.guest import Remark, limited, noted
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import case_id, has_batch, run_batch, run_case, warm
 from flexaxis.experiments.running.files import dumps
+from flexaxis.experiments.running.stopping import check, stoppable
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
 from flexaxis.experiments.scoring.pooling import Case
@@ -81,11 +82,27 @@ class Outcome:
 
 @dataclass
 class _Done:
-    """The cases of a unit, as they come."""
+    """The cases of a unit, as they come: of each its rows, and what goes with them."""
 
-    rows: list[list[Row]] = field(default_factory=list)
-    kept: list[Kept] = field(default_factory=list)
-    traces: list[Trace] = field(default_factory=list)
+    cases: list[tuple[list[Row], Kept | None, Trace | None]] = field(default_factory=list)
+    simulated: int = 0
+    simulating: float = 0.0
+    estimating: float = 0.0
+
+    def outcome(self, remarks: Sequence[Remark]) -> Outcome:
+        """Return what became of the unit, as far as it has come."""
+        rows = [rows for rows, _, _ in self.cases]
+        return Outcome(
+            lines="".join(dumps(row) + "\n" for case in rows for row in case).encode(),
+            cases=len(rows),
+            failed=sum(case[0]["error"] is not None for case in rows),
+            kept=tuple(kept for _, kept, _ in self.cases if kept is not None),
+            traces=tuple(trace for _, _, trace in self.cases if trace is not None),
+            simulated=self.simulated,
+            simulating=self.simulating,
+            estimating=self.estimating,
+            remarks=tuple(remarks),
+        )
 
 
 def run_unit(
@@ -96,6 +113,9 @@ def run_unit(
     time_limit: float | None = None,
 ) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
+
+    Where the work is stopped (`flexaxis.experiments.running.stopping`), the outcome has the cases
+    that were done by then.
 
     Parameters
     ----------
@@ -110,32 +130,29 @@ def run_unit(
         How long a user's estimator may take for a run [s].
     """
     # One thread: wherever it is run, to the last bit the same.
-    with threadpool_limits(1), limited(time_limit), noted() as remarks:
-        return replace(_run(unit, store, whole, traced), remarks=tuple(remarks))
-
-
-def _run(unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> Outcome:
-    started = time.perf_counter()
-    found, failed, simulated = _records(unit, unit.seeds, store)
-    between = time.perf_counter()
     done = _Done()
+    with threadpool_limits(1), limited(time_limit), noted() as remarks:
+        with stoppable():
+            check()
+            _run(done, unit, store, whole, traced)
+        return done.outcome(remarks)
+
+
+def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> None:
+    started = time.perf_counter()
+    found, failed, done.simulated = _records(unit, unit.seeds, store)
+    between = time.perf_counter()
+    done.simulating = between - started
     for variant in unit.variants:
         scenario = variant.scenario()
         for seed, text in failed.items():
-            done.rows += [_failure(variant, e, seed, text, scenario.name) for e in variant.entries]
+            for entry in variant.entries:
+                done.cases.append((_failure(variant, entry, seed, text, scenario.name), None, None))
         for entry in variant.entries:
-            for case in _cases(variant, scenario, entry, found):
-                _keep(done, case, whole=whole, traced=traced)
-    return Outcome(
-        lines="".join(dumps(row) + "\n" for rows in done.rows for row in rows).encode(),
-        cases=len(done.rows),
-        failed=sum(rows[0]["error"] is not None for rows in done.rows),
-        kept=tuple(done.kept),
-        traces=tuple(done.traces),
-        simulated=simulated,
-        simulating=between - started,
-        estimating=time.perf_counter() - between,
-    )
+            for rows, case in _cases(variant, scenario, entry, found):
+                done.cases.append(_with_what_goes(rows, case, whole=whole, traced=traced))
+                check()
+    done.estimating = time.perf_counter() - between
 
 
 def _records(
@@ -193,19 +210,20 @@ def _cases(
                for row in case.rows], case  # fmt: skip
 
 
-def _keep(done: _Done, found: tuple[list[Row], Case | None], *, whole: bool, traced: bool) -> None:
-    rows, case = found
-    done.rows.append(rows)
+def _with_what_goes(
+    rows: list[Row], case: Case | None, *, whole: bool, traced: bool
+) -> tuple[list[Row], Kept | None, Trace | None]:
     if case is None:
-        return
-    first = rows[0]
+        return rows, None, None
+    first, kept, trace = rows[0], None, None
     if whole and case.theta is not None:
         period = first["seconds"] / len(case.theta)
-        done.kept.append(Kept(first["case"], case.estimator, first["hash"], case.seed,
-                              period, case.names, case.theta))  # fmt: skip
+        kept = Kept(first["case"], case.estimator, first["hash"], case.seed, period, case.names,
+                    case.theta)  # fmt: skip
     if traced:
-        done.traces.append(Trace(first["case"], first["hash"], case.estimator, case.names,
-                                 case.curve, case.relative))  # fmt: skip
+        trace = Trace(first["case"], first["hash"], case.estimator, case.names, case.curve,
+                      case.relative)  # fmt: skip
+    return rows, kept, trace
 
 
 def _failure(variant: Variant, entry: Entry, seed: int, problem: str, name: str) -> list[Row]:

@@ -24,8 +24,19 @@ def with_knob(name: str, factor: float) -> str | None:
     knob, value = knob_of(name)
     if knob is None:
         return name
-    turned = 1 - (1 - value) * factor if knob == "forgetting" else value * factor
-    return with_value(name, turned) if turned > 0 else None
+    found = turned(knob, value, factor)
+    return with_value(name, found) if found > 0 else None
+
+
+def turned(knob: str, value: float, factor: float) -> float:
+    """Return a knob turned by a factor: λ in 1−λ, any other as it is.
+
+    Examples
+    --------
+    >>> round(turned("forgetting", 0.99, 2.0), 6), turned("walk", 0.5, 2.0)
+    (0.98, 1.0)
+    """
+    return 1 - (1 - value) * factor if knob == "forgetting" else value * factor
 
 
 def with_value(name: str, value: float) -> str:

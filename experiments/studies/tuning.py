@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.estimators.tuned import Tuning
+from flexaxis.experiments.building.specs import PIPES
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
-from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.studies.knobs import knob_of, numbers_of
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
-from flexaxis.sim.reading import read_toml
 from flexaxis.sim.scenario import Scenario
-from flexaxis.sim.toml_text import toml_text
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
@@ -79,25 +76,33 @@ class Trials:
         Where the cases are run.
     match : str
         What is to be matched: "excess", or the parameter whose std is.
+    scenarios : sequence of Scenario
+        Where the noise is taken, before the first fault: the nominal axis, without one, if empty.
     """
 
     seeds: Sequence[int]
     bench: Bench
     match: str = EXCESS
+    scenarios: Sequence[Scenario] = ()
     _known: dict[str, dict[str, float]] = field(default_factory=dict, repr=False)
 
     def noises(self, setting: str) -> dict[str, float]:
         """Return the std by parameter, and the root of the excess error as "excess".
 
-        On the nominal axis, started at the truth.
+        Of several scenarios the geometric mean, of what each of them has.
         """
         if setting not in self._known:
-            rows = self._rows(tuning_scenario(), setting)
-            found = {row["parameter"]: row["std"] for row in rows if row["std"]}
-            if rows[0]["excess"]:
-                found[EXCESS] = float(np.sqrt(rows[0]["excess"]))
-            self._known[setting] = found
+            each = [self._noises(s, setting) for s in self.scenarios or [tuning_scenario()]]
+            common = [key for key in each[0] if all(key in found for found in each)]
+            self._known[setting] = {key: _middle([found[key] for found in each]) for key in common}
         return self._known[setting]
+
+    def _noises(self, scenario: Scenario, setting: str) -> dict[str, float]:
+        rows = self._rows(scenario, setting)
+        found = {row["parameter"]: row["std"] for row in rows if row["std"]}
+        if rows[0]["excess"]:
+            found[EXCESS] = float(np.sqrt(rows[0]["excess"]))
+        return found
 
     def lag(self, setting: str, scenario: Scenario) -> float:
         """Return the lag [s] after the faults of a scenario."""
@@ -111,9 +116,9 @@ class Trials:
         return pool_group([case_of(run) for run in runs], scenario)
 
 
-def match_noise(name: str, trials: Trials, options: Mapping[str, float] | None = None) -> Tuned:
+def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = None) -> Tuned:
     """
-    Turn the knob until the noise is that of `rpem-forgetting` at its default, on the nominal axis.
+    Turn the knob until the noise is that of `rpem-forgetting` at its default, where it is tried.
 
     Secant steps in the logarithms; noise grows with every registered knob's speed.
 
@@ -144,7 +149,10 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, float] | None =
         tried = setting(name, {**(options or {}), knob: value})
         own = trials.noises(tried)
         if trials.match not in own:
-            break
+            raise FlexaxisError(
+                f"{tried}: its {_in_words(trials.match)} cannot be matched to that of {REFERENCE}: "
+                "it has none, for it does not move or does not estimate what that takes"
+            )
         ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
         ratio = ratios.pop(EXCESS, 1.0) if trials.match == EXCESS else ratios[trials.match]
         error = float(np.log(ratio))
@@ -207,65 +215,47 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Tri
     return found
 
 
-def setting(name: str, options: Mapping[str, float]) -> str:
+def setting(name: str, options: Mapping[str, Any]) -> str:
     """Return an estimator with options, as for `--estimator`.
 
     Examples
     --------
     >>> setting("ekf", {"walk": 0.002})
     'ekf[walk=0.002]'
+    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
+    'mine.py:Mine[robust=true,gain=0.1]'
     """
-    return f"{name}[{','.join(f'{key}={value:.12g}' for key, value in options.items())}]"
+    return f"{name}[{','.join(f'{key}={_written(value)}' for key, value in options.items())}]"
 
 
-def save(path: Path, name: str, found: Tuned, *, command: str, scenario: str | None = None) -> None:
-    """Write a setting to a file like estimators/tuned.toml, in the place of the one it had."""
-    tables, at = _others(path, name, scenario), tuning_scenario()
-    new = Tuning(
-        estimator=name,
-        knob=found.knob,
-        value=found.value,
-        setting=found.setting,
-        match=found.match,
-        ratio=round(found.ratio, 4),
-        command=command,
-        model=at.preset,
-        identify=at.identify,
-        period=at.period,
-        noise=at.noise.speed,
-        scenario=scenario,
-        lag=None if found.lag is None else round(found.lag, 4),
-    )
-    tables.append({key: value for key, value in asdict(new).items() if value is not None})
-    _write(path, tables)
-
-
-def forget(path: Path, name: str, *, scenario: str | None = None) -> None:
-    """Remove the setting of an estimator from such a file: what was found is no match any more."""
-    _write(path, _others(path, name, scenario))
-
-
-def _others(path: Path, name: str, scenario: str | None) -> list[dict[str, Any]]:
-    """Return what the file holds besides one setting."""
-    known = read_toml(path, FlexaxisError) if path.exists() else {}
-    tables = known.get("tuned", [])
-    return [t for t in tables if (t["estimator"], t.get("scenario")) != (name, scenario)]
-
-
-def _write(path: Path, tables: list[dict[str, Any]]) -> None:
-    rank = {name: place for place, name in enumerate(REGISTRY)}
-    tables.sort(key=lambda t: (rank.get(t["estimator"], len(rank)), t.get("scenario", "")))
-    text = "# Written by `flexaxis tune`; docs/scores.md explains.\n" + toml_text({"tuned": tables})
-    write_text(path, text)
+def _written(value: Any) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return f"{value:.12g}" if number else json.dumps(value)
 
 
 def _knob(name: str) -> tuple[str, float]:
     """Return the knob and its default, as what it gives of speed: 1−λ of a forgetting factor."""
     knob, value = knob_of(name)
     if knob is None:
-        own = "" if name in REGISTRY else '; name the option in its class: knob = "forgetting"'
-        raise FlexaxisError(f"{name} has no knob to turn{own}")
+        raise FlexaxisError(f"{name} has no knob to turn{_how_to_have_one(name)}")
     return knob, 1 - value if knob == "forgetting" else value
+
+
+def _in_words(match: str) -> str:
+    return "excess prediction error" if match == EXCESS else f"std of {match}"
+
+
+def _middle(values: Sequence[float]) -> float:
+    """Return the geometric mean; one value as it is."""
+    return values[0] if len(values) == 1 else float(np.exp(np.mean(np.log(values))))
+
+
+def _how_to_have_one(name: str) -> str:
+    if name in REGISTRY:
+        return ""
+    if name.startswith(tuple(PIPES)):
+        return ": a program takes no options, so write a class that starts it, and gives it one"
+    return '; name the option in its class: knob = "forgetting"'
 
 
 def _minimum(of, default: float) -> float:

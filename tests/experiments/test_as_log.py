@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -215,3 +217,33 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
     assert "percentage" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.sim.record import load_record
+import numpy as np
+style = LogStyle()
+columns = logged(load_record(sys.argv[2]), style, np.random.default_rng(0))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
+try:
+    write_log(Path(sys.argv[1]), columns, style)
+except LogError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of a file there")
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_full_disk_is_an_error_and_leaves_nothing(suffix, record, tmp_path):
+    """HDF5 would end the process where it cannot close a file."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    record.save(tmp_path / "rec.nc")
+    words = [sys.executable, "-c", FULL, place / f"log.{suffix}", tmp_path / "rec.nc", 10_000]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "") and "File too large" in done.stdout
+    assert not list(place.iterdir())

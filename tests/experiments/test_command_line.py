@@ -5,6 +5,8 @@ import os
 import shutil
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -100,6 +102,7 @@ def listed(capsys, *words):
     return {
         kind: [row["name"] for row in rows]
         for kind, rows in json.loads(capsys.readouterr().out).items()
+        if isinstance(rows, list)
     }
 
 
@@ -172,6 +175,16 @@ def test_words_are_completed(tmp_path):
     assert completed("flexaxis list --group s", tmp_path) == {"steps", "several", "sensors"}
 
 
+def test_parameters_are_completed_from_the_model_that_is_typed(tmp_path):
+    line = "flexaxis identify rec.nc --model one_mass"
+    assert completed(f"{line} --fix f_", tmp_path) == {"f_m", "f_c", "f_s"}
+    assert completed(f"{line} --free J", tmp_path) == {"J_m"}
+    assert "J_l" in completed("flexaxis identify rec.nc --start J_", tmp_path)
+    track = "flexaxis track rec.nc --model two_mass --identify"
+    assert completed(f"{track} 1/J_", tmp_path) == {"1/J_m", "1/J_l"}
+    assert not completed("flexaxis track rec.nc --model no.toml --identify J", tmp_path)
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_lines_of_a_shell_are_code_of_that_shell(capsys, tmp_path, shell):
     assert main(["completion", shell]) == 0
@@ -180,3 +193,84 @@ def test_the_lines_of_a_shell_are_code_of_that_shell(capsys, tmp_path, shell):
     assert "flexaxis" in path.read_text()
     if shutil.which(shell):
         subprocess.run([shell, "-n", str(path)], check=True)
+
+
+@pytest.mark.slow
+def test_forty_mistakes(tmp_path, monkeypatch):
+    """Each as somebody types it, with Python's start; beside `import numpy`, which is 0.1 s where
+    nothing else runs: ten times that for what is found before anything is run."""
+    monkeypatch.syspath_prepend(os.path.dirname(__file__))
+    import mistakes
+
+    found = mistakes.answers(tmp_path)
+    assert len(found) == 40
+    assert not {each.mistake.line: each.wrong for each in found if each.wrong}
+    typed = [each for each in found if not each.mistake.running]
+    assert not {each.mistake.line: each.seconds for each in typed if each.seconds > 10 * each.unit}
+
+
+def test_processes_and_a_cluster_exclude_each_other(capsys, place):
+    """Also where the number of processes is that of the default."""
+    jobs = str(os.cpu_count() or 1)
+    status, err = refused(capsys, "run", "smoke", "--dask", "localhost:1", "--jobs", jobs)
+    assert status == 2 and "not allowed with" in err
+
+
+COMPLETED = [
+    ("flexaxis ru", "run"),
+    ("flexaxis run fm_st", "fm_step-v1"),
+    ("flexaxis run smoke --estimator reloc", "relocate"),
+    ("flexaxis list --gr", "--group"),
+]
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="fish is not installed")
+def test_fish_completes(tmp_path):
+    where = str(Path(sys.executable).parent)
+    asked = "; ".join(f"complete -C '{typed}'" for typed, _ in COMPLETED[:2])
+    code = f"fish_add_path -P {where}; flexaxis completion fish | source; {asked}"
+    done = subprocess.run(["fish", "--no-config", "-c", code], capture_output=True, text=True,
+                          check=True, env=os.environ | {"HOME": str(tmp_path)})  # fmt: skip
+    words = [line.partition("\t")[0] for line in done.stdout.splitlines()]
+    assert words == [meant for _, meant in COMPLETED[:2]], done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="zsh is not installed")
+@pytest.mark.parametrize("begun", [True, False])
+def test_zsh_completes(tmp_path, begun):
+    """In a terminal of its own, with and without what most people have in their ~/.zshrc."""
+    import pty
+    import select
+    import signal
+
+    child, terminal = pty.fork()
+    if not child:
+        path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+        own = {"PATH": path, "HOME": str(tmp_path), "PS1": "> ", "TERM": "dumb"}
+        os.execvpe("zsh", ["zsh", "-f", "-i"], own)
+
+    def heard(until, patience=60.0):
+        end, text = time.monotonic() + patience, ""
+        while until not in text and time.monotonic() < end:
+            if select.select([terminal], [], [], 0.05)[0]:
+                text += os.read(terminal, 65536).decode(errors="replace")
+        assert until in text, text
+        return text
+
+    def typed(text):
+        os.write(terminal, text.encode())
+
+    try:
+        heard("> ")
+        typed("autoload -U compinit; compinit -u\n" if begun else "true\n")
+        typed('eval "$(flexaxis completion zsh)"; print re""ady\n')
+        heard("ready")
+        for word, meant in COMPLETED:
+            typed(f"{word}\t")
+            heard(f"{meant}")
+            typed("\x15")  # the line is taken back
+    finally:
+        os.close(terminal)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)

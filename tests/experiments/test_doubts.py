@@ -15,7 +15,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log, read_any
 from flexaxis.experiments.logs.prepare import unwrapped
 from flexaxis.experiments.logs.remedies import remedied
-from flexaxis.sim.record import Record
+from flexaxis.sim.record import Record, load_record
 
 T, FINE = 1e-3, 20  # s, steps of the simulation a sample
 J, F = 0.01, 0.05  # kg m², N m s/rad
@@ -409,6 +409,25 @@ def test_what_a_record_cannot_take_is_refused(tables, treatment, word, clean, tm
     path, _ = gapped(tmp_path, clean, tables={"torque_is": "smooth"}, highpass=3.0)
     with pytest.raises(LogError, match=f"rec.nc.*{word}"):
         read_any(path, tables, **treatment)
+
+
+def test_to_import_a_record_is_to_look_at_it_again(clean, tmp_path, capsys):
+    """Its torque is no mean of means, its gaps stay gaps, and what is not asked is not written."""
+    path, record = gapped(tmp_path, clean, tables={"torque_is": "smooth"})
+    assert main(["import", str(path), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["record"] == str(path)
+    assert next(c for c in told["checks"] if c["name"] == "missing samples")["value"] > 0
+    assert not (tmp_path / "rec-imported.nc").exists()
+    assert main(["import", str(path), "--burn-in", "1.5"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"is a record already: go on with flexaxis identify {tmp_path}/rec-imported.nc" in said
+    made = load_record(tmp_path / "rec-imported.nc")
+    assert made.burn_in == 1.5
+    np.testing.assert_array_equal(made.torque, record.torque)
+    np.testing.assert_array_equal(made.valid, record.valid)
+    assert main(["import", str(path), "--angle", "angle"]) == 2
+    assert "--angle is for logs" in capsys.readouterr().err
 
 
 def test_identify_and_track_say_what_is_wrong_with_a_log(clean, tmp_path, capsys):

@@ -16,7 +16,7 @@ from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import find_changes
 from flexaxis.experiments.logs.identify import noise_model
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.track import load_side
+from flexaxis.experiments.logs.load_angle import load_side
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.record import load_record
 

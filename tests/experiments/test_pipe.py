@@ -96,7 +96,7 @@ def test_what_is_said(tmp_path):
 
 def test_the_program_ends_with_the_estimator():
     estimator = PipeEstimator(f'{PYTHON} -c "{escaped(HEADER)}sys.stdin.read()"', {}, 0.005)
-    process = estimator._program._process
+    process = estimator._lines.program.process
     assert process.poll() is None
     del estimator
     gc.collect()
@@ -131,7 +131,7 @@ def test_programs_that_fail_at_once(code, message):
 )
 def test_programs_that_fail_later(code, message):
     estimator = PipeEstimator(f'{PYTHON} -c "{escaped(HEADER + code)}"', {}, 0.005, patience=10)
-    estimator._program._patience = 0.5  # the start of Python may take longer
+    estimator._lines.program.patience = 0.5  # the start of Python may take longer
     with pytest.raises(EstimatorError, match=message):
         estimator.step(0.0, 0.0)
 

@@ -3,7 +3,9 @@
     python tests/experiments/trend_tables.py wg_fc_step-v1 FOLDER --seeds 3000:3020 --wear 0,5,12,30
 
 simulates sets of 60 daily logs with 25 K of temperature, estimates from each log once (rows of
-FOLDER are kept, so that it goes on where it was stopped), and judges each set day by day.
+FOLDER are kept, so that it goes on where it was stopped), and judges each set day by day. The axis
+is known exactly, or with `--axis sheet` as data sheets tell it, up to 5 % off, or with `--axis
+identified` as `flexaxis identify` finds it in the first log of each set, begun from that.
 """
 
 import argparse
@@ -14,8 +16,18 @@ import numpy as np
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle
+from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.covariates import clock, covariates_of
-from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults, write_day
+from flexaxis.experiments.logs.days import (
+    Days,
+    calendar,
+    known_axis,
+    told_axis,
+    without_faults,
+    write_day,
+)
+from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.trend import Source, estimate_all, plan_for, tasks
 from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdict, verdicts
 
@@ -41,6 +53,22 @@ def logs_of(folder, scenario, wear, seed):
     return paths
 
 
+def axis_of(folder, scenario, kind, seed):
+    """Return what is known of the axis before the trend of a set; what was identified is kept."""
+    if kind == "exact":
+        return known_axis(scenario)
+    told = told_axis(scenario, seed)
+    if kind == "sheet":
+        return told
+    path = folder / f"{seed}-axis.toml"
+    if not path.exists():
+        first = min((folder / f"{seed}-0").glob("*.csv"))
+        found = identify(read_any(first, {}), told)
+        print(seed, "identified:", *found.warnings, flush=True)
+        found.axis.save(path)
+    return find_axis(str(path))
+
+
 def judged(rows, covariates, days, false_alarms=0.01):
     """Return by parameter what is said after a number of days."""
     rows = [row for row in rows[:days] if not row["problem"]]
@@ -56,12 +84,13 @@ def main():
     parser.add_argument("--seeds", default="0:2")
     parser.add_argument("--wear", default="0,12")
     parser.add_argument("--duration", type=float, default=10.0)
+    parser.add_argument("--axis", choices=("exact", "sheet", "identified"), default="exact")
     args = parser.parse_args()
     scenario = without_faults(find_scenario(args.scenario), args.duration)
-    axis = known_axis(scenario)
     first, last = map(int, args.seeds.split(":"))
-    plan = None
     for seed in range(first, last):
+        logs_of(args.folder, scenario, 0, seed)
+        axis, plan = axis_of(args.folder, scenario, args.axis, seed), None
         for wear in map(float, args.wear.split(",")):
             logs = logs_of(args.folder, scenario, wear, seed)
             plan = plan or plan_for(logs, axis, Source({}, {}))

@@ -2,9 +2,14 @@
 
 import json
 import math
+import struct
 import tomllib
 from pathlib import Path
 from typing import Any
+
+import h5py
+import numpy as np
+from scipy.io import savemat
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,6 +55,25 @@ torque = 0.6
 """
 
 
+SAMPLES = 1600  # of SHORT
+
+ANSWERS = """
+import os, select, sys
+kind, path = sys.argv[1:]
+with open(path, "rb") as file:
+    if kind == "lines":
+        for line in file:
+            sys.stdin.readline()
+            os.write(1, line)
+    else:
+        os.read(0, 1 << 16)
+        os.write(1, file.read(56))
+        # what is silent is waited for, and that is tried elsewhere: this one gives up soon
+        while select.select([0], [], [], 0.2)[0] and (asked := os.read(0, 1 << 16)):
+            os.write(1, file.read(8 * ((len(asked) - 8) // 16)))
+"""
+
+
 def scenarios(_: Path) -> list[dict[str, Any]]:
     """Return the tables of every shipped scenario."""
     return _tables(ROOT / "experiments/catalogue/scenarios")
@@ -86,6 +110,71 @@ def estimators(_: Path) -> list[bytes]:
 def records(folder: Path) -> list[bytes]:
     """Return a record."""
     return [(folder / "record.nc").read_bytes()]
+
+
+def tables(folder: Path) -> list[dict[str, Any]]:
+    """Return logs as rows of cells, the names first; one has units, decimal commas and a gap."""
+    rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
+    comma = [[cell.replace(".", ",") for cell in row] for row in rows[1:]]
+    units = ["t [ms]", "u (N m)", "phi [deg]"]
+    return [
+        {"separator": ",", "rows": rows},
+        {"separator": ";", "rows": [units, *comma[:200], *comma[230:]]},
+    ]
+
+
+def separated(content: Any) -> str:
+    """Return a table of text; whatever is no table is written as it is."""
+    rows, separator = content.get("rows", []), str(content.get("separator", ","))
+    rows = rows if isinstance(rows, list) else [rows]
+    cells = [row if isinstance(row, list) else [row] for row in rows]
+    return "\n".join(separator.join(str(_cell(cell)) for cell in row) for row in cells)
+
+
+def _cell(value: Any) -> Any:
+    """Return a cell as text can be made of it: of lists in lists, what is inside."""
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 1e300:
+        return "1" + 400 * "0"  # Python refuses to write a number so long
+    return _depth(value)[1] if isinstance(value, list) else value
+
+
+def mats(folder: Path) -> list[bytes]:
+    """Return MAT files, compressed and not."""
+    found = []
+    for compressed in (False, True):
+        path = folder / "good.mat"
+        savemat(path, _signals(folder), do_compression=compressed)
+        found.append(path.read_bytes())
+    return found
+
+
+def hdf5s(folder: Path) -> list[bytes]:
+    """Return HDF5 files, one with compressed pieces."""
+    found = []
+    for options in ({}, {"compression": "gzip", "chunks": (100,)}):
+        path = folder / "good.h5"
+        with h5py.File(path, "w") as file:
+            for name, values in _signals(folder).items():
+                file.create_dataset(name, data=values, **options)
+        found.append(path.read_bytes())
+    return found
+
+
+def _signals(folder: Path) -> dict[str, Any]:
+    names, *rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
+    return dict(zip(names, np.array(rows, float).T, strict=True))
+
+
+def replies(_: Path) -> list[bytes]:
+    """Return what programs answer over a pipe: names first, then θ for each sample."""
+    ready = b'{"names": ["f_m"], "output": "speed"}\n'
+    return [ready + b'{"theta": [0.05]}\n' * SAMPLES, ready + b'{"theta": null}\n', ready]
+
+
+def blocks(_: Path) -> list[bytes]:
+    """Return what programs answer over a binary pipe."""
+    head = struct.pack("<8sIIII", b"FLEXAXIS", 1, 0x01020304, 1, 0) + b"f_m".ljust(32, b"\0")
+    return [head + np.full(SAMPLES, 0.05).tobytes(), head]
 
 
 def rows(folder: Path) -> list[dict[str, Any]]:

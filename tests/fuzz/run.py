@@ -40,16 +40,21 @@ def contents(kind: str, folder: Path) -> st.SearchStrategy[bytes]:
     return st.one_of(tables, tables, tables, mutations.damaged([write(g).encode() for g in good]))
 
 
+def place(kind: str, folder: Path) -> Path:
+    """Return where a command finds a file of a kind, by its usual ending."""
+    return folder / f"{kind}{TARGETS[kind].suffix}"
+
+
 def placed(kind: str, good: Any, folder: Path) -> Path:
     """Write a good file of a kind; return its path."""
-    write, path = TARGETS[kind].written, folder / f"{kind}.toml"
+    write, path = TARGETS[kind].written, place(kind, folder)
     path.write_bytes(good if write is None else write(good).encode())
     return path
 
 
 def attempt(kind: str, data: bytes, folder: Path) -> str:
     """Give a command such a file; return what is wrong with how it answers, or nothing."""
-    path = folder / f"{kind}.toml"
+    path = place(kind, folder)
     path.write_bytes(data)
     return fault(TARGETS[kind].act, path)
 
@@ -101,7 +106,7 @@ def main() -> int:
                 if text:
                     faults += 1
                     args.found.mkdir(parents=True, exist_ok=True)
-                    path = args.found / f"{kind}-{number:x}.toml"
+                    path = args.found / f"{kind}-{number:x}{TARGETS[kind].suffix}"
                     path.write_bytes(data)
                     print(f"{path}: {text}\n{data[-300:].decode(errors='replace')}\n", flush=True)
             print(f"{sum(tried.values())} files, {faults} faults: {dict(tried)}", flush=True)

@@ -27,6 +27,7 @@ class Target(NamedTuple):
     good: Callable[[Path], list[Any]]
     written: Callable[[Any], str] | None
     act: Callable[[Path], int]
+    suffix: str = ".toml"
 
 
 def command(*words: str) -> Callable[[Path], int]:
@@ -68,7 +69,10 @@ def report_with(name: str) -> Callable[[Path], int]:
 
 
 LOG = ("import", "DIR/log.csv", "-o", "DIR/log.nc")
+OWN = ("import", "FILE", "-o", "DIR/log.nc", "--time", "t", "--torque", "u", "--angle", "phi")
 ESTIMATE = ("estimate", "-o", "DIR/estimates.nc", "--estimator")
+ANSWERS = f"{sys.executable} -S DIR/answers.py"  # a program that says what stands in a file
+PIPE = ("--time-limit", "2", "DIR/record.nc")
 TARGETS = {
     "scenario": Target(documents.scenarios, documents.toml, command("show", "FILE")),
     "study": Target(documents.studies, documents.toml, command("study", "FILE", "--dry-run")),
@@ -81,6 +85,15 @@ TARGETS = {
     "map": Target(documents.maps, documents.toml, command(*LOG, "--map", "FILE")),
     "estimator": Target(documents.estimators, None, command(*ESTIMATE, "TEXT", "DIR/record.nc")),
     "record": Target(documents.records, None, command(*ESTIMATE, "rpem-forgetting", "FILE")),
+    "csv": Target(documents.tables, documents.separated, command(*OWN), ".csv"),
+    "mat": Target(documents.mats, None, command(*OWN), ".mat"),
+    "hdf5": Target(documents.hdf5s, None, command(*OWN), ".h5"),
+    "pipe": Target(
+        documents.replies, None, command(*ESTIMATE, f"pipe:{ANSWERS} lines FILE", *PIPE)
+    ),
+    "pipe-binary": Target(
+        documents.blocks, None, command(*ESTIMATE, f"pipe-binary:{ANSWERS} blocks FILE", *PIPE)
+    ),
     "rows": Target(documents.rows, documents.lines, report_with("scores.jsonl")),
     "told": Target(documents.told, documents.lines, report_with("study.json")),
     "summary": Target(documents.summaries, documents.lines, report_with("summary.json")),
@@ -93,6 +106,7 @@ def prepare(folder: Path) -> None:
     lines = ["t,u,phi", *(",".join(map(str, row)) for row in rows)]
     (folder / "log.csv").write_text("\n".join(lines))
     (folder / "short.toml").write_text(documents.SHORT)
+    (folder / "answers.py").write_text(documents.ANSWERS)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         main(["simulate", str(folder / "short.toml"), "-o", str(folder / "record.nc")])
         words = ["--estimator", "rpem-forgetting", "--seeds", "2", "--jobs", "1"]

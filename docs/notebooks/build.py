@@ -1,0 +1,92 @@
+"""Make the notebooks of this folder from their sources: NAME.py, cells after `# %%`, to NAME.ipynb.
+
+Each is run from top to bottom in an empty folder, and keeps what it printed and drew; progress and
+paths are left out, so that a notebook that says the same has the same bytes but for its pictures.
+
+    python docs/notebooks/build.py [NAME …]
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import jupytext
+import nbformat
+from nbclient import NotebookClient
+from nbformat import NotebookNode
+from PIL import Image
+
+HERE = Path(__file__).parent
+SOURCES = sorted(path for path in HERE.glob("*.py") if path.name != Path(__file__).name)
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+LIMIT = 300  # s for a cell; a whole notebook takes less than a minute on a free core
+COLOURS = 96  # of a picture: enough for lines and bands
+
+
+def source(path: Path) -> NotebookNode:
+    """Return a notebook as its source says it, without any output."""
+    book = jupytext.read(path)
+    for place, cell in enumerate(book.cells):
+        cell["id"], cell["metadata"] = f"cell-{place}", {}
+    book["metadata"] = {"kernelspec": KERNEL, "language_info": {"name": "python"}}
+    return book
+
+
+def run(path: Path, folder: Path) -> NotebookNode:
+    """Return a notebook after it was run in a folder."""
+    book, inside = source(path), dict(os.environ)
+    own = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    # `!flexaxis` is the one beside this Python.
+    os.environ.update(own, PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    try:
+        NotebookClient(
+            book, timeout=LIMIT, kernel_name=KERNEL["name"], resources={"metadata": {"path": folder}}
+        ).execute()
+    finally:
+        os.environ.clear()
+        os.environ.update(inside)
+    for cell in book.cells:
+        cell["metadata"] = {}
+        if cell.cell_type == "code":
+            cell["outputs"] = [_small(out) for out in cell.outputs if not _is_progress(out)]
+    book["metadata"] = {"kernelspec": KERNEL, "language_info": {"name": "python"}}
+    return book
+
+
+def _is_progress(output: NotebookNode) -> bool:
+    if output.output_type == "stream":
+        return bool(output.name == "stderr")
+    return output.get("data", {}).get("text/plain", "-") == ""  # a line that was wiped off
+
+
+def _small(output: NotebookNode) -> NotebookNode:
+    """Return an output with its picture in few colours: a third of the bytes."""
+    data = output.get("data", {})
+    if "image/png" in data:
+        picture = Image.open(io.BytesIO(base64.b64decode(data["image/png"]))).convert("RGB")
+        file = io.BytesIO()
+        picture.quantize(COLOURS, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+        data["image/png"] = base64.b64encode(file.getvalue()).decode() + "\n"
+        data.pop("text/plain", None)
+    return output
+
+
+def main(names: list[str]) -> None:
+    """Run some notebooks, all by default, and write them."""
+    for path in [p for p in SOURCES if not names or p.stem in names]:
+        begun = time.monotonic()
+        with tempfile.TemporaryDirectory() as folder:
+            book = run(path, Path(folder))
+        nbformat.write(book, path.with_suffix(".ipynb"))
+        size = path.with_suffix(".ipynb").stat().st_size / 1000
+        print(f"{path.stem}.ipynb: {time.monotonic() - begun:.0f} s, {size:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

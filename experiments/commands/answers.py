@@ -1,0 +1,81 @@
+"""What `--json` prints: one object on stdout, alike for every command; docs/json.md has its keys.
+
+It begins with the version of flexaxis, the name of the command, its exit status and the line that
+was typed; what the command found follows. Where a command cannot, `error` says why.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def add_json(parser: Any) -> None:
+    """Declare --json."""
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object, and nothing else, on stdout"
+    )
+
+
+def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0) -> int:
+    """Print what a command found as JSON, and return its status.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With the name of the command and the words that were typed.
+    content : mapping
+        What was found. Numbers that are not finite become null, arrays lists, paths text; a
+        `command` in it, the line that does the same again, becomes `line`.
+    status : int
+        Exit status.
+    """
+    known = dict(content)
+    line = known.pop("command", None) or shlex.join(["flexaxis", *args.words])
+    known.pop("status", None)
+    print(_text(args.command, status, {"line": line} | known), flush=True)
+    args.answered = True
+    return status
+
+
+def no_answer(args: argparse.Namespace, status: int, error: str) -> None:
+    """Print as JSON why a command found nothing, if JSON was asked for and none was printed."""
+    if getattr(args, "json", False) and not getattr(args, "answered", False):
+        answer(args, {"error": error}, status)
+
+
+def refusal(command: str | None, words: list[str], status: int, error: str) -> str:
+    """Return the JSON for words that are no command."""
+    line = shlex.join(["flexaxis", *words])
+    return _text(command, status, {"line": line, "error": error})
+
+
+def _text(command: str | None, status: int, content: Mapping[str, Any]) -> str:
+    from importlib.metadata import version
+
+    head = {"flexaxis": version("flexaxis"), "command": command, "status": int(status)}
+    return json.dumps(plain(head | dict(content)), allow_nan=False, ensure_ascii=False)
+
+
+def plain(content: Any) -> Any:
+    """Return content as what JSON has; what is not finite is null.
+
+    Examples
+    --------
+    >>> plain({"lag": float("nan"), "at": (1, 2.5), "report": Path("a/b")})
+    {'lag': None, 'at': [1, 2.5], 'report': 'a/b'}
+    """
+    if isinstance(content, Mapping):
+        return {str(key): plain(value) for key, value in content.items()}
+    if isinstance(content, list | tuple | set | frozenset):
+        return [plain(value) for value in content]
+    if hasattr(content, "tolist"):  # of NumPy, without importing it
+        return plain(content.tolist())
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return str(content) if isinstance(content, Path) else content

@@ -1,0 +1,54 @@
+"""identify where its user knows the dry friction, or a part of it."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.axis_file import find_axis
+
+sys.path.insert(0, str(Path(__file__).parent))
+from identify_axes import VALUES, log
+
+F_C = 10 * VALUES[1]["f_m"]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    path = tmp_path_factory.mktemp("given") / "rec.nc"
+    return log(1, 10, "moves", seed=0, seconds=8.0).save(path)
+
+
+def identify(record, *more):
+    words = ["identify", record, "--model", "one_mass", "-o", record.with_name("axis.toml")]
+    return main([*map(str, words), *more])
+
+
+@pytest.mark.parametrize(
+    "more",
+    [(), pytest.param(("--friction", "coulomb"), marks=pytest.mark.slow)],
+    ids=["auto", "coulomb"],
+)
+def test_a_level_that_is_given_stays(record, capsys, more):
+    identify(record, "--fix", f"f_c={F_C}", "--json", *more)
+    told = json.loads(capsys.readouterr().out)
+    assert "f_c" not in told["estimates"]
+    assert told["estimates"]["f_m"]["value"] == pytest.approx(VALUES[1]["f_m"], rel=0.05)
+    axis = find_axis(str(record.with_name("axis.toml")))
+    assert axis.model.nominal["f_c"] == F_C and axis.model.laws
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (("--fix", "f_c=0.05", "--friction", "none"), "--friction none has no f_c"),
+        (("--fix", "v_s=0.05", "--friction", "coulomb"), "coulomb has no v_s; of --friction,"),
+        (("--fix", "f_cc=0.05"), "Did you mean 'f_c'?"),
+        (("--start", "jm=0.05"), "Did you mean 'J_m'?"),
+    ],
+)
+def test_what_no_law_has_is_refused_before_all_else(record, capsys, more, said):
+    assert identify(record, *more) == 2
+    assert said.casefold() in capsys.readouterr().err.casefold()

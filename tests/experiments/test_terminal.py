@@ -1,0 +1,42 @@
+"""Tables in terminals of some width: nothing is cut, and what has no room is named."""
+
+import io
+import os
+
+import pytest
+from rich.console import Console
+
+from flexaxis.experiments.reporting import terminal
+from flexaxis.experiments.scoring.table import SCORES
+
+NAMES = ["rpem-forgetting", "pipe-binary:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
+
+
+def rows():
+    """Two estimators on a fault; every score has a value as wide as values are."""
+    values = {score.name: 123.4 for score in SCORES.values()} | {"lag_interval": [1.0, 1.2]}
+    values |= {"scenario": "fm_step-v1", "parameter": "1/J_a", "changed": True, "lag": 12.34}
+    values |= {"diverged": 12, "never_settled": 12, "cost": {"us_per_sample": 123.4}}
+    return [values | {"estimator": name} for name in NAMES]
+
+
+@pytest.mark.parametrize(("width", "columns"), [(60, 7), (80, 10), (200, 10)])
+def test_the_table_of_scores(monkeypatch, width, columns):
+    monkeypatch.setattr(terminal, "_width", lambda: width)
+    table, out = terminal.score_table(rows()), io.StringIO()
+    Console(file=out, width=width).print(table)
+    text = out.getvalue()
+    assert "…" not in text and max(map(len, text.splitlines())) <= width
+    assert len(table.columns) == columns
+    assert "".join(NAMES[1].split())[-8:] in "".join(text.split())
+    assert ("left out, for the terminal is narrow: " in text) == (columns < 10)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there are no such terminals")
+def test_no_colour_is_asked_for(monkeypatch):
+    """NO_COLOR leaves bold letters, as https://no-color.org has it."""
+    monkeypatch.setenv("NO_COLOR", "1")
+    lost = [row | {"diverged": True} for row in rows()]
+    out = io.StringIO()
+    Console(file=out, width=200, force_terminal=True).print(terminal.score_table(lost))
+    assert "\x1b[31m" not in out.getvalue() and "\x1b[1m" in out.getvalue()

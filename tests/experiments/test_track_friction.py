@@ -1,0 +1,93 @@
+"""track on an axis with dry friction at a slow rate, and what it says of the size of a change."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.models.axes import MODELS
+from flexaxis.estimators.sampling.plan import law_plan
+from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.changes import changes_along
+from flexaxis.experiments.logs.track import track
+
+sys.path.insert(0, str(Path(__file__).parent))
+from track_axes import VALUES, changing_log
+
+RATE = 100.0
+AXIS = """
+model = "one_mass"
+[nominal]
+k_T = 1.0
+J_m = 1.01e-3
+f_m = 5.1e-3
+f_c = 0.049
+[deviation]
+J_m = 5e-6
+f_m = 1e-4
+f_c = 1e-3
+[[law]]
+kind = "bristle"
+drive = { speed_motor = 1.0 }
+acts = { speed_motor = "-1/J_m" }
+parameters = { coulomb = "f_c", stiffness = 1.1e5 }
+"""
+
+
+def test_dry_friction_at_100_hz_is_told_from_viscous(tmp_path):
+    """The motion reverses as it does at any rate, within 16 ms; so law and rate are apart."""
+    path = tmp_path / "axis.toml"
+    path.write_text(AXIS)
+    record = changing_log(
+        1, 10, "multisine", seed=1, period=1 / RATE, seconds=30.0, change={"f_m": 1.5}, at=15.0
+    )
+    found = track(record, find_axis(str(path)), parse("rpem-friction"), identify=["f_m"])
+    assert found.names == ("f_m", "f_c")
+    before = found.theta[1000:1500].mean(axis=0) / [VALUES[1]["f_m"], 10 * VALUES[1]["f_m"]]
+    # 3 % of scatter within a second's memory; steps of 2.5 ms make f_m 5 and f_c 7 % wrong
+    np.testing.assert_allclose(before, 1.0, atol=0.03)
+    (change,) = found.changes
+    assert change.name == "f_m" and abs(change.time - 15.0) < 1.0
+    assert change.relative == pytest.approx(0.5, abs=0.05)
+
+
+@pytest.mark.parametrize(("rate", "steps"), [(1000.0, 4), (200.0, 4), (100.0, 8), (50.0, 16)])
+def test_laws_are_solved_in_steps_of_time(rate, steps):
+    values = {"k_T": 1.0, "J_m": 1e-3, "f_m": 5e-3}
+    model = MODELS["one_mass"].factory(values).parametrize(["f_m"])
+    assert law_plan(model, model.theta / 2, model.theta * 2, 1 / rate)[0] == steps
+
+
+def test_a_change_has_its_size_however_large():
+    """ŷ = x/a + b z, as friction acts: seen from a = 1.5, to first order, half is a third."""
+    rng = np.random.default_rng(0)
+    time, x, z = np.arange(4000.0), 1 + 0.3 * rng.standard_normal(4000), rng.standard_normal(4000)
+    truth = np.where(time < 1000, 1.0, 1.5)
+    y = x / truth + z + 0.01 * rng.standard_normal(4000)
+
+    def look(theta):
+        a, b = theta
+        return y - x / a - b * z, np.column_stack([-x / a**2, z])
+
+    (change,) = changes_along(look, time, np.array([1.5, 1.0]), ("a", "b"))
+    assert change.name == "a" and abs(change.time - 1000) <= 100
+    assert change.relative == pytest.approx(0.5, abs=0.005)
+
+
+def test_changes_beside_a_large_one_are_those_that_there_are():
+    """ŷ = exp(a) x + b x s(t): what is seen of a large change from afar passes for changes of b."""
+    time = np.arange(8000.0)
+    x = np.random.default_rng(1).standard_normal(8000)
+    turning = 1 + 0.8 * np.sin(2 * np.pi * time / 2000)
+    truth = np.where(time < 4000, 0.5, 1.5)
+    y = np.exp(truth * turning) + x + 0.05 * np.random.default_rng(2).standard_normal(8000)
+
+    def look(theta):
+        a, b = theta
+        motion = np.exp(a * turning)
+        return y - motion - b * x, np.column_stack([turning * motion, x + 0.2 * turning])
+
+    found = changes_along(look, time, np.array([1.5, 1.0]), ("a", "b"))
+    assert [change.name for change in found] == ["a"]
