@@ -25,6 +25,7 @@ ENOUGH = 0.5  # relative standard deviation from which on a parameter counts as 
 NOTHING = 1e9  # relative standard deviation of what is not seen at all
 QUIETEST = 1e-12  # of the power of the output: less noise than that is rounding
 HELD = "stays as it is: a log shows ratios to it, so identify holds it unless it is freed"
+BEST, DRY = "at the best", "with dry friction counted as noise"
 CROSSINGS = 10  # reversals that a law of friction needs, at the least
 
 
@@ -80,6 +81,8 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     Q = information(chosen, chosen.theta, omega, power, period=period)
     Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
     found = _deviations(Q, names)
+    if axis.model.laws:  # what they do is not in the response, and so in σ
+        found = {n: replace(s, words=s.words.replace(BEST, DRY)) for n, s in found.items()}
     return found | {name: _of_law(record) for name in _law_names(axis)}
 
 
@@ -111,7 +114,7 @@ def _words(alone: float, together: float, partner: str) -> str:
     if not alone < ENOUGH:
         return "NOT seen by this excitation: fix it, or shake where it acts"
     if together < ENOUGH:
-        return f"seen, ±{100 * together:.2g} % at the best"
+        return f"seen, ±{100 * together:.2g} % {BEST}"
     text = f"seen only if others are known (then ±{100 * alone:.2g} %)"
     return f"{text}: confused with {partner}, fix one of them" if partner else text
 

@@ -9,6 +9,7 @@ from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt, sosfilt
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.doubts.clocks import updates_every
+from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
 from flexaxis.experiments.logs.errors import LogError
@@ -390,6 +391,23 @@ def test_options_on_a_record_do_not_make_a_log_of_it(clean, tmp_path):
         np.testing.assert_allclose(getattr(passed, name), getattr(wanted, name), atol=1e-9)
     np.testing.assert_array_equal(passed.valid, wanted.valid)
     assert passed.versions == wanted.versions
+
+
+def test_gaps_are_not_what_the_torque_does_not_explain(clean, tmp_path):
+    """Spectra over bridges of 50 ms, in which an angle is a line, are of another motion."""
+    whole = of_record(imported(tmp_path, clean).record)
+    kept = np.ones(len(clean["time"]), bool)
+    for start in (4000, 9500, 15500):
+        kept[start : start + round(0.05 / T)] = False
+    found = imported(tmp_path, {name: values[kept] for name, values in clean.items()})
+    gaps = of_record(found.record)
+    slow = whole.spectra.frequency < whole.band[1]
+    assert len(gaps.whole) == 4
+    assert np.median(1 - gaps.spectra.coherence[slow]) < 2 * np.median(
+        1 - whole.spectra.coherence[slow]
+    )
+    doubted = {check.name for check in found.checks if check.verdict != "ok"}
+    assert doubted <= {"missing samples", "torque between samples"}
 
 
 @pytest.mark.parametrize(

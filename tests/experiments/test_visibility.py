@@ -72,3 +72,16 @@ def test_what_identify_holds_is_not_among_the_unknowns():
     told = _deviations(Q, ("k_T", "k", "r"))
     assert told["k"].together == pytest.approx(0.01) and told["k"].words.startswith("seen, ±1 %")
     assert told["k_T"].words == told["r"].words == HELD
+
+
+def test_with_dry_friction_it_is_not_the_best(tmp_path):
+    """σ has what friction does in it, which a model with its law will explain."""
+    path = tmp_path / "axis.toml"
+    path.write_text(
+        f'model = "one_mass"\n[nominal]\nk_T = 1.0\nJ_m = {J}\nf_m = {F}\nf_c = 0.1\n'
+        '[[law]]\nkind = "bristle"\ndrive = {speed_motor = 1.0}\nacts = {speed_motor = "-1/J_m"}\n'
+        'parameters = {coulomb = "f_c", stiffness = 1e4}\n'
+    )
+    told = visible(recorded(np.random.default_rng(1).standard_normal(8000)), find_axis(str(path)))
+    assert "dry friction counted as noise" in told["f_m"].words
+    assert "at the best" not in told["f_m"].words and "reversals" in told["f_c"].words

@@ -101,13 +101,29 @@ class Evidence:
 
     @cached_property
     def spectra(self) -> Spectra:
-        """Averaged spectra over pieces of 4 s, or half the log."""
+        """Averaged spectra over pieces of 4 s, or half the log; those without a gap, if any are."""
         length = min(len(self.time) // 2, round(SEGMENT / self.period))
         rate = 1 / self.period
-        f, torque = welch(self.torque, fs=rate, nperseg=length)
-        _, speed = welch(self.speed, fs=rate, nperseg=length)
-        _, cross = csd(self.torque, self.speed, fs=rate, nperseg=length)
-        return Spectra(f, torque, speed, cross, len(self.time) // length)
+        runs = [run for run in self.whole if run.stop - run.start >= length] or [slice(None)]
+        weights = [2 * len(self.time[run]) // length - 1 for run in runs]  # pieces overlap by half
+        parts = []
+        for run in runs:
+            u, y = self.torque[run], self.speed[run]
+            f, torque = welch(u, fs=rate, nperseg=length)
+            _, speed = welch(y, fs=rate, nperseg=length)
+            _, cross = csd(u, y, fs=rate, nperseg=length)
+            parts.append((torque, speed, cross))
+        torque, speed, cross = (
+            np.average(each, axis=0, weights=weights) for each in zip(*parts, strict=True)
+        )
+        pieces = sum(len(self.time[run]) // length for run in runs)
+        return Spectra(f, torque, speed, cross, pieces)
+
+    @cached_property
+    def whole(self) -> list[slice]:
+        """Stretches in which nothing is missing."""
+        edges = np.flatnonzero(np.diff(np.r_[False, self.usable, False].astype(int)))
+        return [slice(int(i), int(j)) for i, j in edges.reshape(-1, 2)]
 
     @cached_property
     def band(self) -> tuple[float, float]:
