@@ -51,11 +51,9 @@ def run(path: Path, folder: Path) -> NotebookNode:
     # `!flexaxis` is the one beside this Python.
     os.environ.update(PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     try:
+        where = {"metadata": {"path": folder}}
         NotebookClient(
-            book,
-            timeout=LIMIT,
-            kernel_name=KERNEL["name"],
-            resources={"metadata": {"path": folder}},
+            book, timeout=LIMIT, kernel_name=KERNEL["name"], resources=where, coalesce_streams=True
         ).execute()
     finally:
         os.environ.clear()
