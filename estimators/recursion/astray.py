@@ -27,13 +27,14 @@ NOTHING = 2.0  # of the mean square of y, that a lost filter leaves of it. An ax
 # leaves its noise, and that is all of y
 MEMORY = 2.0  # s, of these means: an axis may stand still for part of it, and an outlier of 50
 # times y is less than y² over it
+UNKNOWN = 1.0  # s after which a wrong state has been forgotten
 
 KEPT = "reading", "foreseen", "stuck", "rails"  # what is known of the sensor, whatever comes
 
 
 def astray(period: float) -> tuple[Record, Record]:
     """Return what `repeats` and `explains_nothing` need of tuning and state."""
-    tuning = record(astray_memory=MEMORY / period)
+    tuning = record(astray_memory=MEMORY / period, unknown=round(UNKNOWN / period))
     state = record(
         reading=np.nan,  # the last one
         foreseen=0.0,  # ŷ as it was when this reading first came
@@ -44,6 +45,7 @@ def astray(period: float) -> tuple[Record, Record]:
         judged=0.0,  # samples that they are the means of
         anew=0.0,  # 1 where the filter should begin anew, 2 where its R is worth nothing either
         earlier=np.nan,  # R before it last began anew
+        waits=0.0,  # samples that it still waits for its state, in mid-motion
     )
     return tuning, state
 
@@ -66,6 +68,9 @@ def repeats(state, y, prediction, variance):
     elif state["stuck"] == 0.0 and (prediction - state["foreseen"]) ** 2 > FAR**2 * variance:
         state["stuck"] = state["doubted"] = 1.0
         rails[1 if prediction > y else 0] = y
+    if state["waits"] > 0.0:
+        state["waits"] -= 1.0
+        return True
     return state["stuck"] > 0.0
 
 
@@ -80,15 +85,16 @@ def explains_nothing(tuning, state, y, epsilon):
         state["anew"] = 2.0
 
 
-def begin_anew(state: Record, start: Record) -> None:
+def begin_anew(tuning: Record, state: Record, start: Record) -> None:
     """
     Put a filter, or several side by side, to the start, but for what is known of the sensor.
 
-    R is learnt again, for the state is unknown too; that before judges the sensor until then.
+    The torque alone moves the state from rest until it is that of the axis; what is wrong in it
+    would be learnt as structure. R is learnt again, and the one before judges the sensor until then.
     """
     earlier = state["noise"].copy() if state["anew"].max() < 2.0 else np.nan
     sensor = {name: state[name].copy() for name in KEPT}
     state[:] = start
     for name, value in sensor.items():
         state[name] = value
-    state["earlier"] = earlier
+    state["earlier"], state["waits"] = earlier, tuning["unknown"]

@@ -232,5 +232,5 @@ class CompiledFilter(RecursiveEstimator):
             taken = self._loop(self._tuning, self.state, *given)
             done += taken if self._restarts else len(u)
             if self._restarts and self.state["anew"].any():
-                begin_anew(self.state, self._begin)
+                begin_anew(self._tuning, self.state, self._begin)
         estimates *= self._design.scale[: len(self.names)]

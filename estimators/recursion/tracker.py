@@ -227,7 +227,7 @@ class Tracker(RecursiveEstimator):
         taken = int(self.state["samples_taken"][0])
         if self.state["anew"].any():
             self._before, self._origin = self.findings, self._origin + taken
-            begin_anew(self.state, self._begin)
+            begin_anew(self._tuning, self.state, self._begin)
             self._first_seconds()
         elif taken == self._commissioning:
             self._commission()
