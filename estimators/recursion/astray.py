@@ -11,8 +11,9 @@ not the end of the range.
 
 What was taken before that was noticed may have thrown a filter: one that does not forget all that
 it knows, or that believes in jumps, begins anew when the sensor reads on. So it does when ŷ is no
-number, and one that learns something once when it has for seconds explained less than nothing: what
-it leaves of y is then larger than y itself.
+number, and one that learns something once where it has for seconds left a large part of y that is
+no noise. If that does not help, it is judged ever later: it is lost for at most as long again as
+the sensor was wrong.
 
 All is relative to y and to what is known of its noise, so that units do not matter.
 """
@@ -23,17 +24,16 @@ from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.sampling.compiler import inlined
 
 FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
-NOTHING = 2.0  # of the mean square of y, that a lost filter leaves of it. An axis that stands still
-# leaves its noise, and that is all of y
-MEMORY = 2.0  # s, of these means: an axis may stand still for part of it, and an outlier of 50
-# times y is less than y² over it
+LEFT = 0.1  # of the mean square of y, that a lost filter leaves of it; friction and play leave 0.01
+FORETOLD = 0.5  # of that, which the residual before foretells: it is no noise
+MEMORY = 2.0  # s, of these means
 UNKNOWN = 1.0  # s after which a wrong state has been forgotten
 
-KEPT = "reading", "foreseen", "stuck", "rails"  # what is known of the sensor, whatever comes
+KEPT = "reading", "foreseen", "stuck", "rails", "patience"  # what is known of the sensor, whatever comes
 
 
 def astray(period: float) -> tuple[Record, Record]:
-    """Return what `repeats` and `explains_nothing` need of tuning and state."""
+    """Return what `repeats` and `explains` need of tuning and state."""
     tuning = record(astray_memory=MEMORY / period, unknown=round(UNKNOWN / period))
     state = record(
         reading=np.nan,  # the last one
@@ -41,8 +41,10 @@ def astray(period: float) -> tuple[Record, Record]:
         stuck=0.0,
         rails=np.full(2, np.nan),  # lowest and highest reading, where the sensor was stuck there
         doubted=0.0,  # 1 from when a sensor is found to be stuck until it reads on
-        squares=np.zeros(2),  # mean squares of the residual and of y
-        judged=0.0,  # samples that they are the means of
+        squares=np.zeros(3),  # means of ε², of y², and of ε[k] ε[k−1]
+        judged=0.0,  # samples since they began
+        last_left=0.0,  # ε of the last sample
+        patience=1.0,  # memories before it is judged
         anew=0.0,  # 1 where the filter should begin anew, 2 where its R is worth nothing either
         earlier=np.nan,  # R before it last began anew
         waits=0.0,  # samples that it still waits for its state, in mid-motion
@@ -75,14 +77,21 @@ def repeats(state, y, prediction, variance):
 
 
 @inlined
-def explains_nothing(tuning, state, y, epsilon):
-    """Mark a filter that has for seconds explained less than nothing."""
+def explains(tuning, state, y, epsilon):
+    """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
     squares = state["squares"]
-    state["judged"] = min(state["judged"] + 1.0, tuning["astray_memory"])
-    squares[0] += (epsilon**2 - squares[0]) / state["judged"]
-    squares[1] += (y**2 - squares[1]) / state["judged"]
-    if squares[0] > NOTHING * squares[1] and state["judged"] >= tuning["astray_memory"]:
-        state["anew"] = 2.0
+    state["judged"] += 1.0
+    count = min(state["judged"], tuning["astray_memory"])
+    squares[0] += (epsilon**2 - squares[0]) / count
+    squares[1] += (y**2 - squares[1]) / count
+    squares[2] += (epsilon * state["last_left"] - squares[2]) / count
+    state["last_left"] = epsilon
+    if state["judged"] >= state["patience"] * tuning["astray_memory"]:
+        state["judged"] = tuning["astray_memory"]
+        lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
+        state["patience"] = 2.0 * state["patience"] if lost else 1.0
+        if lost:
+            state["anew"] = 2.0
 
 
 def begin_anew(tuning: Record, state: Record, start: Record) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.recursion.astray import astray, explains_nothing, repeats
+from flexaxis.estimators.recursion.astray import astray, explains, repeats
 from flexaxis.estimators.recursion.design import Design, at_least_zero
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import inlined
@@ -126,8 +126,6 @@ def measure(tuning, state, y, valid):
         state["reading"] = np.nan
     if valid:
         state["epsilon"] = y - state["expected"]
-        if tuning["once"] > 0.0:
-            explains_nothing(tuning, state, y, state["epsilon"])
         weight = 1.0 / state["scale"]
         spread = 1.0 + form(state["claim"], psi, state["spread"])
         state["quiet"] = state["noise"]
@@ -187,6 +185,8 @@ def learn(tuning, state, square):
     for i in range(len(state["psi"])):
         excitation += state["psi"][i] ** 2
     if excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0):
+        if tuning["once"] > 0.0:
+            explains(tuning, state, state["expected"] + state["epsilon"], state["epsilon"])
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
         state["signal"] += (state["expected"] ** 2 - state["signal"]) / state["samples"]
         if tuning["known"] <= 0.0:
