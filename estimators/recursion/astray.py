@@ -29,7 +29,13 @@ FORETOLD = 0.5  # of that, which the residual before foretells: it is no noise
 MEMORY = 2.0  # s, of these means
 UNKNOWN = 1.0  # s after which a wrong state has been forgotten
 
-KEPT = "reading", "foreseen", "stuck", "rails", "patience"  # what is known of the sensor, whatever comes
+KEPT = (
+    "reading",
+    "foreseen",
+    "stuck",
+    "rails",
+    "patience",
+)  # what is known of the sensor, whatever comes
 
 
 def astray(period: float) -> tuple[Record, Record]:

@@ -168,7 +168,15 @@ class CompiledFilter(RecursiveEstimator):
         What the loop left, in the form of the module that made the filter.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_tuning", "_begin", "_read", "_restarts")
+    _shared = (
+        *RecursiveEstimator._shared,
+        "_design",
+        "_loop",
+        "_tuning",
+        "_begin",
+        "_read",
+        "_restarts",
+    )
 
     def __init__(
         self,

@@ -147,7 +147,9 @@ def measure(tuning, state, y, valid):
             theta[i] += gain[i] * (surprise * weight)
         subtract(state["P"], gain, weight)
         carry(state["claim"], gain, weight, state["spread"], spread)
-        learn(tuning, state, surprise**2 / spread)
+        excited = learn(tuning, state, surprise**2 / spread)
+        if excited and tuning["once"] > 0.0:
+            explains(tuning, state, y, state["epsilon"])
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
             theta[i] = tuning["lower"][i]
@@ -180,19 +182,23 @@ def form(P, psi, gain):
 
 @inlined
 def learn(tuning, state, square):
-    """Take a squared residual into R̂, exact over the first samples, then with a memory."""
+    """
+    Take a squared residual into R̂, exact over the first samples, then with a memory.
+
+    Not while the axis is not excited; return whether it is.
+    """
     excitation = 0.0
     for i in range(len(state["psi"])):
         excitation += state["psi"][i] ** 2
-    if excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0):
-        if tuning["once"] > 0.0:
-            explains(tuning, state, state["expected"] + state["epsilon"], state["epsilon"])
+    excited = excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0)
+    if excited:
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
         state["signal"] += (state["expected"] ** 2 - state["signal"]) / state["samples"]
         if tuning["known"] <= 0.0:
             square /= tuning["consistency"]
             state["noise"] += (square - state["noise"]) / state["samples"]
             state["noise"] = max(state["noise"], FINEST**2 * state["signal"])
+    return excited
 
 
 @inlined
