@@ -121,7 +121,9 @@ def joint_imm(
     )
     start = np.repeat(start, 1 + p)
     start["probability"][0] = start["predicted"][0] = 1.0
-    return CompiledFilter(imm_loop(pattern), tuning, start, design, partial(_read, p))
+    return CompiledFilter(
+        imm_loop(pattern), tuning, start, design, partial(_read, p), restarts=True
+    )
 
 
 def mode_probabilities(estimator: CompiledFilter) -> Array:
@@ -165,7 +167,7 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     for j in range(len(states)):
         start_sample(states[j]["X"], n, p)
     show(states[0], trace[k])
-    return False
+    return states[0]["anew"] > 0.0
 
 
 @inlined

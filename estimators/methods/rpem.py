@@ -167,14 +167,18 @@ class Rpem(CompiledFilter):
             scale=scale,
         )
         pattern, _ = split(design.model)
-        parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling)
+        parts = measured(
+            design, clip=robust, correct=state_correction, ceiling=ceiling, watch=robust > 0
+        )
         lanes, later = on_lanes(design, pattern), _settling(design, settle)
         tuning, start = map(joined, lanes, parts, later)
         if settle:
             waits = later[0]["known_before"][0] > 0.0
             start["P"][0, waits] = start["P"][0, :, waits] = 0.0
             start["claim"] = start["P"]
-        super().__init__(rpem_loop(pattern), tuning, start, design, read_claim)
+        super().__init__(
+            rpem_loop(pattern), tuning, start, design, read_claim, restarts=bool(learn)
+        )
 
     @property
     def P(self) -> Array:  # noqa: D102
@@ -261,4 +265,4 @@ def adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     predict(tuning, state)
     begin_to_learn(tuning, state)
     publish(state, k, estimates, trace)
-    return False
+    return tuning["once"] > 0.0 and state["anew"] > 0.0

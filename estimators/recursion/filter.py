@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.recursion.astray import begin_anew
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.signals import check_sample, check_signals
 
@@ -157,6 +158,9 @@ class CompiledFilter(RecursiveEstimator):
     read : callable
         ``read(state)`` gives η and the covariance that is claimed of it, of all parameters or of
         those that are tracked.
+    restarts : bool
+        Whether the loop stops where the filter is to begin anew, and returns what it has taken; see
+        `flexaxis.estimators.recursion.astray`.
 
     Attributes
     ----------
@@ -164,7 +168,15 @@ class CompiledFilter(RecursiveEstimator):
         What the loop left, in the form of the module that made the filter.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_loop", "_tuning", "_begin", "_read")
+    _shared = (
+        *RecursiveEstimator._shared,
+        "_design",
+        "_loop",
+        "_tuning",
+        "_begin",
+        "_read",
+        "_restarts",
+    )
 
     def __init__(
         self,
@@ -173,10 +185,12 @@ class CompiledFilter(RecursiveEstimator):
         start: Any,
         design: Design,
         read: Callable[[Any], tuple[Array, Array]],
+        *,
+        restarts: bool = False,
     ) -> None:
         super().__init__(design.names, design.output, design.bounds)
         self._design, self._loop, self._tuning = design, loop, tuning
-        self._begin, self._read = start, read
+        self._begin, self._read, self._restarts = start, read, restarts
         self.reset()
         nothing = np.empty(0)  # what has to be compiled is compiled now, and not in the first step
         loop(
@@ -219,5 +233,12 @@ class CompiledFilter(RecursiveEstimator):
     def _take(
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
-        self._loop(self._tuning, self.state, u, y, valid, estimates, trace)
+        done = 0
+        while done < len(u):
+            rest = slice(done, None)
+            given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
+            taken = self._loop(self._tuning, self.state, *given)
+            done += taken if self._restarts else len(u)
+            if self._restarts and self.state["anew"].any():
+                begin_anew(self._tuning, self.state, self._begin)
         estimates *= self._design.scale[: len(self.names)]

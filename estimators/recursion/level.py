@@ -19,8 +19,9 @@ from math import erf, exp, pi, sqrt
 
 import numpy as np
 
+from flexaxis.estimators.recursion.astray import astray, repeats
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import inlined
 
 MEMORY = 2.0  # s, of R; 400 samples at 5 ms give a relative standard deviation of 5 %
@@ -53,7 +54,8 @@ def level(design: Design) -> tuple[Record, Record]:
         run=0.0,  # samples in a row that were used
         odd=0.0,  # 1 where the last sample was beyond ODD
     )
-    return tuning, state
+    more, sensor = astray(design.period)
+    return joined(tuning, more), joined(state, sensor)
 
 
 @inlined
@@ -68,6 +70,11 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     S = spread + noise
     state["prediction"], state["innovation"] = prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
+    judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
+    if not valid:
+        state["reading"] = np.nan
+    elif repeats(state, y, prediction, S if judged else spread + state["earlier"]):
+        valid = False
     if not valid:
         state["run"], state["innovation_variance"] = 0.0, np.nan
         return np.nan

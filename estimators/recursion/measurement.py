@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.recursion.astray import astray, explains, repeats
 from flexaxis.estimators.recursion.design import Design, at_least_zero
-from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import inlined
 
 Array = NDArray[np.float64]
@@ -34,7 +35,12 @@ EARLY = 100.0  # times P(0), the ceiling while R̂ is not known
 
 
 def measured(
-    design: Design, *, clip: float = 0.0, correct: bool = False, ceiling: float = CEILING
+    design: Design,
+    *,
+    clip: float = 0.0,
+    correct: bool = False,
+    ceiling: float = CEILING,
+    watch: bool = False,
 ) -> tuple[Record, Record]:
     """
     Return tuning and state for `measure`, `correct_state`, `predict` and `bound`.
@@ -48,6 +54,8 @@ def measured(
         Whether the state moves with θ.
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
+    watch : bool
+        Whether nothing is taken from a sensor that is stuck.
     """
     at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
@@ -64,6 +72,8 @@ def measured(
         known=float(design.noise > 0),
         correct=float(correct),
         clip=float(clip),
+        watched=float(watch),
+        once=float(len(design.theta0) > design.tracked),  # whether anything is learnt once
         consistency=_consistency(clip),
         ceiling=float(ceiling),
         floor=GRANTED * np.diag(design.P0),
@@ -87,7 +97,8 @@ def measured(
         samples=0.0,  # that R̂ is the mean of
         signal=0.0,  # mean square of ŷ
     )
-    return tuning, state
+    more, sensor = astray(design.period)
+    return joined(tuning, more), joined(state, sensor)
 
 
 def _consistency(clip: float) -> float:
@@ -109,8 +120,12 @@ def measure(tuning, state, y, valid):
     state["expected"] = state["X"][-1, 0]
     state["epsilon"] = state["variance"] = np.nan
     if valid:
-        state["epsilon"] = y - state["expected"]
         state["scale"] = 1.0 + form(state["P"], psi, gain)
+        valid = not (tuning["watched"] > 0.0 and sticks(tuning, state, y))
+    else:
+        state["reading"] = np.nan
+    if valid:
+        state["epsilon"] = y - state["expected"]
         weight = 1.0 / state["scale"]
         spread = 1.0 + form(state["claim"], psi, state["spread"])
         state["quiet"] = state["noise"]
@@ -132,13 +147,23 @@ def measure(tuning, state, y, valid):
             theta[i] += gain[i] * (surprise * weight)
         subtract(state["P"], gain, weight)
         carry(state["claim"], gain, weight, state["spread"], spread)
-        learn(tuning, state, surprise**2 / spread)
+        excited = learn(tuning, state, surprise**2 / spread)
+        if excited and tuning["once"] > 0.0:
+            explains(tuning, state, y, state["epsilon"])
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
             theta[i] = tuning["lower"][i]
         elif theta[i] > tuning["upper"][i]:
             theta[i] = tuning["upper"][i]
         moved[i] = theta[i] - moved[i]
+
+
+@inlined
+def sticks(tuning, state, y):
+    """Return whether y is that of a sensor that is stuck; the first samples are believed."""
+    known = state["samples"] >= KNOWN or tuning["known"] > 0.0
+    noise = state["noise"] if known else state["earlier"]
+    return repeats(state, y, state["expected"], noise * state["scale"])
 
 
 @inlined
@@ -157,17 +182,23 @@ def form(P, psi, gain):
 
 @inlined
 def learn(tuning, state, square):
-    """Take a squared residual into R̂, exact over the first samples, then with a memory."""
+    """
+    Take a squared residual into R̂, exact over the first samples, then with a memory.
+
+    Not while the axis is not excited; return whether it is.
+    """
     excitation = 0.0
     for i in range(len(state["psi"])):
         excitation += state["psi"][i] ** 2
-    if excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0):
+    excited = excitation > (ASLEEP * state["noise"] if state["samples"] > 0.0 else 0.0)
+    if excited:
         state["samples"] = min(state["samples"] + 1.0, tuning["memory"])
         state["signal"] += (state["expected"] ** 2 - state["signal"]) / state["samples"]
         if tuning["known"] <= 0.0:
             square /= tuning["consistency"]
             state["noise"] += (square - state["noise"]) / state["samples"]
             state["noise"] = max(state["noise"], FINEST**2 * state["signal"])
+    return excited
 
 
 @inlined

@@ -1,12 +1,14 @@
 """A filter that tracks what changes and learns the rest once, in its first seconds."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.recursion.as_told import as_told, told_records
+from flexaxis.estimators.recursion.astray import begin_anew
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
 from flexaxis.estimators.recursion.joint import start_sample, with_state
@@ -117,7 +119,13 @@ class Tracker(RecursiveEstimator):
         self.reset()
 
     def _start(self) -> None:
-        self.state, self._tuning = self._begin.copy(), self._free
+        self.state = self._begin.copy()
+        self._origin, self._before = 0, tuple[Finding, ...]()
+        self._first_seconds()
+
+    def _first_seconds(self) -> None:
+        """Be about to be commissioned."""
+        self._tuning = self._free
         self.state["due"] = self._commissioning - 1
         self.fixed_because: dict[str, str] = {}
         names = [self._design.model.names[i] for i in self._which]
@@ -153,7 +161,10 @@ class Tracker(RecursiveEstimator):
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
-        return tuple(self._jumps.findings)
+        return self._before + tuple(
+            replace(f, alarm=f.alarm + self._origin, onset=f.onset + self._origin)
+            for f in self._jumps.findings
+        )
 
     @property
     def alarm(self) -> bool:  # noqa: D102
@@ -214,7 +225,11 @@ class Tracker(RecursiveEstimator):
     def _attend(self) -> None:
         """Do what is due after a sample."""
         taken = int(self.state["samples_taken"][0])
-        if taken == self._commissioning:
+        if self.state["anew"].any():
+            self._before, self._origin = self.findings, self._origin + taken
+            begin_anew(self._tuning, self.state, self._begin)
+            self._first_seconds()
+        elif taken == self._commissioning:
             self._commission()
         elif taken > self._commissioning and self.state["asks"][0]:
             self._jumps.attend(self.state)
@@ -292,4 +307,4 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     as_told(tuning, state, estimates[k])
     start_sample(state["X"], len(state["moved"]), len(tuning["lower"]))
     show(state, trace[k])
-    return watch(tuning, state)
+    return watch(tuning, state) or state["anew"] > 0.0

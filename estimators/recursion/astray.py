@@ -1,0 +1,115 @@
+"""
+Whether a sensor does not follow the axis, or a filter has lost its way and begins anew.
+
+A reading that repeats while the axis moves is no measurement: of a sensor that is stuck, or at the
+end of its range. Noise never repeats to the last bit, but what an encoder counts does. Its speeds
+are wrong by less than a count q in a period, evenly from −q to q about the truth with the variance
+q²/6, so that two equal ones leave the truth 2q = 4.9 standard deviations to move in. Where ŷ has
+moved by more than twice that since a reading first came, nothing is taken from the sensor, as in a
+gap, until it reads something else; nor any such reading again, until one beyond it shows that it is
+not the end of the range.
+
+What was taken before that was noticed may have thrown a filter: one that does not forget all that
+it knows, or that believes in jumps, begins anew when the sensor reads on. So it does when ŷ is no
+number, and one that learns something once where it has for seconds left a large part of y that is
+no noise. If that does not help, it is judged ever later: it is lost for at most as long again as
+the sensor was wrong.
+
+All is relative to y and to what is known of its noise, so that units do not matter.
+"""
+
+import numpy as np
+
+from flexaxis.estimators.recursion.records import Record, record
+from flexaxis.estimators.sampling.compiler import inlined
+
+FAR = 10.0  # standard deviations that ŷ moves; twice those in which a coarse encoder may repeat
+LEFT = 0.1  # of the mean square of y, that a lost filter leaves of it; friction and play leave 0.01
+FORETOLD = 0.5  # of that, which the residual before foretells: it is no noise
+MEMORY = 2.0  # s, of these means
+UNKNOWN = 1.0  # s after which a wrong state has been forgotten
+
+KEPT = (
+    "reading",
+    "foreseen",
+    "stuck",
+    "rails",
+    "patience",
+)  # what is known of the sensor, whatever comes
+
+
+def astray(period: float) -> tuple[Record, Record]:
+    """Return what `repeats` and `explains` need of tuning and state."""
+    tuning = record(astray_memory=MEMORY / period, unknown=round(UNKNOWN / period))
+    state = record(
+        reading=np.nan,  # the last one
+        foreseen=0.0,  # ŷ as it was when this reading first came
+        stuck=0.0,
+        rails=np.full(2, np.nan),  # lowest and highest reading, where the sensor was stuck there
+        doubted=0.0,  # 1 from when a sensor is found to be stuck until it reads on
+        squares=np.zeros(3),  # means of ε², of y², and of ε[k] ε[k−1]
+        judged=0.0,  # samples since they began
+        last_left=0.0,  # ε of the last sample
+        patience=1.0,  # memories before it is judged
+        anew=0.0,  # 1 where the filter should begin anew, 2 where its R is worth nothing either
+        earlier=np.nan,  # R before it last began anew
+        waits=0.0,  # samples that it still waits for its state, in mid-motion
+    )
+    return tuning, state
+
+
+@inlined
+def repeats(state, y, prediction, variance):
+    """Return whether y is that of a stuck sensor; ``variance`` is that of y − ŷ, or NaN."""
+    rails = state["rails"]
+    if y < rails[0]:  # it can read less
+        rails[0] = np.nan
+    elif y > rails[1]:
+        rails[1] = np.nan
+    if not np.isfinite(prediction):
+        state["anew"] = 2.0
+    elif y != state["reading"]:
+        state["reading"], state["foreseen"] = y, prediction
+        state["stuck"] = 1.0 if y == rails[0] or y == rails[1] else 0.0
+        if state["stuck"] == 0.0 and state["doubted"] > 0.0:
+            state["doubted"], state["anew"] = 0.0, 1.0
+    elif state["stuck"] == 0.0 and (prediction - state["foreseen"]) ** 2 > FAR**2 * variance:
+        state["stuck"] = state["doubted"] = 1.0
+        rails[1 if prediction > y else 0] = y
+    if state["waits"] > 0.0:
+        state["waits"] -= 1.0
+        return True
+    return state["stuck"] > 0.0
+
+
+@inlined
+def explains(tuning, state, y, epsilon):
+    """Take a residual, and mark a filter that is lost; it is asked again after twice the time."""
+    squares = state["squares"]
+    state["judged"] += 1.0
+    count = min(state["judged"], tuning["astray_memory"])
+    squares[0] += (epsilon**2 - squares[0]) / count
+    squares[1] += (y**2 - squares[1]) / count
+    squares[2] += (epsilon * state["last_left"] - squares[2]) / count
+    state["last_left"] = epsilon
+    if state["judged"] >= state["patience"] * tuning["astray_memory"]:
+        state["judged"] = tuning["astray_memory"]
+        lost = squares[0] > LEFT * squares[1] and squares[2] > FORETOLD * squares[0]
+        state["patience"] = 2.0 * state["patience"] if lost else 1.0
+        if lost:
+            state["anew"] = 2.0
+
+
+def begin_anew(tuning: Record, state: Record, start: Record) -> None:
+    """
+    Put a filter, or several side by side, to the start, but for what is known of the sensor.
+
+    The torque alone moves the state from rest until it is that of the axis; what is wrong in it
+    would be learnt as structure. R is learnt again, and the one before judges the sensor until then.
+    """
+    earlier = state["noise"].copy() if state["anew"].max() < 2.0 else np.nan
+    sensor = {name: state[name].copy() for name in KEPT}
+    state[:] = start
+    for name, value in sensor.items():
+        state[name] = value
+    state["earlier"], state["waits"] = earlier, tuning["unknown"]
