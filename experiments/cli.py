@@ -21,7 +21,7 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
-from flexaxis.experiments.running.interrupts import no_more_waiting, one_stage
+from flexaxis.experiments.running.interrupts import leave, one_stage
 from flexaxis.experiments.running.told import told
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
@@ -119,8 +119,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.words = [word for word in words if word not in common]  # no part of what is repeated
     with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose), one_stage():
         status = _guarded(args)
-    if alone:
-        no_more_waiting()
+    if alone and status == INTERRUPTED:
+        leave(status)
     return status
 
 

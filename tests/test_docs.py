@@ -1,7 +1,8 @@
-"""The tables of the documentation: that they are what commands wrote, of what there is now."""
+"""The documentation: tables are what commands wrote, and what is typed there are commands."""
 
 import importlib.util
 import re
+import shlex
 import sys
 import tomllib
 from pathlib import Path
@@ -11,10 +12,9 @@ import pytest
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_suite, scenario_names
+from flexaxis.experiments.cli import parser
 
 ROOT = Path(__file__).parents[1]
-WORDS = {17: "seventeen", 18: "eighteen", 19: "nineteen", 20: "twenty", 21: "twenty-one",
-         22: "twenty-two", 23: "twenty-three", 24: "twenty-four"}  # fmt: skip
 
 
 def loaded(name):
@@ -80,11 +80,6 @@ def test_measured_tables_say_how_they_were_made(written, name):
     assert re.search(r"`flexaxis \w+ .*`, commit [0-9a-f]{7,}", written[name, "text"])
 
 
-def test_the_readme_counts_what_there_is():
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert f"**Estimators**, {WORDS[len(REGISTRY)]} of them" in text
-
-
 def test_the_tables_of_friction_are_of_what_their_command_makes():
     friction = loaded("friction")
     text = friction.PAGE.read_text(encoding="utf-8")
@@ -104,3 +99,34 @@ def test_the_law_that_the_page_of_friction_writes_is_one():
     written = re.search(r"```toml\n(.*?)```", text, re.DOTALL)[1]
     model = model_from_tables(tomllib.loads(written))
     assert [(law.kind, law.names) for law in model.laws] == [("bristle", ("f_c", "sigma_0"))]
+
+
+def typed():
+    """Every command line of the documentation, as one types it, with the page that has it."""
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("models_mjcf/**/*.md")]
+    for path in sorted(pages):
+        for block in re.findall(r"```sh\n(.*?)```", path.read_text("utf-8"), re.DOTALL):
+            for line in block.replace("\\\n", " ").splitlines():
+                words = shlex.split(line, comments=True)
+                if words[:1] == ["flexaxis"]:
+                    yield path.relative_to(ROOT).as_posix(), words[1:]
+
+
+TYPED = list(typed())
+
+
+@pytest.mark.parametrize(("page", "words"), TYPED, ids=[" ".join(w)[:60] for _, w in TYPED])
+def test_every_command_of_the_documentation_is_one(page, words, capsys):
+    """What stands behind the first of `;`, `|`, `&&`, `>` is the shell's."""
+    stop = next(
+        (i for i, word in enumerate(words) if word in {";", "|", "&&", "&", ">", "||"}), None
+    )
+    words = [word.rstrip(";") for word in words[:stop]]
+    try:
+        parser().parse_args(words)
+    except SystemExit as error:
+        assert error.code == 0 and "--help" in words, f"{page}: {capsys.readouterr().err}"
+
+
+def test_the_documentation_has_commands():
+    assert len(TYPED) > 60 and len({page for page, _ in TYPED}) > 8

@@ -25,6 +25,12 @@ from PIL import Image
 HERE = Path(__file__).parent
 SOURCES = sorted(path for path in HERE.glob("*.py") if path.name != Path(__file__).name)
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+PLAIN = {
+    "OMP_NUM_THREADS": "1",
+    "MPLBACKEND": "module://matplotlib_inline.backend_inline",
+    "NO_COLOR": "1",
+    "COLUMNS": "110",
+}
 LIMIT = 300  # s for a cell; a whole notebook takes less than a minute on a free core
 COLOURS = 96  # of a picture: enough for lines and bands
 
@@ -41,12 +47,15 @@ def source(path: Path) -> NotebookNode:
 def run(path: Path, folder: Path) -> NotebookNode:
     """Return a notebook after it was run in a folder."""
     book, inside = source(path), dict(os.environ)
-    own = {"OMP_NUM_THREADS": "1", "MPLBACKEND": "module://matplotlib_inline.backend_inline"}
+    os.environ.update(PLAIN)
     # `!flexaxis` is the one beside this Python.
-    os.environ.update(own, PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+    os.environ.update(PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     try:
         NotebookClient(
-            book, timeout=LIMIT, kernel_name=KERNEL["name"], resources={"metadata": {"path": folder}}
+            book,
+            timeout=LIMIT,
+            kernel_name=KERNEL["name"],
+            resources={"metadata": {"path": folder}},
         ).execute()
     finally:
         os.environ.clear()
@@ -66,7 +75,9 @@ def _is_progress(output: NotebookNode) -> bool:
 
 
 def _small(output: NotebookNode) -> NotebookNode:
-    """Return an output with its picture in few colours: a third of the bytes."""
+    """Return an output with plain ends of lines, and a picture in few colours: fewer bytes."""
+    if output.output_type == "stream":
+        output["text"] = output.text.replace("\r\n", "\n")
     data = output.get("data", {})
     if "image/png" in data:
         picture = Image.open(io.BytesIO(base64.b64decode(data["image/png"]))).convert("RGB")

@@ -43,8 +43,8 @@ figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(8, 3.6), layou
 above.plot(log["time [s]"], log["torque [Nm]"], lw=0.8)
 below.plot(log["time [s]"], log["speed [rad/s]"], lw=0.8, color="#D55E00")
 above.set(ylabel="torque [N m]", xlim=(4, 8))
-below.set(ylabel="motor speed [rad/s]", xlabel="time [s]");
-
+below.set(ylabel="motor speed [rad/s]", xlabel="time [s]")
+plt.show()
 # %% [markdown]
 # ## The parameters
 #
@@ -72,7 +72,9 @@ record = import_any(first, {}).record
 data_sheet = find_axis("days/axis.toml")
 found = identify(record, data_sheet, fix=("f_g", "f_a"))
 found.axis.save(Path("axis.toml"))
-print(f"law of friction: {found.friction}; the torque alone explains {found.fit:.1f} % of the motion")
+print(
+    f"law of friction: {found.friction}; the torque alone explains {found.fit:.1f} % of the motion"
+)
 for warning in found.warnings:
     print("!", warning)
 
@@ -80,7 +82,9 @@ for warning in found.warnings:
 table = pd.DataFrame({"estimate": found.theta, "sd": found.deviations}, index=found.names)
 table["sd [%]"] = 100 * table["sd"] / table["estimate"]
 table["data sheet off by [%]"] = 100 * (pd.Series(data_sheet.model.nominal) / table["estimate"] - 1)
-table.style.format({"estimate": "{:.5g}", "sd": "{:.1e}", "sd [%]": "{:.2g}", "data sheet off by [%]": "{:+.1f}"})
+table.style.set_uuid("axis").format(
+    {"estimate": "{:.5g}", "sd": "{:.1e}", "sd [%]": "{:.2g}", "data sheet off by [%]": "{:+.1f}"}
+)
 
 # %% [markdown]
 # The standard deviation is the larger of two: that for the noise as it was modelled, and that from the scatter over pieces of
@@ -121,7 +125,10 @@ warmth = verdict["covariates"]["temp"]["slope"] * (temperature - temperature.mea
 start, day = np.median(f_c[:9]), np.arange(1, len(rows) + 1)
 
 figure, axes = plt.subplots(1, 2, sharey=True, figsize=(8, 3.4), layout="constrained")
-for ax, values, title in ((axes[0], f_c, "as estimated"), (axes[1], f_c / (1 + warmth), "less the warmth")):
+for ax, values, title in (
+    (axes[0], f_c, "as estimated"),
+    (axes[1], f_c / (1 + warmth), "less the warmth"),
+):
     points = ax.scatter(day, 100 * (values / start - 1), c=temperature, cmap="coolwarm", zorder=3)
     ax.errorbar(day, 100 * (values / start - 1), 200 * sd / start, fmt="none", ecolor="0.6", lw=1)
     ax.set(xlabel="day", title=title)
@@ -129,8 +136,8 @@ for ax, values, title in ((axes[0], f_c, "as estimated"), (axes[1], f_c / (1 + w
 for change in verdict["changes"]:
     axes[1].axvline(change["time"] + 1, color="k", lw=0.8)
 axes[0].set_ylabel("$f_c$ [% of the first days]")
-figure.colorbar(points, label="temperature [°C]");
-
+figure.colorbar(points, label="temperature [°C]")
+plt.show()
 # %% [markdown]
 # ## Was it right?
 #

@@ -11,6 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import flexaxis as fx
+from flexaxis.experiments.reporting.figures import colour
 
 plt.rcParams["figure.dpi"] = 90
 
@@ -24,10 +25,10 @@ plt.rcParams["figure.dpi"] = 90
 
 # %%
 record = fx.simulate("coulomb_fm_step-v1", seed=0)
-axes = fx.estimate(record, "relocate").plot("f_m", band=False)
+axes = fx.estimate(record, "relocate").plot("f_m", band=False)  # grey: burn-in
 fx.estimate(record, "relocate-friction").plot("f_m", ax=axes, band=False)
-axes.figure.set_size_inches(8, 3);
-
+axes.figure.set_size_inches(8, 3)
+plt.show()
 # %% [markdown]
 # ## The plan
 #
@@ -55,7 +56,19 @@ results
 
 # %%
 frame = results.to_dataframe().query("parameter == 'f_m'")
-frame[["estimator", "fault[0].factor", "friction.coulomb", "seed", "lag", "t10", "std", "bias", "lag_bound"]].head(4)
+frame[
+    [
+        "estimator",
+        "fault[0].factor",
+        "friction.coulomb",
+        "seed",
+        "lag",
+        "t10",
+        "std",
+        "bias",
+        "lag_bound",
+    ]
+].head(4)
 
 # %% [markdown]
 # ## The bias before the fault
@@ -65,7 +78,9 @@ frame[["estimator", "fault[0].factor", "friction.coulomb", "seed", "lag", "t10",
 
 # %%
 bias = frame.groupby(["estimator", "friction.coulomb"])["bias"].mean().unstack(0)
-bias["formula (linear)"] = 100 * np.sqrt(2 / np.pi) * np.array(levels) / 5.0 / 0.05  # v_rms 5 rad/s, f_m .05
+bias["formula (linear)"] = (
+    100 * np.sqrt(2 / np.pi) * np.array(levels) / 5.0 / 0.05
+)  # v_rms 5 rad/s, f_m .05
 bias.round(1)
 
 # %% [markdown]
@@ -76,15 +91,21 @@ bias.round(1)
 # $1/J_a$, $f_m$ and the level of dry friction for unknown after it. Averages of lags are geometric means.
 
 # %%
-colours = {"rpem-forgetting": "#0072B2", "relocate": "#D55E00", "relocate-friction": "#009E73"}
+names = ["rpem-forgetting", "relocate", "relocate-friction"]
 figure, panels = plt.subplots(1, len(levels), sharey=True, figsize=(9, 3.6), layout="constrained")
-pooled = frame.assign(log=np.log(frame["lag"])).groupby(["friction.coulomb", "estimator", "fault[0].factor"])["log"]
+pooled = frame.assign(log=np.log(frame["lag"])).groupby(
+    ["friction.coulomb", "estimator", "fault[0].factor"]
+)["log"]
 for ax, level in zip(panels, levels, strict=True):
-    for name, colour in colours.items():
+    for name in names:
         found = [np.exp(pooled.get_group((level, name, factor))) for factor in factors]
         growth = [100 * (factor - 1) for factor in factors]
-        ax.loglog(growth, [np.exp(np.log(f).mean()) for f in found], "o-", color=colour, label=name)
-        ax.vlines(growth, [f.min() for f in found], [f.max() for f in found], color=colour, lw=1)
+        ax.loglog(
+            growth, [np.exp(np.log(f).mean()) for f in found], "o-", color=colour(name), label=name
+        )
+        ax.vlines(
+            growth, [f.min() for f in found], [f.max() for f in found], color=colour(name), lw=1
+        )
     bound = frame[frame["friction.coulomb"] == level].groupby("fault[0].factor")["lag_bound"].mean()
     ax.loglog(100 * (bound.index - 1), bound, color="0.5", lw=1.5, label="bound")
     ax.axhline(5.0, color="k", lw=0.7, ls=":")
@@ -93,8 +114,8 @@ for ax, level in zip(panels, levels, strict=True):
     ax.set_xticks([], minor=True)
     ax.grid(alpha=0.25, which="both")
 panels[0].set_ylabel("lag [s]  (dotted: doing nothing)")
-panels[1].legend(frameon=False, fontsize=8);
-
+panels[1].legend(frameon=False, fontsize=8)
+plt.show()
 # %% [markdown]
 # Three things to read from it.
 #
@@ -103,7 +124,7 @@ panels[1].legend(frameon=False, fontsize=8);
 # 2. A few hundredths of a newton metre of dry friction end that advantage. The linear detector does not diverge and raises no
 #    false alarm; on small faults it is just not better than forgetting any more. The lag exceeds 5 s, that of doing nothing, where the
 #    *bias* is larger than the fault.
-# 3. With a law of friction in the model it comes back, all of it. That it lies below the line here and there is no contradiction: the bound
+# 3. With a law of friction in the model it comes back. That it lies below the line here and there is no contradiction: the bound
 #    takes four parameters for unknown after the fault, and who finds out which one it was has only one to learn.
 #
 # ## What the detector says
@@ -113,7 +134,9 @@ panels[1].legend(frameon=False, fontsize=8);
 
 # %%
 seen = frame[frame["estimator"] != "rpem-forgetting"].groupby(["estimator", "friction.coulomb"])
-seen[["detection.missed", "detection.false_alarms", "detection.isolated"]].mean().astype(float).round(2)
+seen[["detection.missed", "detection.false_alarms", "detection.isolated"]].mean().astype(
+    float
+).round(2)
 
 # %% [markdown]
 # Two seeds make a figure to look at, not one for a paper: take 60, keep the rows (`folder="results/friction"`), and

@@ -26,19 +26,22 @@ plt.rcParams["figure.dpi"] = 90
 # A PI controller of the motor speed, in three lines; the reference is a sum of sines, for a motion that excites nothing
 # teaches nothing.
 
+
 # %%
 def reference(t):
     """Speed [rad/s]."""
-    return sum(2.2 * np.sin(2 * np.pi * f * t + f**2) for f in (0.3, 1.1, 2.3, 5.9, 11.3, 15.7, 16.3, 24.1))
+    return sum(
+        2.2 * np.sin(2 * np.pi * f * t + f**2) for f in (0.3, 1.1, 2.3, 5.9, 11.3, 15.7, 16.3, 24.1)
+    )
 
 
 def close_the_loop(axis, *, Kp=0.1, Ki=0.4):
     """Return torque [N m] and measured speed [rad/s] of a whole run, (N,) each."""
-    torque, speed, I = [], [], 0.0
+    torque, speed, integral = [], [], 0.0
     while True:
         e = reference(axis.sample.time) - axis.sample.speed
-        I += Ki * 0.005 * e
-        torque.append(Kp * e + I)
+        integral += Ki * 0.005 * e
+        torque.append(Kp * e + integral)
         speed.append(axis.sample.speed)
         if axis.done:
             return np.array(torque), np.array(speed)
@@ -57,8 +60,8 @@ above.set(ylabel="motor speed [rad/s]", xlim=(8, 12))
 below.set(ylabel="torque [N m]", xlabel="time [s]")
 above.axvline(10, color="k", lw=0.8)
 below.axvline(10, color="k", lw=0.8)
-above.legend(frameon=False, ncols=2, loc="lower left");
-
+above.legend(frameon=False, ncols=2, loc="lower left")
+plt.show()
 # %% [markdown]
 # *Question 1. Somewhere in this picture the friction of the motor grows by half. Where, and how would you see it without the line?*
 #
@@ -87,14 +90,16 @@ for forgetting, colour in ((0.98, "#D55E00"), (0.995, "#0072B2"), (0.999, "#009E
     theta = identified(u, y, forgetting)
     for ax, column in zip(panels, theta.T, strict=True):
         ax.plot(t, column, color=colour, lw=1, label=f"λ = {forgetting}")
-for ax, label, true in zip(panels, ("$k_T$", "$1/J_a$", "$f_m$"), ((1, 1), (1, 1), (1, 1.5)), strict=True):
+for ax, label, true in zip(
+    panels, ("$k_T$", "$1/J_a$", "$f_m$"), ((1, 1), (1, 1), (1, 1.5)), strict=True
+):
     ax.step([0, 10, 20], [true[0], true[0], true[1]], "k--", lw=1, where="pre")
     ax.set_ylabel(f"{label} / nominal")
     ax.grid(alpha=0.25)
     ax.set_xlim(2, 20)
 panels[0].legend(frameon=False, ncols=3)
-panels[2].set_xlabel("time [s]");
-
+panels[2].set_xlabel("time [s]")
+plt.show()
 # %% [markdown]
 # *Question 2. Which λ would you take for an axis that wears over months, which for one that a crate may fall on?*
 #
@@ -129,6 +134,7 @@ for ax, ticks in ((left, (0.2, 0.4, 0.8)), (right, (0.3, 1, 3))):
     ax.minorticks_off()
     ax.legend(frameon=False)
     ax.grid(alpha=0.25)
+plt.show()
 
 # %%
 slope = np.polyfit(np.log(nu), np.log(std), 1)[0]
@@ -147,7 +153,8 @@ record = fx.simulate("fm_step-v1", seed=1)
 axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
 fx.estimate(record, "relocate").plot("f_m", ax=axes, band=False)
 axes.set_xlim(8, 16)
-axes.figure.set_size_inches(8, 3);
+axes.figure.set_size_inches(8, 3)
+plt.show()
 
 # %% [markdown]
 # ## Answers

@@ -107,6 +107,8 @@ def fit(
     if plain:
         point, _ = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):
+        if not np.isfinite(point.square):
+            break  # it cannot be simulated, and has no residual that could be coloured
         colour = problem.colour(point.residual)
         point = problem.weighed(point, colour)
         if coarse and fine and (converged or left < LAST):
@@ -166,7 +168,7 @@ def _covariance(point: Point, problem: Problem) -> Array:
     values, vectors = np.linalg.eigh(H / np.outer(size, size))
     values = np.maximum(values, 1e-14 * values[-1])  # smaller ones are rounding
     inverse = vectors / values @ vectors.T
-    with np.errstate(over="ignore"):  # of what the record shows nothing of
+    with np.errstate(over="ignore", invalid="ignore"):  # of what the record shows nothing of
         known = point.square / point.samples * inverse / np.outer(size, size)
     covariance[np.ix_(free, free)] = np.clip(known, -UNSEEN, UNSEEN)
     return covariance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import signal
 import subprocess
 import tempfile
 import threading
@@ -137,7 +138,10 @@ class _Watch:
 
 
 def _end(process: subprocess.Popen[bytes], watch: _Watch, errors: IO[bytes]) -> None:
-    """Close its input, which asks it to end; a program that does not is killed."""
+    """Close its input, which asks it to end; a program that does not is killed.
+
+    Nothing is raised, for this is called where objects go, from which nothing can be.
+    """
     watch.stop()
     for stream in (process.stdin, process.stdout):
         try:
@@ -147,7 +151,11 @@ def _end(process: subprocess.Popen[bytes], watch: _Watch, errors: IO[bytes]) -> 
             pass
     try:
         process.wait(1)
-    except subprocess.TimeoutExpired:
+    except BaseException as error:  # or Ctrl-C, which comes again
         process.kill()
         process.wait()
+        if isinstance(error, KeyboardInterrupt):
+            again = threading.Timer(0.01, signal.raise_signal, [signal.SIGINT])
+            again.daemon = True
+            again.start()
     errors.close()

@@ -113,11 +113,11 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
     """Return the rows of all logs, computing those that are missing."""
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.finding import find_logs
     from flexaxis.experiments.logs.trend import (
         Source,
         check_folder,
         estimate_all,
-        find_logs,
         plan_for,
         tasks,
     )

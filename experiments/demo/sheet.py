@@ -103,9 +103,7 @@ class Sheet:
             ax.fill_between(curves.time, theta - band, theta + band, color=colour, alpha=0.2, lw=0)
             ax.plot(curves.time, theta, color=colour, lw=1.2)
         ax.plot(curves.time, curves.truth[:, i], "k--", lw=0.9)
-        truth = curves.truth[:, i] if len(curves.time) else np.ones(1)
-        low, high = truth.min(), truth.max()
-        ax.set_ylim(0.9 * low - 0.1 * (not low) * high, 1.16 * high)  # a burst sets no scale
+        ax.set_ylim(*limits(curves.truth[:, i], curves.theta[:, :, i]))
 
     def _draw_friction(self, curves: Curves) -> None:
         self._draw_estimate(3, len(NAMES), curves)
@@ -154,6 +152,18 @@ class Sheet:
             loc="upper right", fontsize=TINY, ncols=3, title="a dot a fault", title_fontsize=TINY,
             handletextpad=0, columnspacing=0.6, borderpad=0.3,
         )  # fmt: skip
+
+
+def limits(truth: NDArray[np.float64], theta: NDArray[np.float64]) -> tuple[float, float]:
+    """Return what a diagram shows of an estimate: the truth, a bias, but not all of a burst."""
+    if not len(truth):
+        return 0.0, 1.0
+    known = theta[np.isfinite(theta)]
+    low, high = np.quantile(known, [0.05, 0.95]) if len(known) else (truth[0], truth[0])
+    bottom, top = 0.9 * truth.min(), 1.16 * truth.max()
+    # Where there is none before, as of dry friction, zero is to be seen as well.
+    bottom -= 0.1 * truth.max() * (truth.min() == 0)
+    return float(np.clip(0.98 * low, bottom / 2, bottom)), float(np.clip(1.02 * high, top, 2 * top))
 
 
 def _now(curves: Curves) -> float:

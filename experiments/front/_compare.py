@@ -143,8 +143,8 @@ def compare(
     kept, left_out = readable(scenarios_of(scenarios), (first, second))
     wanted = [f"{name}={value!r}" for name, value in (margins or {}).items()]
     question = gate.Question(
-        base=first, candidate=second, scenarios=kept, seeds=seeds_of(seeds), margins=parse_margins(wanted),
-        max_seeds=max_seeds,
+        base=first, candidate=second, scenarios=kept, seeds=seeds_of(seeds),
+        margins=parse_margins(wanted), max_seeds=max_seeds,
     )  # fmt: skip
     most = len(question.looks()[-1]) * len(kept) * len({first, second}) * (3 if match_std else 1)
     about = f"at most {most} cases"

@@ -32,8 +32,8 @@ from flexaxis.sim.scenario import Scenario
 SEEDS = tuple(range(16))
 """Those for tuning: no comparison has them unless it asks for them."""
 
-TURNS = (1 / 1.5, 1.0, 1.5)  # of the candidate's knob, about its setting
-FURTHER = (4.0, 16.0)  # and its inverse, where these are all noisier than the base, or all quieter
+TURNS = (1 / 1.2, 1.0, 1.2)  # of the candidate's knob, about its setting
+FURTHER = (1.6, 4.0, 16.0)  # and its inverse, where all are noisier than the base, or all quieter
 NOISES = ("std", "excess")  # what is equal is not judged
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -202,7 +203,8 @@ def _write_h5(
 ) -> None:
     import h5py
 
-    with h5py.File(path, "w") as file:
+    memory = io.BytesIO()  # HDF5 cannot close a file on a full disk, and ends the process with that
+    with h5py.File(memory, "w") as file:
         file.attrs["flexaxis"] = WRITTEN
         if date:
             file.attrs["date"] = date
@@ -210,6 +212,7 @@ def _write_h5(
             file[name] = values
             if name in units:
                 file[name].attrs["units"] = units[name]
+    path.write_bytes(memory.getbuffer())
 
 
 def _variables(columns: Mapping[str, Array], style: LogStyle) -> dict[str, Array]:

@@ -239,8 +239,6 @@ def known_axis(scenario: Scenario) -> Axis:
     """Return the axis as it truly is at 25 °C."""
     laws = [law for law, there in _LAWS if getattr(scenario, there) is not None]
     values: dict[str, Any] = dict(scenario.initial)
-    if _COULOMB in laws:
-        values["sigma_0"] = STIFF
     taken = {name for law in laws for name in law.names}
     kept = {name: float(x) for name, x in values.items() if name in taken or name in _LINEAR}
     model = replace(three_mass(kept), laws=tuple(laws))
@@ -255,9 +253,8 @@ def told_axis(scenario: Scenario, seed: int) -> Axis:
     """
     axis, rng = known_axis(scenario), stream(scenario.key, seed, "days.sheet")
     off = {name: 1 + SHEET * rng.uniform(-1.0, 1.0) for name in axis.model.nominal}
-    right = {*GIVEN, *(("sigma_0",) if scenario.friction is not None else ())}
     return axis.having(
-        {n: value * off[n] for n, value in axis.model.nominal.items() if n not in right}
+        {n: value * off[n] for n, value in axis.model.nominal.items() if n not in GIVEN}
     )
 
 
@@ -266,6 +263,6 @@ _COULOMB = Law(
     "bristle",
     drive=BRISTLES.drive,
     acts=BRISTLES.acts,
-    parameters={"coulomb": "f_c", "stiffness": "sigma_0"},
+    parameters={"coulomb": "f_c", "stiffness": STIFF},
 )
 _LAWS = ((_COULOMB, "friction"), (STATIC, "static_friction"))

@@ -132,7 +132,7 @@ def identify(
     axis : Axis
         Its nominal values are where the search starts.
     free : sequence of str
-        Parameters to identify; by default all but k_T and r.
+        Parameters to identify; by default all but k_T and r, and those that a known axis has at 0.
     fix : sequence of str
         Parameters to leave at their nominal values.
     given : mapping of str to float
@@ -199,7 +199,8 @@ def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...
     known = axis.model.parameters
     wanted = [n for n in (*free, *fix) if n not in LAWFUL or n in known]
     axis.having(dict.fromkeys(wanted, 1.0))  # raises for unknown names
-    chosen = tuple(n for n in free if n in known) or tuple(n for n in known if n not in GIVEN)
+    there = [n for n in known if not axis.known or axis.model.nominal[n]]
+    chosen = tuple(n for n in free if n in known) or tuple(n for n in there if n not in GIVEN)
     chosen = tuple(name for name in chosen if name not in fix)
     if not chosen:
         raise LogError("all parameters are fixed; leave one free, with --free NAME")

@@ -82,7 +82,7 @@ def print_identification(found: Identification, tried: Validation | None) -> Non
     """Print it."""
     table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
     for name, value, sd, *_ in rows(found):
-        share = f"{100 * sd / abs(value):.2g}" if value else ""
+        share = f"{100 * sd / abs(value):.2g}" if abs(value) > sd else ""
         table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", f"{sd:.2g}", share)
     console = Console()
     console.print(table)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 
 from flexaxis.experiments.logs.errors import LogError
@@ -55,6 +56,13 @@ def is_ours(path: Path) -> bool:
 def is_record(path: Path) -> bool:
     """Whether a file is a record that flexaxis wrote."""
     return path.suffix == ".nc" and path.is_file() and "versions" in _attributes(path)
+
+
+def made_of(path: Path, names: Collection[str]) -> bool:
+    """Whether a file is what flexaxis made of a log: estimates, or the record of one of names."""
+    if path.suffix != ".nc":
+        return False
+    return "estimator" in _attributes(path) or source_of(path) in names
 
 
 def record_beside(log: Path) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -31,10 +30,6 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
 ROWS, RESULT = "rows.jsonl", "trend.json"
-SUFFIXES = (
-    ".csv", ".tsv", ".txt", ".log", ".dat", ".mat", ".h5", ".hdf5", ".nc", ".parquet", ".mcap",
-    ".bag", ".db3",
-)  # fmt: skip
 TRIES = 5  # logs from which it is seen what they can tell
 METHOD = 4  # of the estimates; another number and all are made anew
 
@@ -104,36 +99,6 @@ class Task:
 
     def __str__(self) -> str:
         return str(self.path)
-
-
-def find_logs(given: Sequence[Path]) -> list[Path]:
-    """Return the logs in folders and among files, those of a folder in the order of their names.
-
-    Raises
-    ------
-    LogError
-        If something is missing, or there is no log.
-    """
-    found: list[Path] = []
-    for path in given:
-        if path.is_dir():
-            inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-            found += sorted((p for p in inside if p.name[0] != "."), key=_natural)
-        elif path.exists():
-            found.append(path)
-        else:
-            raise LogError(f"{path}: no such file or folder")
-    if not found:
-        raise LogError(
-            f"{', '.join(map(str, given))}: there is no log, which would end in "
-            f"{', '.join(SUFFIXES)}"
-        )
-    return list(dict.fromkeys(found))
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Return what sorts log_9 before log_10."""
-    return [(int(t or -1), "") if t.isdigit() else (-1, t) for t in re.split(r"(\d+)", path.name)]
 
 
 def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[str] = ()) -> Plan:

@@ -29,6 +29,9 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
 
 LIMIT = 2 * 1024**3  # bytes
+SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again
+_put: dict[Path, int] = {}
+"""Bytes that this process has put into each folder since it last looked how full that is."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,17 @@ class RecordCache:
             self.folder.mkdir(parents=True, exist_ok=True)
             with atomic(path) as new:
                 np.savez(new, **{name: getattr(record, name) for name in SIGNALS})
+            if self.folder in _put:
+                _put[self.folder] += _size(path)
+
+    def make_room(self) -> None:
+        """Evict, but for a process that has put little since it last did.
+
+        To look at a folder of thousands takes as long as to simulate a record.
+        """
+        if _put.get(self.folder, self.limit) > SHARE * self.limit:
+            self.evict()
+            _put[self.folder] = 0
 
     def entries(self) -> list[Path]:
         """Return the files, the least recently used first."""
@@ -141,7 +155,7 @@ def records(
         if store:
             store.put(scenario, record, repeat=repeat)
     if store and made:
-        store.evict()
+        store.make_room()
     return [record for record in known.values() if record], len(missing)
 
 

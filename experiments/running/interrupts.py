@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
+from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.stopping import patient
 
@@ -33,12 +36,15 @@ class Interrupts:
         Whether nothing new is to be begun.
     stop : callable
         Stops what is at work elsewhere; what is at work in this process is stopped anyway.
+    over : bool
+        Whether what Ctrl-C is for has ended.
     """
 
     def __init__(self) -> None:
         self.asked = False
         self.stop: Callable[[], None] = lambda: None
         self._until = float("inf")
+        self.over = False
 
     @property
     def overdue(self) -> bool:
@@ -64,14 +70,18 @@ class Interrupts:
         # Not by print: what is interrupted may be in the middle of one.
         os.write(2, b"\nflexaxis: stopping; what is done is kept. Ctrl-C again ends at once\n")
         self.stop()
-        stopping.ask()
+        if STOP is not None and stopping.heed():
+            signal.raise_signal(STOP)  # which comes again where it is lost
+        else:
+            stopping.ask()
 
 
 def _at_once() -> None:
     raise KeyboardInterrupt
 
 
-AT_ONCE = patient(_at_once)
+_over = threading.Event()  # what Ctrl-C ends at once
+AT_ONCE = patient(_at_once, lambda: not _over.is_set())
 
 
 @contextmanager
@@ -93,21 +103,49 @@ def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    with _handling(patient(interrupts.ask)):
+    with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
         try:
             yield interrupts
         finally:
+            interrupts.over = True
             stopping.forget()
 
 
 @contextmanager
 def one_stage() -> Iterator[None]:
     """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
-    with _handling(AT_ONCE):
+    _over.clear()
+    with _handling(AT_ONCE), _dropped_in_silence():
+        try:
+            yield
+        finally:
+            _over.set()
+
+
+@contextmanager
+def _dropped_in_silence() -> Iterator[None]:
+    """Say nothing of a Ctrl-C that Python drops, for it comes again."""
+    usual = sys.unraisablehook
+
+    def drop(what: sys.UnraisableHookArgs) -> None:
+        if not issubclass(what.exc_type, KeyboardInterrupt | stopping.Stopped):
+            usual(what)
+
+    sys.unraisablehook = drop
+    try:
         yield
+    finally:
+        sys.unraisablehook = usual
 
 
-def no_more_waiting() -> None:
-    """Let Ctrl-C end this process, which is about to end, without a word."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, lambda number, frame: os._exit(128 + number))
+def leave(status: int) -> NoReturn:
+    """End this process after Ctrl-C, without what Python does at its end.
+
+    That takes up to a second, in which another Ctrl-C would change the status.
+    """
+    signal.signal(signal.SIGINT, lambda number, frame: os._exit(status))
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(AttributeError, OSError, ValueError):  # closed, or nobody reads it
+            stream.flush()
+    os._exit(status)

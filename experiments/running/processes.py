@@ -19,6 +19,8 @@ from flexaxis.experiments.running.stopping import heed
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "setpgid"):
+        os.setpgid(0, 0)  # so that what it starts can be killed with it
     heed()
     parent = multiprocessing.parent_process()
     assert parent is not None
@@ -67,8 +69,11 @@ def stop(pool: Executor) -> None:
 
 
 def kill(pool: Executor) -> None:
-    """Kill the processes of a pool."""
+    """Kill the processes of a pool, and the programs that they have started."""
     for process in _workers(pool):
+        if hasattr(os, "killpg") and process.pid is not None:
+            with suppress(ProcessLookupError):  # it has ended, or has only just begun
+                os.killpg(process.pid, signal.SIGKILL)
         process.kill()
 
 

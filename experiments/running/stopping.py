@@ -14,6 +14,7 @@ from types import FrameType
 from flexaxis.experiments.building.inherited import STOP
 
 AGAIN = 0.01  # s after which a signal is sent again that could not be heeded
+LOST = 1.0  # s after which it is, if what was raised has ended nothing
 
 
 class Stopped(BaseException):
@@ -46,10 +47,13 @@ def ask() -> None:
         If work is under way; else it will end as soon as it begins.
     """
     _state.asked = True
-    if not _state.able:
-        return
-    _state.able = False  # raised once
-    raise Stopped
+    if _state.able:
+        raise Stopped
+
+
+def under_way() -> bool:
+    """Whether there is work in this process that may be left where it is."""
+    return _state.able
 
 
 def forget() -> None:
@@ -76,30 +80,67 @@ class stoppable:
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool:
         stopped = kind is not None and issubclass(kind, Stopped)
-        _state.able = self._before and not stopped  # raised once
+        _state.able = self._before and not stopped
         return stopped
 
 
-def heed() -> None:
-    """Let `STOP` stop the work of this process."""
-    if STOP is None:
-        return
-    signal.signal(STOP, patient(ask))
+def heed() -> bool:
+    """Let `STOP` stop the work of this process; return whether it does.
+
+    It stays so, for a signal may be on its way, and without work does nothing.
+    """
+    if STOP is None or signal.getsignal(STOP) not in {signal.SIG_DFL, _HEEDED}:
+        return False  # it is somebody else's
+    signal.signal(STOP, _HEEDED)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {STOP})  # held back until now
+    return True
 
 
-def patient(react: Callable[[], None]) -> Callable[[int, FrameType | None], None]:
-    """Return the handler of a signal that may raise something, as soon as that can be done."""
+def patient(
+    react: Callable[[], None], wanted: Callable[[], bool]
+) -> Callable[[int, FrameType | None], None]:
+    """Return the handler of a signal that may raise something, as soon as that can be done.
+
+    It does so again where that is still wanted a moment later: what is raised while an object goes,
+    Python drops.
+
+    Parameters
+    ----------
+    react : callable
+    wanted : callable
+        Whether what is to be ended goes on.
+    """
 
     def handle(number: int, frame: FrameType | None) -> None:
-        if not _in_numba(frame):
-            react()
+        if _in_numba(frame):
+            _send(number, AGAIN, lambda: True)
             return
-        again = threading.Timer(AGAIN, signal.raise_signal, [number])
-        again.daemon = True
-        again.start()
+        try:
+            react()
+        except BaseException:
+            _send(number, LOST, wanted)
+            raise
 
     return handle
+
+
+_HEEDED = patient(ask, under_way)
+
+
+def _send(number: int, seconds: float, wanted: Callable[[], bool]) -> None:
+    """Send this process a signal a moment later, if that is still wanted then."""
+
+    def send() -> None:
+        if not wanted():
+            return
+        if hasattr(signal, "pthread_kill"):  # which also ends a wait of the main thread
+            signal.pthread_kill(threading.main_thread().ident or 0, number)
+        else:
+            signal.raise_signal(number)
+
+    later = threading.Timer(seconds, send)
+    later.daemon = True
+    later.start()
 
 
 def _in_numba(frame: FrameType | None) -> bool:

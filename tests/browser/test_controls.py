@@ -45,6 +45,15 @@ DEAD = (
     "from flexaxis.experiments.cli import main; sys.exit(main())"
 )
 
+# Friction comes, but its sliders do nothing.
+STIFF = (
+    "from flexaxis.experiments.demo.session import DemoSession;"
+    "from flexaxis.experiments.demo.friction import Friction;"
+    "rub = DemoSession.rub;"
+    "DemoSession.rub = lambda self, friction: rub(self, Friction(friction.kind));"
+    "from flexaxis.experiments.cli import main; sys.exit(main())"
+)
+
 SLIDER = """
 (() => {{
   const row = [...document.querySelectorAll("label")].filter(
@@ -133,7 +142,7 @@ CONTROLS = {
     "λ": ("Estimator A", pulled("λ"), says("A: rpem-forgetting λ 0.9995")),
     "μ": (None, pulled("μ"), says("λ 0.9995, μ 1")),
 }
-NEED = {"f_c": "friction", "f_s": "friction", "v_s": "friction"}  # shown only with a law
+NEED = ("f_c", "f_s", "v_s")  # shown only with a law of friction
 
 
 @pytest.fixture
@@ -200,6 +209,21 @@ def dead(tmp_path_factory):
         browser.address = address
         page.opened(browser, address)
         yield browser
+
+
+def test_dead_sliders_of_friction_are_found_out(opened):
+    with page.demo("--speed", "2", code=STIFF) as address:
+        browser = opened(address)
+        for name in ("friction", *NEED):
+            folder, act, reached = CONTROLS[name]
+            if folder:
+                unfold(browser, folder)
+            act(browser)
+            if name == "friction":
+                browser.wait(reached, seconds=20, what=name)
+                continue
+            with pytest.raises(AssertionError, match="not within"):
+                browser.wait(reached, seconds=2, what=name)
 
 
 def saved(browser, folder, button, name, seconds=20):

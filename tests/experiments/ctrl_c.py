@@ -22,6 +22,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 CTRL_C = b"\x03"
 TWICE = 0.3  # s between one Ctrl-C and the next
@@ -85,58 +86,74 @@ def press(words: Sequence[str], times: int, after: float, begun: str = "") -> En
     begun : str
         What it says first; by default from its start on.
     """
-    child, terminal = pty.fork()
-    if not child:
-        # What starts these tests may have turned Ctrl-C off for them.
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
-        signal.pthread_sigmask(signal.SIG_SETMASK, [])
-        os.execv(sys.executable, [sys.executable, "-m", "flexaxis.experiments", *words])
+    ends, end = os.pipe()
+    shell, terminal = pty.fork()
+    if not shell:
+        _stay_as_a_shell_does(words, end)
+    os.close(end)
     said = [_heard(terminal, PATIENCE, begun)] if begun else []
     said.append(_heard(terminal, after))
     for time_ in range(times):
         said.append(_heard(terminal, TWICE) if time_ else "")
         pressed = time.monotonic()
         os.write(terminal, CTRL_C)
-    said.append(_heard(terminal, PATIENCE, until_end=True))
-    ended, status = os.waitpid(child, os.WNOHANG)
+    said.append(_heard(terminal, PATIENCE, ends=ends))
     seconds = time.monotonic() - pressed
-    if not ended:
-        os.killpg(child, signal.SIGKILL)
-        os.waitpid(child, 0)
-    os.close(terminal)
-    code = os.waitstatus_to_exitcode(status) if ended else None
-    return Ended(code, seconds, "".join(said), _alive(child))
+    over = bool(select.select([ends], [], [], 0)[0])
+    status = int(os.read(ends, 20)) if over else None
+    orphans = _alive(shell) - 1  # what stays is no orphan
+    for process in _processes(shell):
+        os.kill(process, signal.SIGKILL)
+    os.waitpid(shell, 0)
+    os.close(terminal), os.close(ends)
+    return Ended(status, seconds, "".join(said), orphans)
 
 
-def _heard(terminal: int, seconds: float, begun: str = "", *, until_end: bool = False) -> str:
-    """Return what is said for some time, up to some word, or up to the end."""
+def _stay_as_a_shell_does(words: Sequence[str], end: int) -> NoReturn:
+    """Run a command, tell its exit status, and stay: else the terminal would end all its processes.
+
+    What starts these tests may have turned Ctrl-C off for them.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_SETMASK, [])
+    command = os.fork()
+    if not command:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.execv(sys.executable, [sys.executable, "-m", "flexaxis.experiments", *words])
+    status = os.waitstatus_to_exitcode(os.waitpid(command, 0)[1])
+    os.write(end, str(status).encode())
+    while True:
+        time.sleep(60)
+
+
+def _heard(terminal: int, seconds: float, begun: str = "", *, ends: int | None = None) -> str:
+    """Return what is said for some time, up to some word, or up to the end that is told."""
     end, text = time.monotonic() + seconds, ""
     while time.monotonic() < end and not (begun and begun in text):
-        if not select.select([terminal], [], [], 0.02)[0]:
-            continue
-        try:
-            part = os.read(terminal, 65536)
-        except OSError:  # the other side has gone
-            if until_end:
-                time.sleep(0.05)
-                return text
-            break
-        text += part.decode(errors="replace")
-        if not part:
+        ready = select.select([terminal] + ([ends] if ends is not None else []), [], [], 0.05)[0]
+        if terminal in ready:
+            text += os.read(terminal, 65536).decode(errors="replace")
+        elif ready:
             break
     return text
+
+
+def _processes(session: int) -> list[int]:
+    """Return the processes of a session, but for those that have ended."""
+    listed = subprocess.run(
+        ["ps", "-o", "pid=,stat=", "-s", str(session)], capture_output=True, text=True, check=False
+    )
+    lines = [line.split() for line in listed.stdout.splitlines()]
+    return [int(number) for number, state in lines if not state.startswith("Z")]
 
 
 def _alive(session: int) -> int:
     """Return how many processes of a session there still are, after up to two seconds."""
     end = time.monotonic() + 2.0
     while True:
-        listed = subprocess.run(
-            ["ps", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False
-        ).stdout.split()
-        there = [state for state in listed if not state.startswith("Z")]
-        if not there or time.monotonic() > end:
-            return len(there)
+        there = len(_processes(session))
+        if there == 1 or time.monotonic() > end:
+            return there
         time.sleep(0.1)
 
 
@@ -171,7 +188,9 @@ def main() -> int:
                     f"{ended.orphans} processes left]\n",
                     flush=True,
                 )
-                wrong += ended.status not in (130, 0 if name == "demo" else 130)
+                wrong += ended.status not in (
+                    (0, 130, -signal.SIGINT) if name == "demo" else (130,)
+                )
                 wrong += bool(ended.orphans)
     return int(bool(wrong))
 

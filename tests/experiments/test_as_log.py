@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -11,7 +13,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.as_log import FORMATS, LONGEST_GAP, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.days import Days, calendar, known_axis, without_faults
+from flexaxis.experiments.logs.days import Days, calendar, known_axis, told_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.sim.record import load_record
@@ -215,3 +217,41 @@ def test_days_are_logs_of_the_axis(tmp_path, capsys):
     assert main(["days", "--wear", "f_c=12", "-o", str(tmp_path / "x")]) == 2
     assert "percentage" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.record import load_record
+import numpy as np
+style = LogStyle()
+columns = logged(load_record(sys.argv[2]), style, np.random.default_rng(0))
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[3]),) * 2)
+try:
+    write_log(Path(sys.argv[1]), columns, style)
+except FlexaxisError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of a file there")
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_full_disk_is_an_error_and_leaves_nothing(suffix, record, tmp_path):
+    """HDF5 would end the process where it cannot close a file."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    record.save(tmp_path / "rec.nc")
+    words = [sys.executable, "-c", FULL, place / f"log.{suffix}", tmp_path / "rec.nc", 10_000]
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "") and "File too large" in done.stdout
+    assert not list(place.iterdir())
+
+
+def test_bristles_that_stand_for_coulomb_friction_are_no_parameter_of_the_axis():
+    """They are a number of the law, so that nobody identifies them."""
+    scenario = find_scenario("coulomb_fc_step-v1")
+    for axis in (known_axis(scenario), told_axis(scenario, 0)):
+        assert "f_c" in axis.model.parameters and "sigma_0" not in axis.model.parameters
+        assert axis.model.laws[0].parameters["stiffness"] == 1e4

@@ -82,6 +82,21 @@ def test_the_least_recently_used_go_first(short, store):
     assert records(short, [0], store)[1] == 1
 
 
+def test_a_full_folder_is_made_room_in_and_an_empty_one_is_not_looked_at(short, store, monkeypatch):
+    looked = []
+    evict = RecordCache.evict
+    monkeypatch.setattr(RecordCache, "evict", lambda self: looked.append(1) or evict(self))
+    records(short, [0], store)
+    one = store.size()
+    for seed in (1, 2, 3):
+        records(short, [seed], store)
+    assert len(looked) == 1  # the first time: who knows what others left
+    small = RecordCache(store.folder, limit=round(2.5 * one))
+    for seed in (4, 5):
+        records(short, [seed], small)
+        assert small.size() <= small.limit
+
+
 def test_a_folder_that_cannot_be_written_stops_nobody(short, tmp_path):
     (tmp_path / "file").write_text("")
     assert records(short, [0], RecordCache(tmp_path / "file" / "records"))[1] == 1

@@ -102,6 +102,7 @@ def listed(capsys, *words):
     return {
         kind: [row["name"] for row in rows]
         for kind, rows in json.loads(capsys.readouterr().out).items()
+        if isinstance(rows, list)
     }
 
 

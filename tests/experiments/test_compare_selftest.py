@@ -139,7 +139,7 @@ def test_the_self_test_as_a_program(capsys, short_toml):
     words = ("compare", "--self-test", str(short_toml), "--base", "rpem-forgetting")
     words += ("--candidate", slow, "--seeds", "1000:1032", "--comparisons", "100", "--jobs", "1")
     assert main([*words, "--json"]) == 1  # of 100 comparisons the upper limit cannot be low enough
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(capsys.readouterr().out)["rates"]
     null = [row for row in told if "against itself" in row["what"] and "alarm" in row["what"]]
     planted = [row for row in told if row["what"].startswith("planted") and row["looks"] == [16]]
     assert [row["looks"] for row in null] == [[8], [16]] * 3  # half of the pool at most

@@ -6,8 +6,10 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import warnings
+from collections import deque
 from http.client import HTTPConnection
 from types import SimpleNamespace
 
@@ -221,6 +223,27 @@ def test_a_row_of_buttons_is_heard_in_order(demo):
     assert demo.page.stepped() == 20 and demo.page.stepped() == 0
     demo.session.repair()
     pace.paused = False
+
+
+def test_we_do_not_touch_what_the_loop_of_viser_goes_through(demo):
+    """Else the demo ends now and then when a viewer comes: "deque mutated during iteration"."""
+    buffer = demo.server._websock_server._broadcast_buffer
+    home = []
+    buffer.event_loop.call_soon_threadsafe(lambda: home.append(threading.get_ident()))
+
+    class OwnThread(deque):
+        def __iter__(self):
+            assert threading.get_ident() in home, "by a thread that is not the loop's"
+            return super().__iter__()
+
+    event = buffer.message_event
+    event._waiters = OwnThread(event._waiters)
+    for _ in range(20):
+        event._value = False
+        demo.page.draw_axis()
+        demo.page.pace.frames += 1.0
+        demo.page.draw_curves()
+    demo.page.pace.frames = 0.0
 
 
 def test_what_is_offered_is_taken(demo):

@@ -127,7 +127,8 @@ def test_an_act_that_cannot_be_done(act, message):
         parse_lesson(f"[[act]]\nat = 1.0\n{act}\n", source="mine.toml")
 
 
-def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys):
+def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("flexaxis.experiments.demo.serve.serve", lambda *_, **__: None)
     (tmp_path / "evil.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')\nclass Mine: pass\n")
     lesson = tmp_path / "lesson.toml"
     name = f"{tmp_path / 'evil.py'}:Mine"

@@ -2,12 +2,17 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.identify import _free
+from flexaxis.sim.record import load_record
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES, log
@@ -52,3 +57,20 @@ def test_a_level_that_is_given_stays(record, capsys, more):
 def test_what_no_law_has_is_refused_before_all_else(record, capsys, more, said):
     assert identify(record, *more) == 2
     assert said.casefold() in capsys.readouterr().err.casefold()
+
+
+def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
+    known = replace(find_axis("two_mass").having({"f_l": 0.0}), known=True)
+    assert "f_l" not in _free(known, (), ()) and "f_m" in _free(known, (), ())
+    assert _free(known, ("f_l", "k"), ()) == ("f_l", "k")
+    assert "f_l" in _free(replace(known, known=False), (), ())
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_start_that_cannot_be_simulated_is_the_worst(record):
+    """A resonance that is far too fast for the rate of the log."""
+    attempt = Attempt(
+        log_of(load_record(record), find_axis("two_mass")),
+        find_axis("two_mass").model, ("J_m", "k"), delay=0.0, whiten=True, highpass=None,
+    )  # fmt: skip
+    assert attempt.solve(np.array([1e-9, 1e4])).square == np.inf

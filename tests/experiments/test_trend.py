@@ -16,6 +16,7 @@ from flexaxis.experiments.logs import trend
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
 from flexaxis.experiments.logs.dates import dated, found_in
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.finding import find_logs
 from flexaxis.experiments.logs.log_health import ailments, common
 from flexaxis.experiments.logs.refit import _colour, _other_delay, _problem, _solved, refit
 from flexaxis.experiments.running.rows import read
@@ -209,6 +210,20 @@ def test_values_are_shown_where_too_few_logs_can_be_used(days, tmp_path, capsys)
     page = (tmp_path / "t" / "report.html").read_text()
     assert "7 logs have estimates" in page
     assert page.count("<td>2026-05-0") == 7
+
+
+def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
+    for day in (1, 2):
+        name = f"2026-05-0{day}.csv"
+        (tmp_path / name).write_bytes((days / name).read_bytes())
+    log = tmp_path / "2026-05-01.csv"
+    assert main(["import", str(log), "--torque-is", "held"]) == 0
+    words = ["--model", str(days / "axis.toml"), "--identify", "f_m", "--torque-is", "held"]
+    assert main(["track", str(log), *words]) in {0, 1}
+    assert len([*tmp_path.glob("*.nc")]) == 2
+    assert [p.name for p in find_logs([tmp_path])] == ["2026-05-01.csv", "2026-05-02.csv"]
+    log.unlink()  # of which the record is all there is now
+    assert [p.name for p in find_logs([tmp_path])] == ["2026-05-01.nc", "2026-05-02.csv"]
 
 
 def test_a_parameter_that_is_zero_is_refused(days, tmp_path, capsys):

@@ -4,7 +4,7 @@ It works as it is: a predictor of the axis with the present estimate, corrected 
 squares on its error. Change what you like; the places to begin with are marked (1) to (3).
 
     flexaxis check my_estimator.py:Mine
-    flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
+    flexaxis compare --base relocate --match-std --candidate my_estimator.py:Mine fm_step-v1
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ class Mine:
     """Recursive prediction-error method for one parameter, with a forgetting factor."""
 
     names = ("f_m",)  # (1) what theta means; "k_T", "1/J_a", ... are others
-    knob = "forgetting"  # the option that buys speed with noise, for `tune` and `tradeoff`
+    knob = "forgetting"  # the option that buys speed with noise: `tune`, `--match-std` turn it
 
     def __init__(self, nominal, period, *, output="speed", forgetting=0.995):
         # nominal: the 12 physical parameters by name (SI); period in s; output: what y is.
