@@ -100,7 +100,7 @@ def without(seeds, seconds):
     for masses, motion in ((1, "moves"), (2, "multisine"), (3, "multisine")):
         drive(masses, 10, motion, seeds[0], seconds, friction="none")
     for masses, motion in ((1, "multisine"), (2, "multisine"), (2, "moves")):
-        drive(masses, 10, motion, seeds[0], 4.0)
+        drive(masses, 10, motion, seeds[0], 4.0 if motion == "multisine" else 8.0)
 
 
 def robots(seeds, seconds):
