@@ -81,15 +81,21 @@ def bode_figure(found: Identification, period: float) -> Figure:
     chosen = (increment(model, period) if found.output == "increment" else model).parametrize(
         model.parameters
     )
-    omega = found.response.omega
-    gain = frequency_response(chosen, chosen.theta, omega, period=period)[0]
-    gain = gain * np.exp(-1j * omega * found.delay)
+    seen = found.response.omega
+    fine = np.geomspace(seen.min(), seen.max(), 800)  # resonances are narrower than steps of lines
+    gain = frequency_response(chosen, chosen.theta, fine, period=period)[0]
+    gain = gain * np.exp(-1j * fine * found.delay)
     label = "log, dry friction taken off" if found.axis.model.laws else "log"
     fig = Figure(figsize=(8.0, 5.0), layout="constrained")
     magnitude, phase = fig.subplots(2, 1, sharex=True)
-    for values, style in (
-        (found.response.gain, {"color": GREY, "marker": ".", "ms": 2, "lw": 0, "label": label}),
-        (gain, {"color": ORANGE, "lw": 1.3, "label": "identified model"}),
+    size = 2 if len(seen) > 200 else 5  # pt: few lines would be lost as dots
+    for omega, values, style in (
+        (fine, gain, {"color": ORANGE, "lw": 1.3, "label": "identified model"}),
+        (
+            seen,
+            found.response.gain,
+            {"color": GREY, "marker": ".", "ms": size, "lw": 0, "label": label},
+        ),
     ):
         magnitude.loglog(omega / (2 * np.pi), abs(values), **style)
         phase.semilogx(omega / (2 * np.pi), np.degrees(np.angle(values)), **style)
