@@ -95,8 +95,18 @@ def pulled(label):
 
 
 def chosen(label, option):
+    """Choose from a list; a folder that is still opening closes it again, so look twice."""
+    seen = (
+        "[...document.querySelectorAll('[role=option]')].some("
+        f"e => e.innerText.includes({json.dumps(option)}) && e.getClientRects().length)"
+    )
+
     def act(browser):
-        browser.wait(CHOICE.format(label=label), seconds=10, what=f"list {label}")
+        end = time.monotonic() + 30
+        while not browser.run(seen):
+            assert time.monotonic() < end, f"no {option} in the list {label}"
+            browser.run(CHOICE.format(label=label))
+            time.sleep(2.0)
         browser.click(option, "[role=option]")
 
     return act
