@@ -77,7 +77,9 @@ class Rpem(CompiledFilter):
         Standard deviations, 3 say, beyond which a residual counts as one of that size, so that
         an outlier cannot throw the estimate (Huber's influence function; P. J. Huber, *Robust
         estimation of a location parameter*, Ann. Math. Stat. 35, 1964). In the first 50 samples,
-        when R̂ is the mean of k residuals, (50/k)² as many; 0 for never.
+        when R̂ is the mean of k residuals, (50/k)² as many; 0 for never. Nor
+        is then anything taken from a sensor that is stuck, or at the end of its range; see
+        `flexaxis.estimators.recursion.astray`.
     ceiling : float
         Largest variance R̂ P_ii of a parameter relative to θ(0)²: no more is ever forgotten than
         that, but for what P(0) or a reset allows. Until R̂ is known P_ii ≤ 100 P(0)_ii. It changes

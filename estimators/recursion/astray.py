@@ -105,7 +105,7 @@ def begin_anew(tuning: Record, state: Record, start: Record) -> None:
     Put a filter, or several side by side, to the start, but for what is known of the sensor.
 
     The torque alone moves the state from rest until it is that of the axis; what is wrong in it
-    would be learnt as structure. R is learnt again, and the one before judges the sensor until then.
+    would be learnt as structure. R is learnt again; until then that before judges the sensor.
     """
     earlier = state["noise"].copy() if state["anew"].max() < 2.0 else np.nan
     sensor = {name: state[name].copy() for name in KEPT}

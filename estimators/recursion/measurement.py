@@ -132,16 +132,7 @@ def measure(tuning, state, y, valid):
         judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
         if judged or state["samples"] > 0.0:
             state["variance"] = state["noise"] * spread
-        surprise = state["epsilon"]
-        if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
-            finest = max(state["noise"], LINEAR**2 * state["signal"])
-            limit = tuning["clip"] * np.sqrt(finest * state["scale"])
-            if not judged:  # R̂ is the mean of a few samples, and says little yet
-                limit *= (KNOWN / state["samples"]) ** 2
-            if surprise > limit:
-                surprise = limit
-            elif surprise < -limit:
-                surprise = -limit
+        surprise = limited(tuning, state, judged)
         state["surprise"] = surprise
         for i in range(p):
             theta[i] += gain[i] * (surprise * weight)
@@ -156,6 +147,22 @@ def measure(tuning, state, y, valid):
         elif theta[i] > tuning["upper"][i]:
             theta[i] = tuning["upper"][i]
         moved[i] = theta[i] - moved[i]
+
+
+@inlined
+def limited(tuning, state, judged):
+    """Return the residual, or as much of it as a single sample may have."""
+    surprise = state["epsilon"]
+    if tuning["clip"] > 0.0 and (judged or state["samples"] > 0.0):
+        finest = max(state["noise"], LINEAR**2 * state["signal"])
+        limit = tuning["clip"] * np.sqrt(finest * state["scale"])
+        if not judged:  # R̂ is the mean of a few samples, and says little yet
+            limit *= (KNOWN / state["samples"]) ** 2
+        if surprise > limit:
+            surprise = limit
+        elif surprise < -limit:
+            surprise = -limit
+    return surprise
 
 
 @inlined
