@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import STATIC, one_mass
+from flexaxis.estimators.offline import trajectory
 from flexaxis.estimators.offline.colour import noise_model
 from flexaxis.estimators.offline.descent import CONVERGED, Problem
 from flexaxis.estimators.offline.prediction_error import discretisation, fit
@@ -86,9 +87,11 @@ def test_samples_on_either_side_of_a_gap_are_no_neighbours():
     np.testing.assert_array_equal(noise_model(e, 5), noise_model(e, 5, np.ones(len(e), bool)))
 
 
-def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear):
+def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear, monkeypatch):
     model = replace(one_mass(VALUES | RUBS), laws=(STATIC,))
     law = problem(model, ("J_m", "f_m", "f_c"))
     fitted = fit(law, np.r_[1.1e-3, 5e-3, 0.04, 0.0, 0.0])
     assert law.course.coarsens and np.all(discretisation(law, fitted)[:3] > 0)
     assert np.all(discretisation(*linear) == 0)
+    monkeypatch.setattr(trajectory, "COARSE", trajectory.FINE)
+    assert np.all(discretisation(law, fitted) == 0)
