@@ -114,8 +114,14 @@ def test_what_is_dry():
     assert names[-1] == "f_c" and not is_dry(model.parametrize(names), PERIOD / 100)
 
 
-def test_a_course_may_begin_late():
+@pytest.mark.parametrize("rubs", [True, False])
+def test_a_course_may_begin_late(rubs):
     whole, z = along_with("two masses")
+    if not rubs:
+        model = replace(AXES["two masses"][0], laws=())
+        names = [name for name in TWO if name not in ("k_T", "f_c")]
+        whole = course(model, names, whole.u, period=PERIOD, resting=False)
+        z = np.r_[whole.model.theta, 1e-3, 1e-3, 1e-3, 0.01, LATE * PERIOD]
     late = replace(whole, begin=100)
     y, slopes = late.along(z)
     assert np.all(y[:101] == 0) and np.all(slopes[:, :101] == 0)
