@@ -98,7 +98,7 @@ def main(args: argparse.Namespace) -> int:
         found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
     problems = problems_of(log.checks, met=met)
-    _write_page(found, problems, record.period, report, args, spec.text)
+    _write_page(found, record.period, report, args, (spec.text, problems))
     status = 1 if found.changes or found.doubts else 0
     if args.json:
         return answer(args, _content(found) | {"estimates": path, "report": report}, status)
@@ -162,17 +162,13 @@ def _print(found: Tracked) -> None:
 
 
 def _write_page(
-    found: Tracked,
-    problems: list[str],
-    period: float,
-    path: Path,
-    args: argparse.Namespace,
-    estimator: str,
+    found: Tracked, period: float, path: Path, args: argparse.Namespace, said: tuple[str, list[str]]
 ) -> None:
     from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
     from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
+    estimator, problems = said
     figures = [
         (
             "Estimates",
