@@ -53,18 +53,6 @@ def test_dry_friction_is_found_and_told_from_viscous(found):
     )  # of a few millionths: nothing is stepped over
 
 
-@pytest.mark.slow
-def test_slow_moves_show_a_spring_below_its_resonance():
-    """No peak says where to start, and one mass for two would be a bottom too."""
-    axis = find_axis("two_mass").having({"f_l": VALUES[2]["f_l"]})
-    moves = log(2, 1, "moves", seed=1, seconds=20.0)
-    found = identify(moves, axis, fix=("f_l",), delay=0.0, friction="coulomb")
-    values = dict(zip(found.names, found.theta, strict=True))
-    assert not found.warnings
-    for name in ("J_m", "J_l", "k"):  # the bound is 2 %
-        assert values[name] == pytest.approx(VALUES[2][name], rel=0.08), name
-
-
 def test_without_a_law_the_answer_says_what_is_missing(record):
     found = identify(record, find_axis("one_mass"), friction="none")
     values = dict(zip(found.names, found.theta, strict=True))
