@@ -192,8 +192,9 @@ def _survives(axis: Axis, disturb: Callable[[Axis], Disturbed], subject: Subject
     wrong = np.flatnonzero(~np.isfinite(theta).all(axis=1))
     if wrong.size:
         return False, f"not finite from {wrong[0] * axis.period:.1f} s on"
-    if not np.isfinite(getattr(estimator, "covariance", 0.0)).all():
-        return False, "its covariance is not finite"
+    for name in ("covariance", "innovation_variance"):  # θ may stand still, and all else be lost
+        if not np.isfinite(getattr(estimator, name, 0.0)).all():
+            return False, f"its {name} is not finite"
     first, stop = given.rest
     alarms = [f for f in getattr(estimator, "findings", ()) if first <= f.alarm < stop]
     if alarms:
