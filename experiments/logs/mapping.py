@@ -152,11 +152,8 @@ def _wrong(key: str, value: object) -> Iterator[str]:
         for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
             good = _is_number(entry) and entry != 0 if key == "scale" else isinstance(entry, str)
             if name not in KINDS or not good:
-                yield f"{key}.{name} = {entry!r}: " + (
-                    f"give {wanted}"
-                    if name in KINDS
-                    else f"no such signal.{did_you_mean(name, KINDS)} There are {', '.join(KINDS)}"
-                )
+                others = f"no such signal.{did_you_mean(name, KINDS)} There are {', '.join(KINDS)}"
+                yield f"{key}.{name} = {entry!r}: {f'give {wanted}' if name in KINDS else others}"
 
 
 def _is_number(value: object, *, above: float = -LARGEST) -> bool:
@@ -173,18 +170,17 @@ def load_mapping(path: Path) -> dict[str, Any]:
 def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI.
 
-    A signal that the mapping does not name is taken from the column of its own name, if any, also
-    in German or French. Where
-    the file says which column of time belongs to which signal, as bags do, all are brought to the
-    clock of the motion.
+    A signal that the mapping does not name is taken from the column of its own name, if any, see
+    `column_names`. Where the file says which column of time belongs to which signal, as bags do,
+    all are brought to the clock of the motion.
 
     Raises
     ------
     LogError
         If a column is missing, lengths differ, or a unit is unknown.
     """
-    given = {name: name for name in KINDS if name in log.names} | dict(mapping.columns)
-    given = completed(given, log.names)
+    own = {name: name for name in KINDS if name in log.names}
+    given = completed(own | dict(mapping.columns), log.names)
     if mapping.rate is not None and "time" not in mapping.columns:
         given.pop("time", None)
     motion = given.get("angle", given.get("speed", ""))
@@ -200,7 +196,6 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         for name, column in given.items()
     }
     joined = _joined(log, given, signals, columns, smooth=bool(mapping.smooth))
-    rated = frozenset({"time"} - given.keys())  # --rate is in Hz
     if "time" not in signals:
         assert mapping.rate is not None  # checked above
         signals["time"] = np.arange(len(signals["torque"])) / mapping.rate
@@ -217,7 +212,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         angle=signals.get("angle"),
         speed=signals.get("speed"),
         load_angle=signals.get("load_angle"),
-        stated=frozenset(name for name, unit in units.items() if unit) | rated,
+        stated=frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys())),
         joined=joined,
     )
 
