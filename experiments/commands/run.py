@@ -8,8 +8,10 @@ that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
 and seeds simulates nothing. Rows are appended as they come: after Ctrl-C, a kill or a full disk,
-and for more estimators or seeds, --resume runs only what is missing. A case that cannot be run is a
-row that says why, and the others go on; the exit status is then 1, or 70 if code crashed.
+and for more estimators or seeds, --resume runs only what is missing. Without it a result that is
+in DIR makes room for the new one; stderr says so where cases go that the new one has not. A case
+that cannot be run is a row that says why, and the others go on; the exit status is then 1, or 70
+if code crashed.
 
 example:
   flexaxis run smoke
