@@ -71,7 +71,7 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         working = options.working(
-            args, f"{wanted.cases} cases", wanted.cases, cache=not args.no_cache, place=place
+            args, f"{wanted.cases} case{'s'[: wanted.cases != 1]}", wanted.cases, cache=not args.no_cache, place=place
         )
         simulated = 0
 
@@ -84,7 +84,7 @@ def main(args: argparse.Namespace) -> int:
                 wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
-    remark(f"{simulated} records simulated")
+    remark(f"{simulated} record{'s'[: simulated != 1]} simulated")
     if found is None:
         return _share_told(args, folder, share)
     return _told(args, folder, found)

@@ -166,7 +166,7 @@ def at_equal_noise(question: Question, bench: Bench) -> Question:
     """
     if used := set(SEEDS) & set(question.looks()[-1]):
         raise FlexaxisError(
-            f"--seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
+            f"seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
             f"on {min(used)} cannot be judged there: give others, such as 1000:1032"
         )
     equal = at_one_noise(question.base, question.candidate, question.scenarios, bench)
@@ -197,8 +197,8 @@ def compare(question: Question, bench: Bench) -> Comparison:
         raise FlexaxisError("one seed has no spread: give at least 2 seeds, better 32")
     if question.max_seeds and question.max_seeds < len(question.seeds):
         raise FlexaxisError(
-            f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
-            "begin with: give more, or fewer --seeds"
+            f"--max-seeds (in Python max_seeds) {question.max_seeds} is less than the {len(question.seeds)} seeds to "
+            "begin with: give more, or fewer of those"
         )
     looks, both = question.looks(), (question.base, question.candidate)
     for number, seeds in enumerate(looks, start=1):
