@@ -74,7 +74,12 @@ def main(args: argparse.Namespace) -> int:
     consent = {"source": str(args.file), "command": line}
     if not args.dry_run:
         require(args.run_code, study.estimators, **consent)
-    status = _planned_and_run(args, study)
+    try:
+        status = _planned_and_run(args, study)
+    except KeyboardInterrupt as error:
+        if error.args or args.dry_run:
+            raise
+        raise KeyboardInterrupt(options.go_on(args, 0)) from None  # while it was planned
     require(args.run_code, study.estimators, **consent)
     return status
 
