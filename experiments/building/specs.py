@@ -91,6 +91,7 @@ def parse(text: str) -> Spec:
 
 def piped(text: str) -> tuple[Callable[..., Any], str] | None:
     """Return what makes an estimator of a program, and its command; None for any other text.
+
     Examples
     --------
     >>> piped("pipe-binary:./mine -v")[1]

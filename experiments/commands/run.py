@@ -70,9 +70,8 @@ def main(args: argparse.Namespace) -> int:
     spare(args.names, folder)
     with ExitStack() as stack:
         place = options.executor(args, stack)
-        working = options.working(
-            args, f"{wanted.cases} case{'s'[: wanted.cases != 1]}", wanted.cases, cache=not args.no_cache, place=place
-        )
+        about = f"{wanted.cases} case{'s'[: wanted.cases != 1]}"
+        working = options.working(args, about, wanted.cases, cache=not args.no_cache, place=place)
         simulated = 0
 
         def landed(outcome: Any) -> None:

@@ -173,7 +173,10 @@ def _spike(subject: Subject) -> Seen:
     theta = subject.run(y=y)
     if not np.isfinite(theta).all():
         return False, "estimates are not finite after it"
-    return True, f"finite; estimates move by {_percent(subject.apart(theta, subject.theta))} of nominal"
+    return (
+        True,
+        f"finite; estimates move by {_percent(subject.apart(theta, subject.theta))} of nominal",
+    )
 
 
 def _percent(share: float) -> str:

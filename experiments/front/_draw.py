@@ -177,10 +177,9 @@ def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, fl
         room = 2 * max(most - least, 0.04 * abs(most))
         low, high = max(min(low, least), least - room), min(max(high, most), most + room)
     far = FAR * (high - low)
-    if there.size:
-        least, most = float(there.min()), float(there.max())
-        low = least if low - far <= least < low else low
-        high = most if high < most <= high + far else high
+    inside = there[(there >= low - far) & (there <= high + far)]
+    if inside.size:
+        low, high = min(low, float(inside.min())), max(high, float(inside.max()))
     margin = 0.08 * (high - low) or 0.01 * abs(high) or 1.0
     low, high = low - margin, high + margin
     if not fresh:
@@ -189,9 +188,7 @@ def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, fl
     return float(low), float(high)
 
 
-def _mark_beyond(
-    ax: Axes, time: Any, theta: Any, limits: tuple[float, float], colour: str
-) -> None:
+def _mark_beyond(ax: Axes, time: Any, theta: Any, limits: tuple[float, float], colour: str) -> None:
     """Mark at the edge, with its value, the largest peak that a panel does not show."""
     there = np.where(np.isfinite(theta), theta, np.nan)
     if not np.isfinite(there).any():

@@ -208,7 +208,9 @@ def _run(
         )
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
-    with working(f"{total} case{'s'[: total != 1]}", total, jobs=jobs, time_limit=time_limit) as means:
+    with working(
+        f"{total} case{'s'[: total != 1]}", total, jobs=jobs, time_limit=time_limit
+    ) as means:
         run_study(wanted, place, means, resume=resume, run_code=run_code)
     found = Results.load(place)
     if not folder:  # the rows go when nobody holds the table that is read from them

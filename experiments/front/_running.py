@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis._estimates import Estimate
 from flexaxis._given import spec_of
@@ -78,7 +79,7 @@ def _loaded(path: str | Path) -> Record:
 
 
 def _warn_if_not_finite(found: Estimate) -> None:
-    finite = np.isfinite(found.theta).all(axis=1)
+    finite: NDArray[np.bool_] = np.atleast_1d(np.isfinite(found.theta).all(axis=1))
     if not finite.all():
         k = int(np.argmin(finite))
         warnings.warn(

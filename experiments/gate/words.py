@@ -156,10 +156,9 @@ def explanation(found: Comparison) -> str:
         "Intervals: Student's t on paired log-ratios, each for its score alone, at the level that "
         f"Holm's procedure gives it; a false worse or better anywhere has a chance of at most "
         f"{100 * found.alpha:.3g} %, and of about twice that where runs fail rarely. Worse or "
-        "better: the whole interval lies beyond the margin, and runs enough show it, for what happens "
-        "in few runs may be in none of these. Slight: "
-        "there, but within the margin. Lost runs: exact test "
-        "(McNemar's) on the runs that only one side lost, over all scenarios."
+        "better: the whole interval lies beyond the margin, and runs enough show it: what happens "
+        "rarely may be in none of a few. Slight: there, but within the margin. Lost runs: exact "
+        "test (McNemar's) on the runs that only one side lost, over all scenarios."
     )
     if found.looks > 1:
         text += f" Look {found.look} of {found.looks}, each with its share of the error."

@@ -118,8 +118,10 @@ def _contains(study: Study, about: Mapping[str, Any], there: Mapping[str, Any]) 
         return False
     if there.get("command") and there["command"] == about.get("command"):
         return True
-    mine = {"estimators": {*study.estimators}, "seeds": {*study.seeds}}
-    return all(there.get(key) and {*there[key]} <= had for key, had in mine.items())
+    estimators, seeds = there.get("estimators"), there.get("seeds")
+    if not (estimators and seeds):  # as of a comparison
+        return False
+    return {*estimators} <= {*study.estimators} and {*seeds} <= {*study.seeds}
 
 
 def _tell_replaced(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
