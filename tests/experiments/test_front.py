@@ -148,7 +148,7 @@ def test_an_estimate_shows_itself(short):
         found.plot("f_n")
 
 
-@pytest.mark.parametrize(("peak", "marked"), [(1.02, False), (50.0, True), (-50.0, True)])
+@pytest.mark.parametrize(("peak", "marked"), [(1.2, False), (50.0, True), (-50.0, True)])
 def test_a_peak_is_shown_or_marked_with_its_value(short, peak, marked):
     found = fx.estimate(fx.simulate(short), Still)
     theta = found.theta.copy()
