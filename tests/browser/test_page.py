@@ -9,7 +9,9 @@ import sys
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 pytestmark = pytest.mark.browser
 
@@ -133,6 +135,24 @@ def test_the_first_fault_is_seen_without_scrolling(browser, width, height):
         browser.screenshot(PICTURES / f"first_fault_{width}.png")
         wide = "document.documentElement.scrollWidth"
         assert browser.run(wide) <= width and not browser.errors
+        if width < 600:
+            phone_shows_all(browser, PICTURES / "first_fault_phone.png", width)
+
+
+def phone_shows_all(browser, picture, width):
+    """The axis above the controls, and these as wide as the page, with the wide table open too."""
+    # What the page says of a computer without a graphics card would lie over the axis.
+    browser.run("document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())")
+    browser.screenshot(picture)
+    controls = browser.place("break it, and watch", scroll=False)
+    with Image.open(picture) as shot:
+        above = np.asarray(shot.convert("RGB")).astype(int)[: int(controls["top"]) - 8]
+    # Sky and grid are grey; gear and arm are not, and 40 pixels long.
+    assert (np.ptp(above, axis=2) > 40).sum() > 400
+    browser.click("What was done")
+    browser.wait("!!document.querySelector('table.history')", seconds=20, what="the table")
+    for text in ("f_m × 2", "Repair", "Step"):
+        assert browser.place(text, "button", scroll=False)["right"] <= width, text
 
 
 def test_a_button_that_does_nothing_is_found_out(browser):
