@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -149,8 +150,11 @@ def phone_shows_all(browser, picture, width):
         above = np.asarray(shot.convert("RGB")).astype(int)[: int(controls["top"]) - 8]
     # Sky and grid are grey; gear and arm are not, and 40 pixels long.
     assert (np.ptp(above, axis=2) > 40).sum() > 400
+    browser.click("What was done")  # unfolds
+    time.sleep(1.0)
     browser.click("What was done")
-    browser.wait("!!document.querySelector('table.history')", seconds=20, what="the table")
+    shown = "document.querySelector('table.history')?.getClientRects().length > 0"
+    browser.wait(shown, seconds=20, what="the table")
     for text in ("f_m × 2", "Repair", "Step"):
         assert browser.place(text, "button", scroll=False)["right"] <= width, text
 
