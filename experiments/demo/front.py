@@ -110,6 +110,13 @@ class Page:
         steps, self.pace.steps = self.pace.steps, 0
         return steps * MARK
 
+    def end(self) -> None:
+        """Say that the demo has ended, and let nobody press what does nothing any more."""
+        for row in self._rows:
+            row.disabled = True
+        self._said.content = "**The demo has ended:** what is here stays as it was."
+        self.server.flush()
+
     def draw_axis(self) -> None:
         """Show where the axis is."""
         axis = self.session.axis
@@ -159,6 +166,7 @@ class Page:
         broken.on_click(_clicked(self._break))
         clock = offers.group(gui, CLOCK, [RUN, PAUSE, STEP])
         clock.on_click(_clicked(self._wind))
+        self._rows = broken, clock
         self._said = gui.add_markdown("")
         self._chase = Chase(gui)
         self._table = gui.add_markdown("")
