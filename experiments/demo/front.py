@@ -111,9 +111,9 @@ class Page:
         return steps * MARK
 
     def end(self) -> None:
-        """Say that the demo has ended, and let nobody press what does nothing any more."""
+        """Say that the demo has ended, and take away the buttons, which do nothing any more."""
         for row in self._rows:
-            row.disabled = True
+            row.visible = False  # a row of them cannot be greyed
         self._said.content = "**The demo has ended:** what is here stays as it was."
         self.server.flush()
 

@@ -182,3 +182,24 @@ def test_two_viewers_see_the_same(browser, tmp_path):
         for page in (browser, other):
             truth = f"{CELL.format(name='f_m', column=1).strip()} == 0.1"
             page.wait(truth, seconds=30, what="the fault on both pages")
+
+
+def test_an_act_that_fails_is_said_and_the_lesson_goes_on(browser, tmp_path):
+    """And when the demo ends, the page says so, and has no buttons."""
+    stubborn = (
+        "from flexaxis.experiments.demo.session import DemoSession;"
+        "exec('def inject(*_): raise RuntimeError(\"it does not break\")');"
+        "DemoSession.inject = inject;"
+        "from flexaxis.experiments.cli import main; sys.exit(main())"
+    )
+    lesson = tmp_path / "mine.toml"
+    lesson.write_text('[[act]]\nat = 1.0\nfault = "f_m"\nfactor = 2.0\n', encoding="utf-8")
+    with demo(lesson, code=stubborn) as address:
+        browser.open(address)
+        said = "document.body.innerText.includes('act[0] at 1 s cannot be done: it does not')"
+        browser.wait(said, seconds=60, what="what was wrong")
+        browser.wait(f"{CLOCK} > 3", seconds=60, what="the lesson goes on")
+    ended = "document.body.innerText.includes('The demo has ended')"
+    browser.wait(ended, seconds=10, what="the end")
+    gone = "[...document.querySelectorAll('button')].every(e => e.innerText != 'Run')"
+    browser.wait(gone, seconds=5, what="no buttons")
