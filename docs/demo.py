@@ -58,8 +58,8 @@ def made() -> str:
     commit = subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
     first, second = DEFAULT_RACERS
     return (
-        f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault after {BEFORE:g} s. "
-        f"`python docs/demo.py`, commit {commit}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
+        f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault "
+        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
     )
 
 
