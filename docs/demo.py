@@ -54,12 +54,12 @@ def table() -> str:
 
 def made() -> str:
     """Return the line below the table: what it is, and how it was made."""
+    first, second, seeds = *DEFAULT_RACERS, f"seeds {SEEDS[0]} to {SEEDS[-1]}"
     words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
     commit = subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
-    first, second = DEFAULT_RACERS
     return (
         f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault "
-        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit}, seeds {SEEDS[0]} to {SEEDS[-1]}.\n"
+        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit}, {seeds}.\n"
     )
 
 
