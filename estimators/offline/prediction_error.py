@@ -104,6 +104,8 @@ def fit(
     near, damping, converged = CONVERGED if fine else SEARCHED, CAREFUL, False
     colour = colourless(problem.highpass, problem.course.period)
     point = problem.at(z, colour, coarse=coarse)
+    if not np.isfinite(point.square):  # it cannot be simulated from there
+        return finished(problem, point, colour, False)
     if plain:
         point, _ = problem.descend(point, colour, most, coarse=coarse, near=SEARCHED)
     for left in reversed(range(rounds)):

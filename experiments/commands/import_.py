@@ -112,13 +112,14 @@ def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
 
     from rich.console import Console
 
+    from flexaxis.experiments.logs.doubts.doubt import MARKS
+
     console = Console()
     style = {"problem": "red", "note": "yellow", "ok": None}
-    mark = {"problem": "✗", "note": "!", "ok": "✓"}
     order = [*style]
     for check in sorted(checks, key=lambda check: order.index(check.verdict)):
         measured = check.measured.strip()
-        lines = [f"{mark[check.verdict]} {check.name}: {measured}".rstrip(": ")]
+        lines = [f"{MARKS[check.verdict]} {check.name}: {measured}".rstrip(": ")]
         if check.verdict == "ok":
             lines[0] += f" ({check.text})" if measured else f": {check.text}"
         else:

@@ -2,7 +2,8 @@
 
 AXIS.toml is what `flexaxis identify` wrote. The estimates go to a NetCDF file, and a report says
 which parameter changed and when. Where the log has a load angle, it is predicted from the motor
-angle and compared. Status 1 if a change was found.
+angle and compared. Status 1 if a change was found, or if the log does not fit the axis: another
+unit or sign, or another axis.
 
 example:
   flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
@@ -58,7 +59,7 @@ def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
     from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
-    from flexaxis.experiments.logs.aloud import say_problems, waiting
+    from flexaxis.experiments.logs.aloud import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.forgetting import with_forgetting
@@ -86,7 +87,8 @@ def main(args: argparse.Namespace) -> int:
         )
     with waiting(f"reading {args.log.name}"):
         log = import_any(args.log, tables_of(args), **treatment(args))
-    say_problems(args.log, log.checks, met={"friction"} if axis.model.laws else ())
+    met = {"friction"} if axis.model.laws else set()
+    say_problems(args.log, log.checks, met=met)
     record = log.record
     names = list(dict.fromkeys(name for text in args.identify for name in text.split(",")))
     spec = parse(args.estimator or default_estimator(axis))
@@ -95,8 +97,9 @@ def main(args: argparse.Namespace) -> int:
     with waiting(f"tracking {', '.join(names)}"):
         found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
-    _write_page(found, record.period, report, args, spec.text)
-    status = 1 if found.changes else 0
+    problems = problems_of(log.checks, met=met)
+    _write_page(found, record.period, report, args, (spec.text, problems))
+    status = 1 if found.changes or found.doubts else 0
     if args.json:
         return answer(args, _content(found) | {"estimates": path, "report": report}, status)
     _print(found)
@@ -115,24 +118,33 @@ def _content(found: Tracked) -> dict[str, Any]:
         "residual": {"correlation": found.correlation, "white": found.white},
         "alarms": found.alarms.tolist(),
         "changes": [vars(change) for change in found.changes],
+        "doubts": found.doubts,
     }
 
 
-def _in_words(found: Tracked) -> list[str]:
-    lines = [
-        f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
-        f"({c.scatters:.0f} times its scatter)"
+def _in_words(found: Tracked) -> list[tuple[str, str]]:
+    """Return what was found: kind of remark, and a sentence."""
+    lines = [("problem", text) for text in found.doubts]
+    lines += [
+        (
+            "note",
+            f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
+            f"({c.scatters:.0f} times its scatter)",
+        )
         for c in found.changes
-    ] or ["no parameter changed"]
-    lines.append(f"fit of a simulation from the torque alone: {found.fit:.1f} %")
-    lines.append(
-        f"residual: correlates with its past by {found.correlation:.3f}, "
-        + ("white" if found.white else "so the estimates explain not all there is")
-    )
+    ]
+    if not lines:
+        lines.append(("ok", "no parameter changed"))
+    if not found.doubts:
+        lines.append(("ok", f"fit of a simulation from the torque alone: {found.fit:.1f} %"))
+    text = f"residual: correlates with its past by {found.correlation:.3f}, "
+    text += "white" if found.white else "so the estimates explain not all there is"
+    lines.append(("ok" if found.white else "note", text))
     if found.load is not None:
-        lines.append(f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %")
+        text = f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %"
+        lines.append(("ok", text))
     if len(found.alarms):
-        lines.append(f"alarms of the estimator: {len(found.alarms)}")
+        lines.append(("note", f"alarms of the estimator: {len(found.alarms)}"))
     return lines
 
 
@@ -140,20 +152,23 @@ def _print(found: Tracked) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from flexaxis.experiments.logs.doubts.doubt import MARKS
+
     table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
     for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True):
         table.add_row(name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
     Console().print(table)
-    print("\n".join(_in_words(found)))
+    print("\n".join(f"{MARKS[kind]} {text}" for kind, text in _in_words(found)))
 
 
 def _write_page(
-    found: Tracked, period: float, path: Path, args: argparse.Namespace, estimator: str
+    found: Tracked, period: float, path: Path, args: argparse.Namespace, said: tuple[str, list[str]]
 ) -> None:
     from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
     from flexaxis.experiments.logs.log_page import LogPage, write_page
     from flexaxis.experiments.studies.benchmark import command_line
 
+    estimator, problems = said
     figures = [
         (
             "Estimates",
@@ -176,8 +191,8 @@ def _write_page(
     page = LogPage(
         title=f"{estimator} on {args.log.name}",
         command=command_line(args.words),
-        remarks=[("note" if found.changes else "ok", text) for text in _in_words(found)],
-        tables=[("Estimates", ("parameter", "last", "nominal", "over nominal"), rows)],
+        remarks=[*(("problem", f"the log: {text}") for text in problems), *_in_words(found)],
+        tables=[("Last estimates", ("parameter", "last", "nominal", "over nominal"), rows)],
         figures=figures,
     )
     write_page(page, path)

@@ -27,6 +27,7 @@ PAUSE = 10.0  # s of standstill under control, in which the drive may be switche
 AFTER = 60.0  # s of good data: what "back" means
 LAST = 5.0  # s at the end, over which the error is taken
 BACK = 0.05  # share of nominal: the least that a user of a parameter would call wrong
+STATED = ("covariance", "innovation_variance")  # what an estimator may say beside θ
 TIMES = 3.0  # as wrong as without any disturbance, and no more
 
 
@@ -72,9 +73,11 @@ class Axis:
         return self._signals(BEFORE + PAUSE + AFTER, [[BEFORE, BEFORE + PAUSE]])
 
     @cached_property
-    def undisturbed(self) -> float:
-        """Error of a run without any disturbance, as `error` gives it."""
-        return self.error(run_estimator(self._subject.make(), self.moving.u, self.moving.y))
+    def undisturbed(self) -> tuple[float, tuple[str, ...]]:
+        """Error of a run without any disturbance, and what of `STATED` is finite after it."""
+        estimator = self._subject.make()
+        theta = run_estimator(estimator, self.moving.u, self.moving.y)
+        return self.error(theta), tuple(name for name in STATED if _is_finite(estimator, name))
 
     def error(self, theta: Array) -> float:
         """Return the largest mean error over the last seconds, as a share of nominal."""
@@ -192,15 +195,21 @@ def _survives(axis: Axis, disturb: Callable[[Axis], Disturbed], subject: Subject
     wrong = np.flatnonzero(~np.isfinite(theta).all(axis=1))
     if wrong.size:
         return False, f"not finite from {wrong[0] * axis.period:.1f} s on"
-    if not np.isfinite(getattr(estimator, "covariance", 0.0)).all():
-        return False, "its covariance is not finite"
+    usual, stated = axis.undisturbed
+    for name in stated:  # θ may stand still, and all else be lost
+        if not _is_finite(estimator, name):
+            return False, f"its {name} is not finite"
     first, stop = given.rest
     alarms = [f for f in getattr(estimator, "findings", ()) if first <= f.alarm < stop]
     if alarms:
         seconds = alarms[0].alarm * axis.period
         return False, f"a finding at {seconds:.1f} s, where nothing can be learnt"
-    error, allowed = axis.error(theta), max(BACK, TIMES * axis.undisturbed)
+    error, allowed = axis.error(theta), max(BACK, TIMES * usual)
     return error < allowed, f"{100 * error:.2g} % off a minute later ({100 * allowed:.2g} allowed)"
+
+
+def _is_finite(estimator: Estimator, name: str) -> bool:
+    return bool(np.isfinite(getattr(estimator, name, np.nan)).all())
 
 
 def _estimates(estimator: Estimator, given: Disturbed) -> Array:

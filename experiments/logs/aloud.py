@@ -11,21 +11,27 @@ from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.running.told import is_quiet
 
 
-def say_problems(path: Path, checks: Sequence[Doubt], *, met: Collection[str] = ()) -> None:
-    """Print a line for each problem.
+def problems_of(checks: Sequence[Doubt], *, met: Collection[str] = ()) -> list[str]:
+    """Return a sentence for each problem.
 
     Parameters
     ----------
-    path : Path
-        Of the log.
     checks : sequence of Doubt
     met : collection of str
         Remedies that the command takes by itself, such as ``highpass``.
     """
+    found = []
     for check in checks:
         if check.verdict == "problem" and not set(met) & set(check.remedy):
             advice = f". Type: {check.command}" if check.command else ""
-            print(f"✗ {path}: {check.name}: {check.text}{advice}", file=sys.stderr)
+            found.append(f"{check.name}: {check.text}{advice}")
+    return found
+
+
+def say_problems(path: Path, checks: Sequence[Doubt], *, met: Collection[str] = ()) -> None:
+    """Print a line for each problem of a log, as of `problems_of`."""
+    for text in problems_of(checks, met=met):
+        print(f"✗ {path}: {text}", file=sys.stderr)
 
 
 @contextmanager

@@ -95,7 +95,9 @@ def covariates_of(rows: Sequence[Mapping[str, Any]], given: Sequence[str]) -> di
 
 def _from_file(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
     try:
-        lines = list(csv.reader(path.read_text(encoding="utf-8-sig").splitlines()))
+        text = path.read_text(encoding="utf-8-sig")
+        semicolons = ";" in text.partition("\n")[0]  # and with them decimal commas
+        lines = list(csv.reader(text.splitlines(), delimiter=";" if semicolons else ","))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise LogError(f"{path}: cannot be read: {error}") from error
     lines = [line for line in lines if line]
@@ -105,8 +107,11 @@ def _from_file(path: Path, rows: Sequence[Mapping[str, Any]]) -> dict[str, Array
     table = {line[0].strip(): line[1:] for line in lines[1:]}
     found = {name: np.full(len(rows), np.nan) for name in names}
     for i, row in enumerate(rows):
-        cells = table.get(row["log"], table.get(Path(row["log"]).stem, []))
-        for name, cell in zip(names, cells, strict=False):
+        log = Path(row["log"])
+        known = (log.as_posix(), log.with_suffix("").as_posix(), log.parent.as_posix())
+        cells = next((table[name] for name in known if name in table), [])
+        for name, written in zip(names, cells, strict=False):
+            cell = written.replace(",", ".") if semicolons else written
             try:
                 found[name][i] = float(cell) if cell.strip() else np.nan
             except ValueError:

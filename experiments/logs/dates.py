@@ -1,87 +1,163 @@
-"""When a log began: by what stands in the file, or by its name."""
+"""When a log began: by what stands in the file, by its name, or by that of its folder."""
 
 from __future__ import annotations
 
 import re
-from datetime import datetime
+from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 HEAD = 4096  # bytes of a text in which a date is looked for
-KEYS = ("date", "created", "start", "start_time", "timestamp")  # of attributes and variables
+KEYS = ("date", "datum", "created", "start", "start_time", "timestamp")  # attributes, variables
+CENTURY = (datetime(2000, 1, 1), datetime(2100, 1, 1))  # in which a number is a time
 
 _KEY = re.compile(rf"\W*(?:{'|'.join(KEYS)})\s*[:=]\s*(.+)", re.IGNORECASE)
-_EUROPEAN = re.compile(r"(?<![\d.])(0[1-9]|[12]\d|3[01])\.(0[1-9]|1[0-2])\.((?:19|20)\d\d)(?!\d)")
-_DATE = re.compile(
-    r"(?<!\d)(20\d\d|19\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])"
-    r"(?:[T _-]?([01]\d|2[0-3])[:hH_.-]?([0-5]\d)(?:[:_.-]?([0-5]\d))?)?(?!\d)"
+_DAY, _MONTH, _YEAR = r"(0[1-9]|[12]\d|3[01])", r"(0[1-9]|1[0-2])", r"((?:19|20)\d\d)"
+_EUROPEAN = re.compile(rf"(?<![\d.]){_DAY}\.{_MONTH}\.{_YEAR}(?!\d)")
+_SLASHES = re.compile(rf"(?<![\d/])(\d\d?)/(\d\d?)/{_YEAR}(?![\d/])")
+_NAMES = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NAME, _TIME = rf"({'|'.join(_NAMES)})[a-z]*\.?", r"(?:(\d\d:\d\d(?::\d\d)?)\s+)?"
+_AMERICAN = re.compile(rf"\b{_NAME}\s+(\d\d?),?\s+{_TIME}{_YEAR}\b", re.IGNORECASE)
+_BRITISH = re.compile(rf"\b(\d\d?)[ -]{_NAME},?[ -]{_YEAR}\b", re.IGNORECASE)
+_CLOCK = (
+    r"(?:[T _-]?([01]\d|2[0-3])[:hH_.-]?([0-5]\d)(?:[:_.-]?([0-5]\d))?(?:\.\d+)?"
+    r"(?:\s*([AaPp])[Mm]\b)?)?(?!\d)"
 )
+_SEPARATED = re.compile(rf"(?<!\d){_YEAR}(?P<by>[-_./]){_MONTH}(?P=by){_DAY}{_CLOCK}")
+_COMPACT = re.compile(rf"(?<!\d){_YEAR}(?P<by>){_MONTH}{_DAY}{_CLOCK}")
 
 
 def dated(path: Path) -> tuple[datetime, str] | None:
-    """Return when a log began and what says so, "file" or "name"; None if neither does."""
-    text = _in_file(path)
-    date = found_in(text) if text else None
-    if date is not None:
-        return date, "file"
-    date = found_in(path.stem)
-    return None if date is None else (date, "name")
+    """Return when a log began and what says so; None if nothing does.
+
+    That is "file", "name", or "folder" for one whose name is a date.
+    """
+    for text in _in_file(path):
+        date = found_in(text) or _by_number(text)
+        if date is not None:
+            return date, "file"
+    for name, source in ((path.stem, "name"), (path.absolute().parent.name, "folder")):
+        date = found_in(name)
+        if date is not None:
+            return date, source
+    return None
+
+
+def unclear(path: Path) -> str | None:
+    """Return a date in a log or its name that may be one of two days, such as ``02/05/2026``."""
+    for text in (*_in_file(path), path.stem):
+        for match in _SLASHES.finditer(text):
+            if found_in(match[0]) is None:
+                return match[0]
+    return None
 
 
 def found_in(text: str) -> datetime | None:
     """Return the first date in a text, such as ``2026-03-01T06:30`` or ``log_20260301_0630``.
 
+    One that is written in parts goes before a mere number, which may be that of a machine. Of
+    ``02/05/2026`` it cannot be told whether it is in May: it is none.
+
     Examples
     --------
     >>> found_in("axis3_20260301_0630.csv")
     datetime.datetime(2026, 3, 1, 6, 30)
-    >>> found_in("Lauf 01.03.2026")
+    >>> found_in("sn20190101_2026-03-01")
     datetime.datetime(2026, 3, 1, 0, 0)
-    >>> found_in("run 12345678") is None
+    >>> found_in("Thu Feb  5 06:30:00 2026")
+    datetime.datetime(2026, 2, 5, 6, 30)
+    >>> found_in("02/05/2026") is None
     True
     """
-    for match in _DATE.finditer(_EUROPEAN.sub(r"\3-\2-\1", text)):
-        year, month, day, *clock = (int(part or 0) for part in match.groups())
-        try:
-            return datetime(year, month, day, clock[0], clock[1], clock[2])
-        except ValueError:  # such as the 31st of February
-            continue
+    text = _AMERICAN.sub(_named, _EUROPEAN.sub(r"\3-\2-\1", _SLASHES.sub(_slashed, text)))
+    text = _BRITISH.sub(lambda m: f"{m[3]}-{_number(m[2]):02}-{int(m[1]):02}", text)
+    for pattern in (_SEPARATED, _COMPACT):
+        for match in pattern.finditer(text):
+            year, _, month, day, *clock, half = match.groups()
+            hour, minute, second = (int(part or 0) for part in clock)
+            if half:
+                hour = hour % 12 + 12 * (half in "pP")
+            try:
+                return datetime(int(year), int(month), int(day), hour, minute, second)
+            except ValueError:  # such as the 31st of February
+                continue
     return None
 
 
-def _in_file(path: Path) -> str | None:
-    """Return the text in a log that says when it began."""
+def _number(month: str) -> int:
+    return _NAMES.index(month[:3].lower()) + 1
+
+
+def _named(match: re.Match[str]) -> str:
+    month, day, clock, year = match.groups()
+    return f"{year}-{_number(month):02}-{int(day):02} {clock or ''}"
+
+
+def _slashed(match: re.Match[str]) -> str:
+    """Return a date between slashes in the order of ISO 8601, if only one order makes sense."""
+    first, second, year = int(match[1]), int(match[2]), match[3]
+    day, month = max(first, second), min(first, second)
+    one = first == second or day > 12
+    return f"{year}-{month:02}-{day:02}" if one and month <= 12 else match[0]
+
+
+def _by_number(text: str) -> datetime | None:
+    """Return the time of a number of seconds since 1970, or of ms, µs or ns."""
+    if not re.fullmatch(r"\s*\d{9,19}(\.\d*)?\s*", text):
+        return None
+    for unit in (1.0, 1e-3, 1e-6, 1e-9):
+        seconds = float(text) * unit
+        if seconds < CENTURY[1].replace(tzinfo=UTC).timestamp():
+            date = datetime.fromtimestamp(int(seconds), UTC).replace(tzinfo=None)
+            return date if date >= CENTURY[0] else None
+    return None
+
+
+def _in_file(path: Path) -> list[str]:
+    """Return the texts in a log that may say when it began."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     if b"\x89HDF\r\n\x1a\n" in head[:8] + head[512:520]:
-        return _attribute(path)
+        return list(_attributes(path))
     if head.startswith(b"MATLAB"):
-        return _variable(path)
+        return _variables(path)
     if b"\0" in head:
-        return None
+        return []
     lines = head.decode("utf-8", errors="replace").splitlines()
     # any other date in a comment may be that of a calibration or of a program
     told = (_KEY.match(line) for line in lines if line[:1] in "#%;/" and line)
-    return next((match[1] for match in told if match), None)
+    return [match[1] for match in told if match]
 
 
-def _attribute(path: Path) -> str | None:
+def _attributes(path: Path) -> Iterator[str]:
     import h5py
 
     try:
         with h5py.File(path) as file:
-            for key, value in file.attrs.items():
-                if key.lower() in KEYS:
-                    return value.decode() if isinstance(value, bytes) else str(value)
+            yield from (_text(value) for key, value in file.attrs.items() if key.lower() in KEYS)
     except OSError:  # the reader says what is wrong with it
-        pass
-    return None
+        return
 
 
-def _variable(path: Path) -> str | None:
+def _variables(path: Path) -> list[str]:
     from scipy.io import loadmat
 
     try:
         content = loadmat(path, simplify_cells=True, variable_names=list(KEYS))
     except Exception:  # scipy raises whatever broken bytes lead to; the reader says it
-        return None
-    return next((v for k, v in content.items() if k in KEYS and isinstance(v, str)), None)
+        return []
+    return [_text(value) for key, value in content.items() if key in KEYS]
+
+
+def _text(value: Any) -> str:
+    """Return an attribute or a variable as a text; nothing of an array."""
+    if isinstance(value, bytes | np.bytes_):
+        return value.decode(errors="replace")
+    if isinstance(value, str):
+        return value
+    number = np.asarray(value)
+    numeric = number.size == 1 and number.dtype.kind in "iuf" and np.isfinite(number).all()
+    return f"{number.item():.6f}" if numeric else ""

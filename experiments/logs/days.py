@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC, three_mass
 from flexaxis.estimators.models.laws import Law
-from flexaxis.experiments.logs.as_log import LogStyle, logged, write_log
+from flexaxis.experiments.logs.as_log import FORMATS, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
@@ -190,7 +190,7 @@ def write_days(
     Parameters
     ----------
     folder : Path
-        Made if it is missing; of an earlier set the files of the same names are replaced.
+        Made if it is missing; the logs of an earlier set are replaced, all of them.
     scenario : Scenario
         As from `without_faults`.
     days : Days
@@ -205,9 +205,11 @@ def write_days(
         If somebody else's files are in the folder.
     """
     plan = calendar(scenario, days, seed)
-    _spare_others(folder)
-    spare_foreign(folder / AXIS, *(_path(folder, day, suffix) for day in plan))
+    earlier = _earlier(folder)
+    spare_foreign(folder / AXIS, *earlier, *(_path(folder, day, suffix) for day in plan))
     make_folder(folder)
+    for path in earlier:  # a trend would take them for logs of the same axis
+        path.unlink()
     told_axis(scenario, seed).save(folder / AXIS)
     told = (scenario.resolved(), seed, [vars(day) for day in plan])
     truth = dict(zip(TOLD, told, strict=True))
@@ -220,19 +222,23 @@ def _path(folder: Path, day: Day, suffix: str) -> Path:
     return folder / f"{day.date[:10]}.{suffix}"
 
 
-def _spare_others(folder: Path) -> None:
-    """Refuse a folder with files in which there is no truth that `write_days` wrote."""
+def _earlier(folder: Path) -> list[Path]:
+    """Return the logs of an earlier set; refuse files without a truth that `write_days` wrote."""
     if not folder.is_dir() or not any(folder.iterdir()):
-        return
+        return []
     try:
-        ours = json.loads((folder / TRUTH).read_bytes()).keys() >= set(TOLD)
-    except (OSError, ValueError, AttributeError):
+        truth = json.loads((folder / TRUTH).read_bytes())
+        days = [Day(**day) for day in truth["days"]]
+        paths = [_path(folder, day, suffix) for day in days for suffix in FORMATS]
+        ours = truth.keys() >= set(TOLD)
+    except (OSError, ValueError, AttributeError, KeyError, TypeError):
         ours = False
     if not ours:
         raise OutputError(
             f"{folder} holds files but no {TRUTH} of `flexaxis days`: they might be logs of a real "
             "axis, and are left as they are. Choose another folder with -o"
         )
+    return [path for path in paths if path.is_file()]
 
 
 def known_axis(scenario: Scenario) -> Axis:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from os.path import commonpath
 from pathlib import Path
 
 from flexaxis.experiments.logs.errors import LogError
@@ -18,7 +19,8 @@ SUFFIXES = (
 def find_logs(given: Sequence[Path]) -> list[Path]:
     """Return the logs in folders and among files, those of a folder in the order of their names.
 
-    What was made of a log in the same folder, by `import` or `track`, is no further log.
+    What was made of a log in the same folder, by `import` or `track`, is no further log. A folder
+    without logs may have them in folders of its own, such as one a day.
 
     Raises
     ------
@@ -28,10 +30,7 @@ def find_logs(given: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in given:
         if path.is_dir():
-            inside = [p for p in path.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-            names = {p.name for p in inside}
-            logs = (p for p in inside if p.name[0] != "." and not made_of(p, names))
-            found += sorted(logs, key=_natural)
+            found += _in(path) or _below(path)
         elif path.exists():
             found.append(path)
         else:
@@ -42,6 +41,26 @@ def find_logs(given: Sequence[Path]) -> list[Path]:
             f"{', '.join(SUFFIXES)}"
         )
     return list(dict.fromkeys(found))
+
+
+def labels(logs: Sequence[Path]) -> dict[Path, str]:
+    """Return names that tell logs apart: of the files, or with their folders if those are alike."""
+    if len({path.name for path in logs}) == len(logs):
+        return {path: path.name for path in logs}
+    root = Path(commonpath([path.absolute().parent for path in logs]))
+    return {path: path.absolute().relative_to(root).as_posix() for path in logs}
+
+
+def _in(folder: Path) -> list[Path]:
+    inside = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
+    names = {p.name for p in inside}
+    logs = (p for p in inside if p.name[0] != "." and not made_of(p, names))
+    return sorted(logs, key=_natural)
+
+
+def _below(folder: Path) -> list[Path]:
+    below = (p for p in folder.iterdir() if p.is_dir() and p.name[0] != ".")
+    return [log for p in sorted(below, key=_natural) for log in _in(p) or _below(p)]
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

@@ -202,6 +202,8 @@ class _Bench:
         kinds = tuple(kind for kind in ORDER if self.given.keys() <= names_by(kind))
         for kind in kinds if wanted == "auto" else ORDER[:1]:
             other = self.started(kind, begun)
+            if not np.isfinite(other.fitted.square):
+                break  # no start could be simulated with it
             hopeful = begun is None or other.fitted.square < begun.fitted.square * HOPEFUL
             # what explains a log no better will not predict it
             other_part = other.fitted_without(without) if hopeful else other.fitted

@@ -196,6 +196,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         for name, column in given.items()
     }
     joined = _joined(log, given, signals, columns, smooth=bool(mapping.smooth))
+    rated = frozenset({"time"} - given.keys())  # --rate is in Hz
     if "time" not in signals:
         assert mapping.rate is not None  # checked above
         signals["time"] = np.arange(len(signals["torque"])) / mapping.rate
@@ -212,7 +213,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         angle=signals.get("angle"),
         speed=signals.get("speed"),
         load_angle=signals.get("load_angle"),
-        stated=frozenset(name for name, unit in units.items() if unit),
+        stated=frozenset(name for name, unit in units.items() if unit) | rated,
         joined=joined,
     )
 

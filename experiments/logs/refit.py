@@ -20,6 +20,7 @@ from flexaxis.estimators.offline.trajectory import Course, course
 from flexaxis.experiments.logs.attempt import log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.likeness import MATCHED, at_limits, no_fit
 from flexaxis.experiments.logs.pieces import PIECES
 from flexaxis.sim.record import Record
 
@@ -30,7 +31,6 @@ FARTHEST = 0.3  # relative change of a parameter in one step
 RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
 RESTING = 0.05  # of the rms speed, below which the axis rests at first
 SHIFTS = (-3, -2, -1, 0, 1, 2, 3)  # samples of delay that are tried where nothing fits
-MATCHED = 50.0  # per cent of a fit that is none by chance
 SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
 
 
@@ -160,7 +160,9 @@ def _found(problem: _Problem, z: Array, bounds: Array) -> Refit:
     with_delay, its_covariance = _solved(problem, z, error, psi, colour)
     e, y = (colour.high(signal)[problem.ok] for signal in (error, problem.y))
     fit = 100 * float(1 - np.std(e) / np.std(y))
-    _check(names, z[:p], bounds, fit)
+    unlike = [*at_limits(names, z[:p], bounds, problem.start[:p]), *no_fit(fit)]
+    if unlike:
+        raise LogError(unlike[0])
     return Refit(
         names,
         z[:p],
@@ -275,16 +277,3 @@ def _block_deviations(
         steps[i] = np.linalg.pinv(square - mine.T @ mine, hermitian=True) @ (product - mine.T @ its)
     spread = steps - steps.mean(axis=0)
     return np.sqrt((PIECES - 1) / PIECES * (spread**2).sum(axis=0)) / norm
-
-
-def _check(names: Sequence[str], theta: Array, bounds: Array, fit: float) -> None:
-    stuck = [n for n, at, low, high in zip(names, theta, *bounds, strict=True) if at in (low, high)]
-    if stuck:
-        raise LogError(
-            f"{', '.join(stuck)} would be {RANGE[0]:g} or {RANGE[1]:g} times what is known: is it "
-            "a log of this axis, in the same units?"
-        )
-    if not fit > 0:
-        raise LogError(
-            f"a simulation from the torque fits by {fit:.0f} % only: is it a log of this axis?"
-        )

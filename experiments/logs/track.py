@@ -25,11 +25,14 @@ from flexaxis.experiments.logs.attempt import log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.likeness import at_limits, no_fit, poor_fit
 from flexaxis.experiments.logs.load_angle import Load, predicted_load
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
+
+WHITE = 0.1  # correlation of a residual with its past, below which it is called white
 
 
 @dataclass(frozen=True)
@@ -67,16 +70,18 @@ class Tracked:
         Nominal values, for comparison.
     usable : ndarray (N,) of bool
     fit : float
-        Of the output simulated at the last estimate, as for `Identification`.
+        Of the output simulated at the last estimate, above the high-pass of the axis if it has one.
     residual : ndarray (N,)
         Whitened residual at the last estimate.
     correlation : float
         Largest correlation of the residual with its own past, 1 to 20 samples back.
     white : bool
-        Whether that is below 0.1.
+        Whether that is below `WHITE`.
     alarms : ndarray (M,)
         Times [s] at which the estimator raised its own alarm, if it has one.
     changes : list of Change
+    doubts : list of str
+        What says that the log is not of this axis, or not in its units; sentences.
     load : Load or None
         Where the record has a load angle, which no estimator is given.
     """
@@ -93,6 +98,7 @@ class Tracked:
     white: bool
     alarms: Array
     changes: list[Change]
+    doubts: list[str]
     load: Load | None
 
     @property
@@ -179,6 +185,13 @@ def track(
         lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
     )
     correlation = _correlation(residual[good])
+    white = abs(correlation) < WHITE
+    high, size = colour.high(colour.bridged(error, ok)), float(np.std(colour.high(measured)[good]))
+    fit = 100 * (1 - float(np.std(high[good])) / size)
+    bounds = np.asarray(getattr(estimator, "bounds", np.full((2, len(names)), np.nan)))
+    doubts = [*at_limits(names, last, bounds, nominal.theta), *no_fit(fit)]
+    if not (doubts or changes):  # one value does not fit what was before a change and after it
+        doubts = poor_fit(axis, fit, size, white=white)
     return Tracked(
         names=names,
         time=record.time,
@@ -186,12 +199,13 @@ def track(
         deviations=None if claimed is None else _deviations(claimed),
         nominal=nominal.theta,
         usable=good,
-        fit=100 * float(1 - np.std(error[ok]) / np.std(measured[ok])),
+        fit=fit,
         residual=residual,
         correlation=correlation,
-        white=abs(correlation) < 0.1,
+        white=white,
         alarms=record.time[alarms],
         changes=changes,
+        doubts=doubts,
         load=predicted_load(record, axis, dict(zip(names, last.tolist(), strict=True))),
     )
 

@@ -15,8 +15,9 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.dates import dated
+from flexaxis.experiments.logs.dates import dated, unclear
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.finding import labels
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.reading.reader import open_log
@@ -191,13 +192,21 @@ def estimate_all(
                 advance(1)
         every = {row["case"]: row for row in read(rows)}
     # the same content may come by another name, and with it by another date
-    return [every[task.case] | {"log": task.path.name} | _date(task.path) for task in wanted]
+    name, alike = labels([task.path for task in wanted]), dict[str, list[str]]()
+    for task in wanted:
+        alike.setdefault(task.case, []).append(name[task.path])
+    once = {task.case: task for task in reversed(wanted)}  # a copy is no further measurement
+    return [
+        every[case] | {"log": alike[case][0], "copies": alike[case][1:]} | _date(once[case].path)
+        for case in alike
+    ]
 
 
 def _date(path: Path) -> dict[str, str | None]:
-    """Return when a log began, and what says so."""
+    """Return when a log began, and what says so; or a date that may be one of two."""
     date, source = dated(path) or (None, None)
-    return {"date": date.isoformat() if date else None, "dated": source}
+    told = {"date": date.isoformat() if date else None, "dated": source}
+    return told | {"unclear": None if date else unclear(path)}
 
 
 def row_of(plan: Plan, task: Task) -> bytes:

@@ -125,6 +125,10 @@ def remarks(
     bad = [row for row in rows if row["problem"]]
     if bad:
         lines.append(("note", f"{len(bad)} of {len(rows)} logs could not be used; see below"))
+    copies = [f"{copy} is {row['log']}" for row in rows for copy in row.get("copies", [])]
+    if copies:
+        more = f" and {len(copies) - TOLD} more" if len(copies) > TOLD else ""
+        lines.append(("note", f"copies count once: {', '.join(copies[:TOLD])}{more}"))
     lines.append(("ok", dates_remark([row for row in rows if not row["problem"]], clock)))
     lines.append(
         ("ok", f"one page in {1 / false_alarms:.0f} of an axis that does not change says that it "
@@ -148,10 +152,12 @@ def dates_remark(good: Sequence[Mapping[str, Any]], clock: Clock) -> str:
     if not clock.dated:
         undated = sum(row["date"] is None for row in good)
         why = f"{undated} have no date" if undated else "all have the same date"
-        return f"the logs are numbered in the order given, as {why}"
-    files = sum(row["dated"] == "file" for row in good)
-    parts = [f"{files} of the logs themselves"] if files else []
-    parts += [f"{len(good) - files} of their names"] if files < len(good) else []
+        may = next((f": {row['unclear']} of {row['log']} may be one of two days, write it as "
+                    "2026-12-31" for row in good if row.get("unclear")), "")  # fmt: skip
+        return f"the logs are numbered in the order given, as {why}{may}"
+    words = {"file": "the logs themselves", "name": "their names", "folder": "their folders"}
+    counts = {source: sum(row["dated"] == source for row in good) for source in words}
+    parts = [f"{counts[source]} of {text}" for source, text in words.items() if counts[source]]
     return f"dates: {' and '.join(parts)}"
 
 

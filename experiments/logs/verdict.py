@@ -15,6 +15,7 @@ from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
 from flexaxis.experiments.logs.laws import Tried
+from flexaxis.experiments.logs.left_out import LeftOut, left_out
 from flexaxis.experiments.logs.spectrum import Response
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, t
 LAGS = 20
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 EXPLAINED = 0.1  # of the motion, that a simulation may leave and still be of the same axis
+EARLY = 3.0  # standard deviations beyond the least delay that there can be
+HALF, NOTHING = 0.5, 0.05  # samples: least delay of a measured torque; and less is none
 APART = 0.2  # median of |log G/Ĝ|: a model that far from what the log shows is another axis
 
 
@@ -85,19 +88,23 @@ def judge(
     """
     correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
+    late = _late(attempt, fitted, deviations, smooth)
     warnings = [
         *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
         *_restless(fitted),
-        *_late(attempt, fitted, deviations),
+        *late,
         *_coloured(correlation, fitted),
         *_apart(misfit),
         *_rubs(tried, word),
         *_unlooked(blind),
+        *_left_out(left_out(attempt, fitted, deviations)),
     ]
     return Verdict(
         tuple(warnings),
-        tuple([*_torque(attempt, smooth), *_laws(tried), *_shapeless(attempt, fitted)]),
+        tuple(
+            [*_torque(attempt, smooth or bool(late)), *_laws(tried), *_shapeless(attempt, fitted)]
+        ),
         correlation,
         condition,
         weakest,
@@ -233,8 +240,12 @@ def _unlooked(blind: bool) -> list[str]:
     ]
 
 
-def _late(attempt: Attempt, fitted: Fitted, deviations: Array) -> list[str]:
-    """Return what a delay at the end of what is possible means."""
+def _late(attempt: Attempt, fitted: Fitted, deviations: Array, stated: bool) -> list[str]:
+    """Return what a delay at the end of what is possible means, and one beyond it.
+
+    A held torque acts when it is set and not before. One that is smooth may be the mean over the
+    sample that ends where it is logged; then it is half a sample early.
+    """
     lag, period = float(fitted.z[-1]), attempt.log.period
     if attempt.delay is not None:
         return []
@@ -243,10 +254,13 @@ def _late(attempt: Attempt, fitted: Fitted, deviations: Array) -> list[str]:
             f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
             "are shifted; look at `flexaxis import`, or give --delay S"
         ]
-    if attempt.log.smooth and lag < -period - 2 * deviations[-1]:
+    least = -HALF * period if stated else -NOTHING * period
+    if attempt.log.smooth and lag < least - EARLY * deviations[-1]:
         return [
-            f"the torque acts {-lag / period:.1f} samples before it is logged: the columns of "
-            "torque and motion are shifted; shift one of them"
+            f"the torque acts {-lag / period:.2f} samples before it is logged, which is not "
+            "possible: its column is shifted against the motion, or filtered (a measured current "
+            "is); shift it (by a sample, if it is held), or log the torque before its filter; "
+            "inertias are off as well"
         ]
     return []
 
@@ -270,6 +284,22 @@ def _apart(misfit: float) -> list[str]:
     ]
 
 
+def _left_out(found: Sequence[LeftOut]) -> list[str]:
+    """Return the torque that explains most of what was left out, if it is one beyond chance."""
+    most = [each for each in found[:1] if each.there]
+    return [
+        f"the axis has what the model leaves out: {each.what}; with it the error of a prediction "
+        f"is {100 * (1 - np.exp(-each.gain)):.2g} % smaller, and the noise model hides it"
+        + (
+            f"; without it {each.name} is off by {each.moves:.1f} of its deviations or more"
+            if each.name and each.moves > 1
+            else ""
+        )
+        + f"; {each.advice}"
+        for each in most
+    ]
+
+
 def _rubs(tried: Sequence[Tried], word: str) -> list[str]:
     """Return what a law that was asked not to be there would have explained."""
     if word != "none":
@@ -287,7 +317,7 @@ def _torque(attempt: Attempt, stated: bool) -> list[str]:
     if not attempt.log.smooth or stated:
         return []
     return [
-        "the torque is a smooth, measured one, though the record has it as held: it would act "
+        "the torque seems a smooth, measured one, though the record has it as held: it would act "
         "before it is set; it was taken as smooth, as with --torque-is smooth at import"
     ]
 

@@ -95,3 +95,8 @@ def test_steps_of_a_law_are_told_and_a_linear_model_has_none(linear, monkeypatch
     assert np.all(discretisation(*linear) == 0)
     monkeypatch.setattr(trajectory, "COARSE", trajectory.FINE)
     assert np.all(discretisation(law, fitted) == 0)
+
+
+def test_a_start_that_cannot_be_simulated_is_no_fit(linear):
+    fitted = fit(linear[0], np.r_[1e-9, 5e-3, 0.0, 0.0], plain=True)  # too fast for the log
+    assert fitted.square == np.inf and not fitted.converged

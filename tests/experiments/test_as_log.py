@@ -167,8 +167,12 @@ def test_days_do_not_go_among_other_files(truth, tmp_path, capsys):
 def test_days_are_written_again_but_not_over_a_log_that_was_put_there(tmp_path, capsys):
     folder = tmp_path / "days"
     words = ["days", "--days", "2", "--from-day", "1", "--duration", "2", "-o", str(folder)]
-    assert main(words) == 0
-    assert main(words) == 0
+    assert main([*words, "--days", "3", "--as-log", "mat"]) == 0
+    (folder / "notes.txt").write_text("mine")
+    assert main(words) == 0  # of the earlier set nothing is left that a trend would read
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "2026-01-01.csv", "2026-01-02.csv", "axis.toml", "notes.txt", "truth.json",
+    ]  # fmt: skip
     mine = folder / "2026-01-02.csv"
     mine.write_text("time,torque,angle\n0,1,2\n")
     assert main(words) == 2

@@ -11,6 +11,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.doubts.clocks import updates_every
 from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
+from flexaxis.experiments.logs.doubts.outliers import outliers
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log, read_any
@@ -69,9 +70,61 @@ def clean():
 
 
 def test_nothing_is_doubted_of_a_clean_log(clean, tmp_path):
-    found = imported(tmp_path, clean)
+    found = imported(tmp_path, clean, STATED)
     assert [c.name for c in found.checks if c.verdict != "ok"] == []
     assert len({check.name for check in found.checks}) == len(looks())
+
+
+STATED = {"unit": {"angle": "rad"}}
+
+
+def test_units_that_nobody_stated_are_doubted(clean, tmp_path):
+    """An angle in degrees makes an inertia 57 times too small, and nothing else tells."""
+    found = seen(imported(tmp_path, clean | {"angle": np.degrees(clean["angle"]) / 10}), "units")
+    assert found.verdict == "note" and "--unit angle=rad" in found.command
+    assert seen(imported(tmp_path, clean, STATED), "units").verdict == "ok"
+    slow = {"time": 50 * clean["time"]}  # ms at 20 kHz?
+    found = seen(imported(tmp_path, clean | slow, STATED), "units")
+    assert found.verdict == "note" and found.command == "--unit time=s"
+    untimed = {name: clean[name] for name in ("torque", "angle")}
+    found = imported(tmp_path, untimed, STATED | {"rate": 1 / (50 * T)})
+    assert seen(found, "units").verdict == "ok"
+
+
+@pytest.mark.parametrize("by", [1e6, 0.5, -0.02])
+def test_outliers_are_seen_and_what_follows_from_them_is_not_advised(by, clean, tmp_path):
+    angle = clean["angle"].copy()
+    angle[[700, 4200, 4201, 9100]] += by
+    assert by < 0 or by > 5 * np.abs(np.diff(clean["angle"])).max()
+    found = imported(tmp_path, clean | {"angle": angle}, STATED)
+    doubt = seen(found, "outliers of the motion")
+    assert doubt.verdict == "problem" and doubt.value == 4 and "0.7, 4.2, 4.201, 9.1" in doubt.text
+    assert [check.name for check in found.checks if check.command] == []
+    empty = np.where(angle == clean["angle"], angle, np.nan)  # what is advised
+    found = imported(tmp_path, clean | {"angle": empty}, STATED)
+    assert seen(found, "outliers of the motion").verdict == "ok"
+    assert seen(found, "dead time from torque to angle").verdict == "ok"
+
+
+def test_an_outlier_of_a_speed(clean, tmp_path):
+    speed = np.gradient(clean["angle"], T)
+    speed[3000] = 50 * np.abs(speed).max()
+    columns = {"time": clean["time"], "torque": clean["torque"], "speed": speed}
+    assert seen(imported(tmp_path, columns), "outliers of the motion").value == 1
+
+
+@pytest.mark.parametrize("kind", ["impacts", "coarse", "rest", "wrapped", "noise"])
+def test_no_axis_that_moves_has_outliers(kind, clean):
+    """Bounces off an end stop, few counts, seldom a move, sawtooth, and noise alone."""
+    t, rng = np.arange(20_000) * T, np.random.default_rng(0)
+    moved = {
+        "impacts": np.abs(np.sin(t)) * 10,
+        "coarse": np.round(20 * clean["angle"]),
+        "rest": np.where(np.abs(t - 10) < 0.08, np.cos((t - 10) * 60), np.cos(0.08 * 60)),
+        "wrapped": (30 * t) % (2 * np.pi),
+        "noise": rng.standard_normal(len(t)),
+    }
+    assert not outliers(unwrapped(moved[kind])[0]).any()
 
 
 def test_all_that_a_record_tells_is_told_of_it_alone(clean, tmp_path):
@@ -399,7 +452,7 @@ def test_gaps_are_not_what_the_torque_does_not_explain(clean, tmp_path):
     kept = np.ones(len(clean["time"]), bool)
     for start in (4000, 9500, 15500):
         kept[start : start + round(0.05 / T)] = False
-    found = imported(tmp_path, {name: values[kept] for name, values in clean.items()})
+    found = imported(tmp_path, {name: values[kept] for name, values in clean.items()}, STATED)
     gaps = of_record(found.record)
     slow = whole.spectra.frequency < whole.band[1]
     assert len(gaps.whole) == 4
@@ -472,7 +525,7 @@ def test_identify_and_track_say_what_is_wrong_with_a_log(clean, tmp_path, capsys
 
 
 @pytest.mark.parametrize(
-    ("top", "verdict"), [(1500.0, "ok"), (6000.0, "problem"), (12_000.0, None)]
+    ("top", "verdict"), [(1500.0, "note"), (6000.0, "problem"), (12_000.0, None)]
 )
 def test_the_speed_of_a_spindle_is_doubted_and_not_refused(top, verdict, clean, tmp_path):
     """60 000 rpm are 6283 rad/s."""

@@ -69,6 +69,27 @@ class Alarmist:
         return [self._theta]
 
 
+class Hollow:
+    """Gives the same θ for ever, and is lost inside from the first large y on."""
+
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        self._theta, self.innovation_variance = nominal["f_m"], 1.0
+
+    def step(self, u, y):
+        if y is not None and abs(y) > 1e6:
+            self.innovation_variance = float("nan")
+        return [self._theta]
+
+
+def test_a_filter_that_is_lost_inside_is_caught(store):
+    found = long(f"{__file__}:Hollow", store)
+    fallen = {name for name, finding in found.items() if not finding.holds}
+    assert fallen == {"one y 1e9 times too large", "one y of 1e300"}
+    assert "innovation_variance" in found["one y of 1e300"].seen
+
+
 def test_an_alarm_where_nothing_moves_is_caught(store):
     found = long(f"{__file__}:Alarmist", store)
     assert "nothing can be learnt" in found["off for 20 minutes"].seen

@@ -47,6 +47,10 @@ def test_dry_friction_is_found_and_told_from_viscous(found):
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
     assert np.all(found.deviations >= found.noise_deviations)
+    errors = found.theta - [{**VALUES[1], "f_c": F_C}[name] for name in found.names]
+    assert np.all(
+        abs(errors) < 4 * found.deviations
+    )  # of a few millionths: nothing is stepped over
 
 
 def test_without_a_law_the_answer_says_what_is_missing(record):

@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -14,7 +15,7 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs import trend
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
-from flexaxis.experiments.logs.dates import dated, found_in
+from flexaxis.experiments.logs.dates import dated, found_in, unclear
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.finding import find_logs
 from flexaxis.experiments.logs.log_health import ailments, common
@@ -224,6 +225,30 @@ def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):
     assert [p.name for p in find_logs([tmp_path])] == ["2026-05-01.csv", "2026-05-02.csv"]
     log.unlink()  # of which the record is all there is now
     assert [p.name for p in find_logs([tmp_path])] == ["2026-05-01.nc", "2026-05-02.csv"]
+
+
+def test_a_folder_a_day_is_a_set_of_logs(days, tmp_path, capsys):
+    """All logs have one name: they are told apart by their folders, and dated by them."""
+    at = [f"2026-05-{day:02}" for day in range(1, 13)]
+    for name in at:
+        (tmp_path / "set" / name).mkdir(parents=True)
+        (tmp_path / "set" / name / "log.csv").write_bytes((days / f"{name}.csv").read_bytes())
+    found = find_logs([tmp_path / "set"])
+    assert [p.parent.name for p in found] == at
+    assert dated(found[0]) == (datetime(2026, 5, 1), "folder")
+    copy = tmp_path / "set" / at[0] / "copy.csv"
+    copy.write_bytes(found[0].read_bytes())
+    table = tmp_path / "air.csv"
+    read_in = [f"{name};{20 + k % 5},5" for k, name in enumerate(at)]
+    table.write_text("\n".join(["log;air", *read_in]) + "\n")
+    given = ("--model", days / "axis.toml", "-o", tmp_path / "t", "--torque-is", "held")
+    _, out, err = run(capsys, "trend", tmp_path / "set", *given, "--covariate", table)
+    assert "dates: 12 of their folders" in out, err
+    assert "2026-05-01/copy.csv is 2026-05-01/log.csv" in out.replace("\n", " ") or (
+        "2026-05-01/log.csv is 2026-05-01/copy.csv" in out
+    )
+    rows = json.loads((tmp_path / "t" / "trend.json").read_text())
+    assert rows["logs"] == 12
 
 
 def test_a_parameter_that_is_zero_is_refused(days, tmp_path, capsys):
@@ -446,6 +471,15 @@ def test_another_axis_is_refused(axis):
         ("log_123456789012", None),
         ("2026-02-31 then 2026-03-02", datetime(2026, 3, 2)),
         ("Achse 1 01.03.2026", datetime(2026, 3, 1)),
+        ("sn20190101_2026-03-01", datetime(2026, 3, 1)),
+        ("2026/03/01", datetime(2026, 3, 1)),
+        ("Thu Feb  5 06:30:00 2026", datetime(2026, 2, 5, 6, 30)),
+        ("Thu Feb 5 2026", datetime(2026, 2, 5)),
+        ("5 February 2026", datetime(2026, 2, 5)),
+        ("13/02/2026", datetime(2026, 2, 13)),
+        ("2/13/2026 06:30 PM", datetime(2026, 2, 13, 18, 30)),
+        ("02/05/2026", None),
+        ("13/14/2026", None),
     ],
 )
 def test_dates(text, date):
@@ -464,9 +498,29 @@ def test_the_date_in_a_file_goes_before_that_in_its_name(tmp_path):
         ("# calibrated 2020-01-01", (datetime(2026, 1, 1), "name")),
         ("# Date: 2026-02-02T08:00", (datetime(2026, 2, 2, 8), "file")),
         ("% start_time = 02.02.2026", (datetime(2026, 2, 2), "file")),
+        ("# start: 0.0 s\n# date: 2026-02-05", (datetime(2026, 2, 5), "file")),
+        ("# start_time: 1770278400", (datetime(2026, 2, 5, 8), "file")),
+        ("# start_time: 1770278400000000000", (datetime(2026, 2, 5, 8), "file")),
+        ("# date: 02/05/2026", (datetime(2026, 1, 1), "name")),
     ],
 )
 def test_a_date_in_a_comment_needs_its_key(tmp_path, comment, found):
     path = tmp_path / "2026-01-01.csv"
     path.write_text(f"{comment}\ntime,torque\n0,1\n")
     assert dated(path) == found
+
+
+@pytest.mark.parametrize("value", [1770278400, np.float64(1770278400.25), "2026-02-05T08:00"])
+def test_a_date_among_attributes_is_found_behind_what_is_none(tmp_path, value):
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.attrs["created"] = "by our logger"
+        file.attrs["start_time"] = value
+    assert dated(tmp_path / "log.h5") == (datetime(2026, 2, 5, 8), "file")
+
+
+def test_a_date_that_may_be_one_of_two_is_told(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("# date: 02/05/2026\ntime,torque\n0,1\n")
+    assert unclear(path) == "02/05/2026" and dated(path) is None
+    path.write_text("# date: 02/13/2026\ntime,torque\n0,1\n")
+    assert unclear(path) is None

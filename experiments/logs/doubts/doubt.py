@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE = "#0072B2", "#D55E00"  # what was measured, and what is remarkable in it
 
+MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of verdicts, in the order of their weight
+
 Verdict = Literal["ok", "note", "problem"]
 
 

@@ -9,7 +9,10 @@ from importlib import import_module
 from flexaxis.experiments.logs import doubts
 from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
+from flexaxis.experiments.logs.doubts.outliers import OUTLIERS
 from flexaxis.sim.record import Record
+
+SPOILT = 10  # rank from which looks judge how the torque moves the axis, as outliers hide
 
 
 def doubts_of(record: Record) -> tuple[Doubt, ...]:
@@ -29,8 +32,14 @@ def examine(evidence: Evidence) -> tuple[Doubt, ...]:
     """Return everything that was looked at."""
     if evidence.still:
         return (still(evidence),)
-    found = (look.at(evidence) for look in looks())
-    return tuple(doubt for doubt in found if doubt is not None)
+    found: list[Doubt] = []
+    for look in looks():
+        if look.rank >= SPOILT and any(d.name == OUTLIERS and d.verdict != "ok" for d in found):
+            break
+        doubt = look.at(evidence)
+        if doubt is not None:
+            found.append(doubt)
+    return tuple(found)
 
 
 def still(evidence: Evidence) -> Doubt:
