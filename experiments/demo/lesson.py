@@ -44,7 +44,7 @@ def _can_race(text: str) -> str:
     if not names_code(text):  # code runs only with consent, which is asked for after reading
         try:
             Racer(text, preset("n1"))
-        except FlexaxisError as error:
+        except (FlexaxisError, TypeError) as error:  # pydantic takes ValueError alone
             raise ValueError(str(error)) from error
     return text
 

@@ -100,6 +100,7 @@ def test_all_problems_are_said_at_once():
         ("drift = {f_m = 0.0}", "act[0] drift.f_m: must be greater than 0"),
         ('racer = "A"\nestimator = "ekg"', "act[0] estimator: unknown estimator 'ekg'"),
         ('racer = "A"\nestimator = "ekf[a=1]"', "act[0] estimator: ekf has no option 'a'"),
+        ('racer = "A"\nestimator = "rpem-drift[scale=\'x\']"', "act[0] estimator: "),
         ('racer = "A"\nestimator = "ekf[output=\'position\']"', "act[0] estimator: "),
     ],
 )
