@@ -127,5 +127,8 @@ def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
         for line in lines:
             text = fill(line, console.width, subsequent_indent="  ", break_long_words=False)
             console.print(text, style=style[check.verdict], markup=False, highlight=False)
+    alike: dict[str, list[str]] = {}
     for name, one in seen.items():
-        print(f"  {name}: {one.words}")
+        alike.setdefault(one.words, []).append(name)
+    for words, names in alike.items():
+        print(f"  {', '.join(names)}: {words}")

@@ -67,6 +67,6 @@ def _figures(
     ]
     figures.append(("The log", log_figure(found.record), ""))
     if seen:
-        text = "From the spectrum of the torque alone, at the very best; orange is not seen."
+        text = "From the spectrum of the torque, about, by a linear model; orange is not seen."
         figures.append(("What the excitation can see", visibility_figure(seen), text))
     return figures

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.logs.column_names import completed
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.sim.errors import did_you_mean
@@ -39,7 +40,7 @@ _SPELLINGS = {
     "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "degrees/s": "deg/s",
     "radian": "rad", "radians": "rad", "radians/s": "rad/s", "turn": "rev", "turns": "rev",
     "radps": "rad/s", "degps": "deg/s",
-    "1/min": "rpm", "min-1": "rpm", "rev/min": "rpm", "hz": "rev/s",
+    "1/min": "rpm", "u/min": "rpm", "min-1": "rpm", "rev/min": "rpm", "hz": "rev/s",
 }  # fmt: skip
 
 _ENDINGS = {
@@ -151,9 +152,10 @@ def _wrong(key: str, value: object) -> Iterator[str]:
         for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
             good = _is_number(entry) and entry != 0 if key == "scale" else isinstance(entry, str)
             if name not in KINDS or not good:
-                yield (
-                    f"{key}.{name} = {entry!r}: give {wanted} for one of {', '.join(KINDS)}."
-                    f"{did_you_mean(name, KINDS)}"
+                yield f"{key}.{name} = {entry!r}: " + (
+                    f"give {wanted}"
+                    if name in KINDS
+                    else f"no such signal.{did_you_mean(name, KINDS)} There are {', '.join(KINDS)}"
                 )
 
 
@@ -171,7 +173,8 @@ def load_mapping(path: Path) -> dict[str, Any]:
 def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI.
 
-    A signal that the mapping does not name is taken from the column of its own name, if any. Where
+    A signal that the mapping does not name is taken from the column of its own name, if any, also
+    in German or French. Where
     the file says which column of time belongs to which signal, as bags do, all are brought to the
     clock of the motion.
 
@@ -181,6 +184,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         If a column is missing, lengths differ, or a unit is unknown.
     """
     given = {name: name for name in KINDS if name in log.names} | dict(mapping.columns)
+    given = completed(given, log.names)
     if mapping.rate is not None and "time" not in mapping.columns:
         given.pop("time", None)
     motion = given.get("angle", given.get("speed", ""))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -188,7 +189,7 @@ def track(
     white = abs(correlation) < WHITE
     high, size = colour.high(colour.bridged(error, ok)), float(np.std(colour.high(measured)[good]))
     fit = 100 * (1 - float(np.std(high[good])) / size)
-    bounds = np.asarray(getattr(estimator, "bounds", np.full((2, len(names)), np.nan)))
+    bounds = _limits(estimator, len(names))
     doubts = [*at_limits(names, last, bounds, nominal.theta), *no_fit(fit)]
     if not (doubts or changes):  # one value does not fit what was before a change and after it
         doubts = poor_fit(axis, fit, size, white=white)
@@ -259,6 +260,16 @@ def _refuse_linear(spec: Spec, entry: Entry | None) -> None:
             f"the axis has laws, such as dry friction, and {spec.text} knows linear models only: "
             f"use --estimator {RECOMMENDED} (or {', '.join(n for n in able if n != RECOMMENDED)})"
         )
+
+
+def _limits(estimator: Estimator, p: int) -> Array:
+    """Return the limits (2, p) of the estimates of an estimator; NaN where it tells none."""
+    limits = np.full((2, p), np.nan)
+    with suppress(TypeError, ValueError):  # what a user's estimator calls so may be anything
+        told = np.asarray(getattr(estimator, "bounds", None), float)
+        if told.ndim == 2 and len(told) == 2:  # a law's that are tracked besides may have none
+            limits[:, : told.shape[1]] = told[:, :p]
+    return limits
 
 
 def _deviations(claimed: Array) -> Array:

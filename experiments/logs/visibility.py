@@ -25,13 +25,14 @@ ENOUGH = 0.5  # relative standard deviation from which on a parameter counts as 
 NOTHING = 1e9  # relative standard deviation of what is not seen at all
 QUIETEST = 1e-12  # of the power of the output: less noise than that is rounding
 HELD = "stays as it is: a log shows ratios to it, so identify holds it unless it is freed"
-BEST, DRY = "at the best", "with dry friction counted as noise"
+BEST = "by a linear model"
+DRY = "by a linear model, to which dry friction is noise"
 CROSSINGS = 10  # reversals that a law of friction needs, at the least
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the excitation can tell of a parameter, at the very best.
+    """What the excitation can tell of a parameter, by a linear model in white noise.
 
     Attributes
     ----------
@@ -54,8 +55,8 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     """Return what the excitation can tell of each parameter of an axis, before any estimator runs.
 
     σ/(θ √(N E ψ²)), with E ψψᵀ from the spectrum of the torque by eq. (28). σ is what
-    the torque does not explain of the output. Laws of friction are seen by reversals, which are
-    counted.
+    the torque does not explain of the output, so what only a law explains counts as noise: where
+    an axis has one, identify may tell far more. Laws are seen by reversals, which are counted.
 
     Parameters
     ----------
@@ -114,8 +115,8 @@ def _words(alone: float, together: float, partner: str) -> str:
     if not alone < ENOUGH:
         return "NOT seen by this excitation: fix it, or shake where it acts"
     if together < ENOUGH:
-        return f"seen, ±{100 * together:.2g} % {BEST}"
-    text = f"seen only if others are known (then ±{100 * alone:.2g} %)"
+        return f"seen, to about ±{100 * together:.2g} % {BEST}"
+    text = f"seen only if others are known (then to about ±{100 * alone:.2g} %)"
     return f"{text}: confused with {partner}, fix one of them" if partner else text
 
 

@@ -9,6 +9,7 @@ from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt, sosfilt
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.doubts.clocks import updates_every
+from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import doubts_of, looks
 from flexaxis.experiments.logs.doubts.outliers import outliers
@@ -73,6 +74,26 @@ def test_nothing_is_doubted_of_a_clean_log(clean, tmp_path):
     found = imported(tmp_path, clean, STATED)
     assert [c.name for c in found.checks if c.verdict != "ok"] == []
     assert len({check.name for check in found.checks}) == len(looks())
+
+
+def test_infinite_values_are_called_that(clean, tmp_path):
+    torque = clean["torque"].copy()
+    torque[[500, 900]] = np.inf
+    doubt = seen(imported(tmp_path, clean | {"torque": torque}), "missing samples")
+    assert "torque in 2 samples" in doubt.text
+
+
+def test_what_was_measured_reads_well():
+    assert Doubt("clocks", 1.0, "samples", "ok", "").measured == "1 sample"
+    assert Doubt("jitter", 2.5e-11, "% of T", "ok", "").measured == "0 % of T"
+    assert Doubt("jitter", 0.0115, "% of T", "ok", "").measured == "0.0115 % of T"
+
+
+@pytest.mark.parametrize("names", [("Zeit", "Moment", "Winkel"), ("temps", "Courant", "ANGLE")])
+def test_columns_in_german_and_french(names, clean, tmp_path):
+    translated = dict(zip(names, (clean[n] for n in ("time", "torque", "angle")), strict=True))
+    record = imported(tmp_path, translated).record
+    np.testing.assert_array_equal(record.torque, imported(tmp_path, clean).record.torque)
 
 
 STATED = {"unit": {"angle": "rad"}}

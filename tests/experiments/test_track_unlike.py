@@ -1,11 +1,13 @@
 """track says of a log that it is not of the axis, or not in its units."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.track import _limits
 
 J, F, T, N = 0.01, 0.05, 0.004, 2500  # of one mass, k_T = 1; s; samples
 AXIS = f"""model = "one_mass"
@@ -65,3 +67,28 @@ def test_a_torque_in_another_unit_or_sign_is_status_1(tmp_path, capsys, times, s
     page = (tmp_path / "log-track.html").read_text(encoding="utf-8")
     assert ("the log: dead time" in page) == (times < 0)  # what import says of it
     assert page.count("<h2>Estimates</h2>") == 1 and "no parameter changed" not in page
+
+
+LAW = """f_c = 0.02
+[[law]]
+kind = "bristle"
+drive = { speed_motor = 1.0 }
+acts = { speed_motor = "-1/J_m" }
+parameters = { coulomb = "f_c", stiffness = 1e4 }
+"""
+
+
+@pytest.mark.parametrize("bounds", [None, np.array([[0.1], [1.0]]), np.array([[0.1] * 2, [1] * 2])])
+def test_limits_are_those_that_an_estimator_tells(bounds):
+    """One with laws tracks their parameters besides, for which it may tell none."""
+    estimator = SimpleNamespace() if bounds is None else SimpleNamespace(bounds=bounds)
+    limits = _limits(estimator, 2)
+    told = 0 if bounds is None else bounds.shape[1]
+    assert np.isnan(_limits(SimpleNamespace(bounds={"f_m": (0, 1)}), 2)).all()
+    assert np.isfinite(limits[:, :told]).all() and np.isnan(limits[:, told:]).all()
+
+
+def test_an_axis_with_dry_friction_is_tracked(tmp_path, capsys):
+    words = ("--estimator", "rpem-friction")
+    status, _ = tracked(tmp_path, capsys, AXIS + LAW, *words, torque_times=1)
+    assert status in {0, 1}

@@ -70,7 +70,8 @@ def test_what_identify_holds_is_not_among_the_unknowns():
     """A spring and a gear ratio that act as one: with the ratio held, the spring is seen."""
     Q = 1e4 * np.array([[1.0, 0.2, 0.2], [0.2, 1.0, 1.0], [0.2, 1.0, 1.0]])
     told = _deviations(Q, ("k_T", "k", "r"))
-    assert told["k"].together == pytest.approx(0.01) and told["k"].words.startswith("seen, ±1 %")
+    assert told["k"].together == pytest.approx(0.01)
+    assert told["k"].words.startswith("seen, to about ±1 %")
     assert told["k_T"].words == told["r"].words == HELD
 
 
@@ -83,5 +84,5 @@ def test_with_dry_friction_it_is_not_the_best(tmp_path):
         'parameters = {coulomb = "f_c", stiffness = 1e4}\n'
     )
     told = visible(recorded(np.random.default_rng(1).standard_normal(8000)), find_axis(str(path)))
-    assert "dry friction counted as noise" in told["f_m"].words
-    assert "at the best" not in told["f_m"].words and "reversals" in told["f_c"].words
+    assert "dry friction is noise" in told["f_m"].words
+    assert "reversals" in told["f_c"].words

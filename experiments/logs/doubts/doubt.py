@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE = "#0072B2", "#D55E00"  # what was measured, and what is remarkable in it
 
+ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of verdicts, in the order of their weight
 
 Verdict = Literal["ok", "note", "problem"]
@@ -52,7 +53,11 @@ class Doubt:
     @property
     def measured(self) -> str:
         """What was measured, with its unit, in words."""
-        return "" if self.value is None else f"{self.value:.4g} {self.unit}".strip()
+        if self.value is None:
+            return ""
+        one = abs(self.value) == 1 and self.unit in ("samples", "jumps")
+        value = 0.0 if abs(self.value) < ROUNDING else self.value
+        return f"{value:.4g} {self.unit[:-1] if one else self.unit}".strip()
 
     def told(self) -> dict[str, Any]:
         """Return it as plain data, for JSON."""

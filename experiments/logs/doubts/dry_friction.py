@@ -153,7 +153,7 @@ def _draw(axes: Axes, e: Evidence, piece: slice) -> None:
     ]
     axes.plot(*zip(*bins, strict=True), "o-", color=ORANGE, lw=1.4, ms=3, label="mean")
     axes.axvline(0, color="0.3", lw=0.6)
-    axes.set(xlabel="motor speed [rad/s]", ylabel="torque less that for acceleration")
+    axes.set(xlabel="motor speed [rad/s]", ylabel="torque less that for acceleration [as logged]")
     axes.legend(frameon=False)
 
 

@@ -22,7 +22,10 @@ def _look(e: Evidence) -> Doubt:
     if not gaps:
         return Doubt(name, 0.0, "%", "ok", "none")
     longest = float((edges[1::2] - edges[::2]).max() * e.period)
-    text = f"{gaps} gap(s), the longest {longest:.3g} s; marked, not updated on"
+    text = f"{gaps} gap{'s' * (gaps > 1)}, the longest {longest:.3g} s; marked, not updated on"
+    infinite = _infinite(e)
+    if infinite:
+        text += f". Infinite, and no numbers: {infinite}; ask what wrote the log"
     return Doubt(
         name,
         missing,
@@ -30,6 +33,15 @@ def _look(e: Evidence) -> Doubt:
         "note" if missing < MUCH else "problem",
         text,
         draw=lambda axes: _draw(axes, e),
+    )
+
+
+def _infinite(e: Evidence) -> str:
+    """Return in words which signals of a log have infinite values, and how many."""
+    there = {n: getattr(e.raw, n, None) for n in ("torque", "angle", "speed", "load_angle")}
+    counts = {n: int(np.isinf(values).sum()) for n, values in there.items() if values is not None}
+    return ", ".join(
+        f"{n} in {count} sample{'s' * (count > 1)}" for n, count in counts.items() if count
     )
 
 
