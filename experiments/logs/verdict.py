@@ -14,6 +14,7 @@ from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
+from flexaxis.experiments.logs.late import taken_as, too_late
 from flexaxis.experiments.logs.laws import Tried
 from flexaxis.experiments.logs.left_out import LeftOut, left_out
 from flexaxis.experiments.logs.spectrum import Response
@@ -25,8 +26,6 @@ COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, t
 LAGS = 20
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 EXPLAINED = 0.1  # of the motion, that a simulation may leave and still be of the same axis
-EARLY = 3.0  # standard deviations beyond the least delay that there can be
-HALF, NOTHING = 0.5, 0.05  # samples: least delay of a measured torque; and less is none
 APART = 0.2  # median of |log G/Ĝ|: a model that far from what the log shows is another axis
 
 
@@ -88,7 +87,7 @@ def judge(
     """
     correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
-    late = _late(attempt, fitted, deviations, smooth)
+    late = too_late(attempt, fitted, deviations, smooth)
     warnings = [
         *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
@@ -103,7 +102,11 @@ def judge(
     return Verdict(
         tuple(warnings),
         tuple(
-            [*_torque(attempt, smooth or bool(late)), *_laws(tried), *_shapeless(attempt, fitted)]
+            [
+                *taken_as(attempt, fitted, smooth or bool(late)),
+                *_laws(tried),
+                *_shapeless(attempt, fitted),
+            ]
         ),
         correlation,
         condition,
@@ -240,31 +243,6 @@ def _unlooked(blind: bool) -> list[str]:
     ]
 
 
-def _late(attempt: Attempt, fitted: Fitted, deviations: Array, stated: bool) -> list[str]:
-    """Return what a delay at the end of what is possible means, and one beyond it.
-
-    A held torque acts when it is set and not before. One that is smooth may be the mean over the
-    sample that ends where it is logged; then it is half a sample early.
-    """
-    lag, period = float(fitted.z[-1]), attempt.log.period
-    if attempt.delay is not None:
-        return []
-    if lag >= attempt.latest * (1 - 1e-9):
-        return [
-            f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
-            "are shifted; look at `flexaxis import`, or give --delay S"
-        ]
-    least = -HALF * period if stated else -NOTHING * period
-    if attempt.log.smooth and lag < least - EARLY * deviations[-1]:
-        return [
-            f"the torque acts {-lag / period:.2f} samples before it is logged, which is not "
-            "possible: its column is shifted against the motion, or filtered (a measured current "
-            "is); shift it (by a sample, if it is held), or log the torque before its filter; "
-            "inertias are off as well"
-        ]
-    return []
-
-
 def _coloured(correlation: float, fitted: Fitted) -> list[str]:
     if abs(correlation) <= max(COLOURED, 4 / np.sqrt(fitted.good.sum())):
         return []
@@ -310,15 +288,6 @@ def _rubs(tried: Sequence[Tried], word: str) -> list[str]:
         f"not {t.comparison.before:.4g}; use --friction auto"
         for t in tried
         if t.taken
-    ]
-
-
-def _torque(attempt: Attempt, stated: bool) -> list[str]:
-    if not attempt.log.smooth or stated:
-        return []
-    return [
-        "the torque seems a smooth, measured one, though the record has it as held: it would act "
-        "before it is set; it was taken as smooth, as with --torque-is smooth at import"
     ]
 
 
