@@ -6,7 +6,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.signals import check_signals
+
+
+class StepError(EstimatorError):
+    """What `step` returned is not one number for each name."""
 
 
 @runtime_checkable
@@ -66,11 +71,43 @@ def run_estimator(
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
         return np.asarray(run(u, y, *missing), float)
-    estimates, k = np.empty((len(u), len(estimator.names))), 0
+    names = tuple(estimator.names)
+    estimates, k = np.empty((len(u), len(names))), 0
     try:
         for k in range(len(u)):
-            estimates[k] = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
+            theta = estimator.step(float(u[k]), float(y[k]) if present[k] else None)
+            estimates[k] = theta_of(theta, names, estimator)
     except BaseException as error:
         error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was
         raise
     return estimates
+
+
+def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> NDArray[np.float64]:
+    """
+    Return what a step returned as numbers, one for each name.
+
+    Parameters
+    ----------
+    given : (p,) array_like
+        A single number as well, where p is 1.
+    names : sequence of str
+    estimator : Estimator
+        Whose step it was, for the message.
+
+    Returns
+    -------
+    (p,) array
+
+    Raises
+    ------
+    StepError
+        If it has another number of values; one would otherwise stand for all of them.
+    """
+    theta = np.asarray(given, float)
+    if given is not None and theta.size == len(names):
+        return theta.reshape(-1)
+    several = "nothing" if given is None else f"{theta.size} number{'s'[: theta.size != 1]}"
+    code = getattr(getattr(estimator.step, "__func__", estimator.step), "__code__", None)
+    place = f" ({code.co_filename}:{code.co_firstlineno})" if code else ""
+    raise StepError(f"step returned {several}, names has {len(names)}: {', '.join(names)}{place}")

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import StepError
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.given import is_given
@@ -126,6 +127,8 @@ def hosted(
 
     Raises
     ------
+    EstimatorError
+        If its step returns another number of values than it has names.
     EstimatorCrash
         For whatever it raises, and where it takes longer than `time_limit`.
     """
@@ -144,6 +147,8 @@ def hosted(
             "(in Python time_limit=)"
         )
         raise crash(text, doing, limit.with_traceback(error.__traceback__)) from None
+    except StepError as error:  # which says itself where
+        raise EstimatorError(f"{text}, {doing}{_sample(error, first, period)}: {error}") from error
     except (Exception, SystemExit) as error:
         if refusing and isinstance(error, EstimatorError):
             raise

@@ -18,6 +18,7 @@ from flexaxis.experiments.building.programs import PATIENCE, Program
 
 PROTOCOL = 1
 HOW = "answer every line with one line, and flush it"
+BINARY = "a program that reads and writes blocks of numbers is pipe-binary:, not pipe:"
 
 
 class PipeEstimator:
@@ -96,7 +97,7 @@ class _Lines:
             line = self._line() if there else b""
         if not line:
             why = self.program.what_happened("an answer", HOW)
-            raise EstimatorError(f"the program {why}")
+            raise EstimatorError(f"the program {why}; {BINARY}")
         return _parsed(line)
 
     def _line(self) -> bytes:
@@ -120,7 +121,7 @@ def _parsed(line: bytes) -> dict[str, Any]:
         raise EstimatorError(
             f"the program answered {line[:80].decode(errors='replace').strip()!r}; one JSON "
             'object on a line is needed, such as {"theta": [1.0, 1.25, 0.05]}. Print nothing else '
-            "to stdout"
+            f"to stdout; {BINARY}"
         )
     return answer
 

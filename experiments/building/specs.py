@@ -272,6 +272,7 @@ def _find(name: str) -> Callable[..., Estimator]:
         return held
     module, colon, attribute = name.rpartition(":")
     if colon:
+        _refuse_kind(name)
         home = module_of(module)
         found = getattr(home, attribute, None)
         if found is None:
@@ -286,6 +287,17 @@ def _find(name: str) -> Callable[..., Estimator]:
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"
     )
+
+
+def _refuse_kind(name: str) -> None:
+    """Refuse what begins almost as a program does; no module has a hyphen in its name."""
+    kind, colon, _ = name.partition(":")
+    if kind.startswith("pipe-") and not kind.endswith(".py"):
+        near = did_you_mean(kind + colon, PIPES)
+        raise EstimatorError(
+            f"{name}: {kind + colon} is no way to ask a program.{near} There are: "
+            f"{', '.join(PIPES)}"
+        )
 
 
 def _classes(module: Any) -> list[str]:

@@ -142,7 +142,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     folder = _output(args)
     how = {"resume": args.resume, "replace": True, "traced": True, "about": {"command": command}}
     with (
-        options.working(args, f"at most {most} cases", most) as (means, _),
+        options.working(args, f"at most {most} case{'s'[: most != 1]}", most) as (means, _),
         Bench(scenarios, folder, means, **how) as bench,
     ):
         if args.match_std:

@@ -102,6 +102,10 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
 
     if lesson:
         _consent(args, lesson, args.lesson)
+
+    def warned(line: str) -> None:
+        print(f"flexaxis: {line}", file=sys.stderr, flush=True)
+
     session = DemoSession(
         estimators=args.estimator or (lesson.estimators if lesson else DEFAULT_RACERS),
         seed=(lesson.seed if lesson else 0) if args.seed is None else args.seed,
@@ -113,9 +117,9 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
         browser=not args.no_browser,
         speed=args.speed or (lesson.speed if lesson else 1.0),
         exaggerate=args.exaggerate,
-        play=(lambda begun: Player(begun, lesson).advance) if lesson else None,
+        play=(lambda begun: Player(begun, lesson, warned).advance) if lesson else None,
         said=lambda line: print(line, flush=True),
-        warned=lambda line: print(f"flexaxis: {line}", file=sys.stderr, flush=True),
+        warned=warned,
     )
     return 0
 

@@ -18,6 +18,8 @@ HELP = "list scenarios, suites and estimators"
 GROUP = "look"
 KINDS = ("scenarios", "suites", "estimators")
 
+NARROW = 72  # columns; in fewer, names leave no room for anything beside them
+
 Line = dict[str, str]
 
 
@@ -62,6 +64,9 @@ def _print(kind: str, lines: list[Line]) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    if Console().width < NARROW:
+        _print_narrow(kind, lines)
+        return
     table = Table(title=kind, title_justify="left", box=None, pad_edge=False)
     table.add_column("name", no_wrap=True)
     if kind == "scenarios":
@@ -70,6 +75,19 @@ def _print(kind: str, lines: list[Line]) -> None:
     for cells in _grouped(lines) if kind == "scenarios" else _plain(lines):
         table.add_row(*cells)
     Console().print(table, *_below(lines), "")
+
+
+def _print_narrow(kind: str, lines: list[Line]) -> None:
+    """Print what each is below its name."""
+    from rich.console import Console
+    from rich.padding import Padding
+
+    console = Console()
+    console.print(f"[italic]{kind}[/]")
+    for name, *more, text in _grouped(lines) if kind == "scenarios" else _plain(lines):
+        console.print("  ".join(word for word in (name, *more) if word), highlight=False)
+        console.print(Padding(text, (0, 0, 0, 4)))
+    console.print(*_below(lines), "")
 
 
 def _below(lines: list[Line]) -> Iterator[str]:

@@ -66,6 +66,8 @@ def _check(path: Path) -> None:
             f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "
             "Octave, such as my_estimator.c or my_estimator.m"
         )
+    if not path.parent.is_dir():
+        raise FlexaxisError(f"{path}: there is no folder {path.parent}: make it first")
     if path.exists():
         raise FlexaxisError(f"{path} is there already; give another name")
 

@@ -8,8 +8,10 @@ that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
 and seeds simulates nothing. Rows are appended as they come: after Ctrl-C, a kill or a full disk,
-and for more estimators or seeds, --resume runs only what is missing. A case that cannot be run is a
-row that says why, and the others go on; the exit status is then 1, or 70 if code crashed.
+and for more estimators or seeds, --resume runs only what is missing. Without it a result that is
+in DIR makes room for the new one; stderr says so where cases go that the new one has not. A case
+that cannot be run is a row that says why, and the others go on; the exit status is then 1, or 70
+if code crashed.
 
 example:
   flexaxis run smoke
@@ -68,9 +70,8 @@ def main(args: argparse.Namespace) -> int:
     spare(args.names, folder)
     with ExitStack() as stack:
         place = options.executor(args, stack)
-        working = options.working(
-            args, f"{wanted.cases} cases", wanted.cases, cache=not args.no_cache, place=place
-        )
+        about = f"{wanted.cases} case{'s'[: wanted.cases != 1]}"
+        working = options.working(args, about, wanted.cases, cache=not args.no_cache, place=place)
         simulated = 0
 
         def landed(outcome: Any) -> None:
@@ -82,7 +83,7 @@ def main(args: argparse.Namespace) -> int:
                 wanted, folder, means.also(landed), shard=share, resume=args.resume,
                 say=lambda text: _say(wanted, text),
             )  # fmt: skip
-    remark(f"{simulated} records simulated")
+    remark(f"{simulated} record{'s'[: simulated != 1]} simulated")
     if found is None:
         return _share_told(args, folder, share)
     return _told(args, folder, found)

@@ -46,8 +46,11 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.own import spare_foreign
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
+    from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.simulate import simulate
 
+    if args.seed < 0:
+        raise FlexaxisError(f"--seed {args.seed}: give a whole number from 0 on")
     scenario = find_scenario(args.scenario)
     suffix = args.as_log or "nc"
     path = args.output or Path(f"{scenario.name}-{args.seed}.{suffix}")

@@ -74,7 +74,12 @@ def main(args: argparse.Namespace) -> int:
     consent = {"source": str(args.file), "command": line}
     if not args.dry_run:
         require(args.run_code, study.estimators, **consent)
-    status = _planned_and_run(args, study)
+    try:
+        status = _planned_and_run(args, study)
+    except KeyboardInterrupt as error:
+        if error.args or args.dry_run:
+            raise
+        raise KeyboardInterrupt(options.go_on(args, 0)) from None  # while it was planned
     require(args.run_code, study.estimators, **consent)
     return status
 
@@ -117,10 +122,11 @@ def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
     text = (
         f"{_several(len(plan.variants), 'variant')} of "
         f"{_several(len(plan.study.scenarios), 'scenario')} × "
-        f"{len(plan.study.seeds)} seeds: {whole.cases} cases on {whole.records} records"
+        f"{_several(len(plan.study.seeds), 'seed')}: {_several(whole.cases, 'case')} on "
+        f"{_several(whole.records, 'record')}"
     )
     if whole.cases > todo.cases:
-        text += f"; {whole.cases - todo.cases} cases done, {todo.cases} to run"
+        text += f"; {_several(whole.cases - todo.cases, 'case')} done, {todo.cases} to run"
     unit = next(plan.units(done), None)
     tried = without_code(unit) if unit and dry else unit
     if unit and not tried:
@@ -139,7 +145,7 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
 
     todo = plan.work(rows.done(folder)).cases
     words = [word for word in args.words if word != options.RESUME]
-    working = options.working(args, f"{todo} cases", todo, cache=args.cache, place=place)
+    working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
     with working as (means, _):
         finished = run_study(
             plan,
@@ -168,7 +174,7 @@ def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int
     if args.json:
         told = {"folder": folder, "report": path, "cases": counted, "of": total}
         return answer(args, told | {"run": run, "failed": len(failures)}, status)
-    print(f"{counted} of {total} cases done, {run} of them just now")
+    print(f"{counted} of {_several(total, 'case')} done, {run} of them just now")
     options.tell_failures(failures)
     print(path)
     return status

@@ -74,4 +74,7 @@ def _result(rule: Rule, subject: Subject) -> RuleResult:
     except EstimatorCrash as error:
         seen = str(error).partition(" crashed ")[2]
         return RuleResult(rule.name, False, f"it crashed {seen}", rule.reason, rule.hint, True)
+    except EstimatorError as error:
+        seen = str(error).removeprefix(f"{subject.spec.text}, on the record of the check, ")
+        return RuleResult(rule.name, False, seen, rule.reason, rule.hint, True)
     return RuleResult(rule.name, holds, seen, rule.reason, rule.hint)

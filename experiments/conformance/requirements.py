@@ -150,10 +150,10 @@ def _gap(subject: Subject) -> Seen:
         return False, "estimates are not finite after the gap"
     moved = subject.apart(theta[GAP], np.broadcast_to(theta[GAP.start - 1], theta[GAP].shape))
     if moved > 0.1:
-        return False, f"estimates move by {100 * moved:.0f} % of nominal while y is missing"
+        return False, f"estimates move by {_percent(moved)} of nominal while y is missing"
     estimator = subject.make()
     if not knows_gaps(estimator):
-        return True, f"estimates move by {100 * moved:.2g} % of nominal in it"
+        return True, f"estimates move by {_percent(moved)} of nominal in it"
     valid = np.ones(len(subject.u), bool)
     valid[GAP] = False
     garbage = np.where(valid, subject.y, 1e3)
@@ -171,8 +171,17 @@ def _spike(subject: Subject) -> Seen:
     y = subject.y.copy()
     y[GAP.start] += 20 * y.std()
     theta = subject.run(y=y)
-    moved = subject.apart(theta, subject.theta)
-    return bool(np.isfinite(theta).all()), f"estimates move by {100 * moved:.2g} % of nominal"
+    if not np.isfinite(theta).all():
+        return False, "estimates are not finite after it"
+    return (
+        True,
+        f"finite; estimates move by {_percent(subject.apart(theta, subject.theta))} of nominal",
+    )
+
+
+def _percent(share: float) -> str:
+    """Return a share of nominal in per cent, without an exponent where it is large."""
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
 
 
 def _cost(subject: Subject) -> Seen:
@@ -187,7 +196,7 @@ def _shift_hurts(subject: Subject) -> Seen:
     right = subject.error(subject.theta)
     late = subject.error(subject.run(u=np.r_[0.0, subject.u[:-1]]))
     early = subject.error(subject.run(u=np.r_[subject.u[1:], 0.0]))
-    seen = f"error {100 * right:.2g} %, {100 * late:.2g} % with u late, {100 * early:.2g} % early"
+    seen = f"error {_percent(right)}, {_percent(late)} with u late, {_percent(early)} early"
     return right < min(late, early) / 1.5, seen
 
 
@@ -247,8 +256,8 @@ RULES: Sequence[Rule] = (
         _gap,
     ),
     Rule(
-        "survives a spike",
-        "one wrong sample must not end a run",
+        "finite after a spike",
+        "one wrong sample must not end a run; how far it may move the estimates is not judged",
         "bound the estimates, or clip the residual",
         _spike,
     ),

@@ -33,6 +33,11 @@ P_RANGE, F_C_RANGE = (-7.0, -0.4), (-0.04, 0.44)
 """Of the charts of log₁₀ P and of f_c [N m]; fixed, so that what is nowhere does not set them."""
 NOWHERE = -1e6
 
+NEAR = 0.03
+"""Of nominal: so far from it an estimate is always drawn, and noise does not fill a chart."""
+TICKS = tuple(float(f"{digit}e{power}") for power in range(-3, 3) for digit in (1, 2, 5))
+"""Between two ticks; less than a thousandth the browser's three decimals would not tell apart."""
+
 
 def unit(name: str) -> str:
     """Return the unit of an estimated parameter."""
@@ -54,7 +59,10 @@ class Charts:
 
     def __init__(self, gui: Any, nominal: Array) -> None:
         self._nominal = nominal
-        self._estimates = [_estimate_chart(gui, name) for name in SHOWN]
+        self._estimates = [
+            _estimate_chart(gui, name, float(size))
+            for name, size in zip(SHOWN, nominal, strict=True)
+        ]
         self._dots = _dot_chart(gui)
         self._P = _P_chart(gui)
         self._drawn: tuple[Any, ...] = ()
@@ -115,7 +123,7 @@ def dot_columns(
     return (std, *bounds, *columns)
 
 
-def _estimate_chart(gui: Any, name: str) -> Any:
+def _estimate_chart(gui: Any, name: str, nominal: float) -> Any:
     from viser import uplot
 
     series = [uplot.Series(label="t"), uplot.Series(label="truth", stroke="#000", dash=(6, 4))]
@@ -131,8 +139,14 @@ def _estimate_chart(gui: Any, name: str) -> Any:
             for i, colour in enumerate(COLOURS)
         ),
         title=f"{name} [{unit(name)}] over t [s]",
-        **_look(F_C_RANGE if name not in NAMES else None),
+        **_look(_around(nominal) if name in NAMES else F_C_RANGE, TICKS),
     )
+
+
+def _around(nominal: float) -> Any:
+    """Return a range that follows the data, and always holds what is near nominal."""
+    edges = {"min": nominal * (1 - NEAR), "max": nominal * (1 + NEAR)}
+    return {side: {"pad": 0.1, "soft": edge, "mode": 1} for side, edge in edges.items()}
 
 
 def _P_chart(gui: Any) -> Any:
@@ -147,7 +161,7 @@ def _P_chart(gui: Any) -> Any:
         data=_nothing(1 + len(lines)),
         series=(uplot.Series(label="t"), *lines),
         title="log₁₀ diag P: k_T —, 1/J_a – –, f_m · ·",
-        **_look(P_RANGE),
+        **_look(P_RANGE, (1.0, 2.0)),
     )
 
 
@@ -195,15 +209,16 @@ def theory_band() -> Any:
     return uplot.Band(series=(2, 1), fill=THEORY + "50")
 
 
-def _look(y: tuple[float, float] | None = None) -> dict[str, Any]:
+def _look(y: Any, ticks: Sequence[float]) -> dict[str, Any]:
     from viser import uplot
 
-    scales = {"x": uplot.Scale(time=False)}
-    if y is not None:
-        scales["y"] = uplot.Scale(auto=False, range=y)
+    fixed = isinstance(y, tuple)
     return {
-        "scales": scales,
-        "axes": axes(space=20),
+        "scales": {
+            "x": uplot.Scale(time=False),
+            "y": uplot.Scale(auto=not fixed, range=y),
+        },
+        "axes": axes(space=20, incrs=tuple(ticks)),
         "legend": uplot.Legend(show=False),
         "height": 108,
     }

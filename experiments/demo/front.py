@@ -29,13 +29,16 @@ SAVE_CSV, SAVE_LESSON = "Table (CSV)", "Lesson (TOML)"
 WIDTH, CURVES_WIDTH = 440, 390  # pixels, of 1400
 F_C_SIZE = 0.1  # N m, by which an estimate of f_c is drawn
 
-# On a phone the controls lie over the lower part of the page, two thirds as wide as it by default.
+# On a phone the controls lie over the lower part of the page, two thirds as wide as it by default;
+# the axis is drawn in what they leave. A wide table scrolls by itself, and does not widen them.
 # A row of buttons is small for a lecture hall.
 STYLE = """
 <style>
 @media (max-width: 36em) {
   div[style*="width: 20em"] { width: 100% !important; }
   div[style*="max-height: 60%"] { max-height: 72% !important; }
+  div[style*="inset: 0px"]:has(canvas[data-engine]) { bottom: 72% !important; }
+  .mantine-ScrollArea-content { width: 100%; min-width: 0 !important; display: block !important; }
 }
 .mantine-Button-root[data-size="compact-xs"] { height: 28px; font-size: 13px; }
 .uplot .u-title { font-size: 13px; white-space: nowrap; overflow: hidden; }
@@ -107,6 +110,13 @@ class Page:
         steps, self.pace.steps = self.pace.steps, 0
         return steps * MARK
 
+    def end(self) -> None:
+        """Say that the demo has ended, and take away the buttons, which do nothing any more."""
+        for row in self._rows:
+            row.visible = False  # a row of them cannot be greyed
+        self._said.content = "**The demo has ended:** what is here stays as it was."
+        self.server.flush()
+
     def draw_axis(self) -> None:
         """Show where the axis is."""
         axis = self.session.axis
@@ -156,6 +166,7 @@ class Page:
         broken.on_click(_clicked(self._break))
         clock = offers.group(gui, CLOCK, [RUN, PAUSE, STEP])
         clock.on_click(_clicked(self._wind))
+        self._rows = broken, clock
         self._said = gui.add_markdown("")
         self._chase = Chase(gui)
         self._table = gui.add_markdown("")

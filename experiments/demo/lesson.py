@@ -3,26 +3,55 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from flexaxis.experiments.demo.friction import KINDS
-from flexaxis.experiments.demo.live_axis import EXCITATION
+from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.demo.friction import KINDS, LIMITS
+from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS
+from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
-from flexaxis.sim.config import Config, NotNegative
+from flexaxis.sim.config import Config, NotNegative, Positive
 from flexaxis.sim.errors import FlexaxisError, unknown
+from flexaxis.sim.parameters import PARAMETER_NAMES, preset
 from flexaxis.sim.problems import explain
-from flexaxis.sim.reading import read_text, toml_tables
+from flexaxis.sim.reading import read_text, shown, toml_tables
 from flexaxis.sim.timing import PERIOD, sample_index
 
 
 class LessonError(FlexaxisError):
     """A lesson cannot be read; one line for each problem."""
+
+
+def _one_of(what: str, known: tuple[str, ...]) -> AfterValidator:
+    """Return a check that a text, or each key of a table, is known."""
+
+    def check(given: Any) -> Any:
+        for name in [given] if isinstance(given, str) else given:
+            if name not in known:
+                raise ValueError(unknown(what, name, known))
+        return given
+
+    return AfterValidator(check)
+
+
+def _can_race(text: str) -> str:
+    if not names_code(text):  # code runs only with consent, which is asked for after reading
+        try:
+            Racer(text, preset("n1"))
+        except (FlexaxisError, TypeError) as error:  # pydantic takes ValueError alone
+            raise ValueError(str(error)) from error
+    return text
+
+
+BREAKABLE = tuple(name for name in PARAMETER_NAMES if name != "r")
+FrictionValue = {name: Field(ge=low, le=high) for name, (low, high) in LIMITS.items()}
+Raceable = Annotated[str, AfterValidator(_can_race)]
 
 
 class Act(Config):
@@ -58,31 +87,25 @@ class Act(Config):
 
     at: NotNegative
     say: str | None = None
-    fault: str | None = None
-    factor: float | None = None
+    fault: Annotated[str, _one_of("parameter", BREAKABLE)] | None = None
+    factor: Annotated[float, Field(ge=FACTORS[0], le=FACTORS[1])] | None = None
     repair: bool = False
-    friction: str | None = None
-    f_c: float | None = None
-    f_s: float | None = None
-    v_s: float | None = None
-    excitation: str | None = None
+    friction: Annotated[str, _one_of("friction", KINDS)] | None = None
+    f_c: Annotated[float, FrictionValue["f_c"]] | None = None
+    f_s: Annotated[float, FrictionValue["f_s"]] | None = None
+    v_s: Annotated[float, FrictionValue["v_s"]] | None = None
+    excitation: Annotated[str, _one_of("excitation", EXCITATION)] | None = None
     noise: NotNegative | None = None
     racer: Literal["A", "B"] | None = None
-    estimator: str | None = None
-    forgetting: float | None = None
+    estimator: Raceable | None = None
+    forgetting: Annotated[float, Field(gt=0, le=1)] | None = None
     regularization: NotNegative | None = None
-    drift: dict[str, float] | None = None
+    drift: Annotated[dict[str, Positive], _one_of("parameter", NAMES)] | None = None
 
     @model_validator(mode="after")
     def _goes_together(self) -> Act:
-        if (self.fault is None) != (self.factor is None):
-            raise ValueError("fault and factor go together, as in fault = 'f_m', factor = 2.0")
-        for key, allowed in (("excitation", EXCITATION), ("friction", KINDS)):
-            value = getattr(self, key)
-            if value is not None and value not in allowed:
-                raise ValueError(unknown(key, value, allowed))
-        if self.estimator is not None and self.racer is None:
-            raise ValueError("estimator needs racer = 'A' or 'B': in whose place?")
+        for problem in _apart(self.model_dump(exclude_none=True)):
+            raise ValueError(problem)
         return self
 
     def do(self, session: DemoSession) -> None:
@@ -125,6 +148,14 @@ class Act(Config):
             )
 
 
+def _apart(act: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what an act has alone, though it means nothing without another key."""
+    if ("fault" in act) != ("factor" in act):
+        yield "fault and factor go together, as in fault = 'f_m', factor = 2.0"
+    if "estimator" in act and "racer" not in act:
+        yield "estimator needs racer = 'A' or 'B': in whose place?"
+
+
 class Lesson(Config):
     """A lesson: how long, how fast, and what happens in it.
 
@@ -154,7 +185,7 @@ class Lesson(Config):
     duration: Annotated[float, Field(gt=0, le=7200)] = 40.0
     speed: Annotated[float, Field(gt=0, le=20)] = 2.0
     frames: Annotated[int, Field(ge=1, le=60)] = 8
-    estimators: Annotated[tuple[str, str], Field(strict=False)] = DEFAULT_RACERS
+    estimators: Annotated[tuple[Raceable, Raceable], Field(strict=False)] = DEFAULT_RACERS
     act: tuple[Act, ...] = ()
 
     @property
@@ -171,6 +202,8 @@ class Player:
     session : DemoSession
         Its samples before `lesson.start` are simulated here.
     lesson : Lesson
+    failed : callable, optional
+        Gets a line on an act that cannot be done, and the lesson goes on; else it is raised.
 
     Attributes
     ----------
@@ -178,22 +211,40 @@ class Player:
         What the lesson says now.
     """
 
-    def __init__(self, session: DemoSession, lesson: Lesson) -> None:
-        self._session, self.caption = session, ""
-        self._acts = deque(sorted(lesson.act, key=lambda act: act.at))
+    def __init__(
+        self,
+        session: DemoSession,
+        lesson: Lesson,
+        failed: Callable[[str], None] | None = None,
+    ) -> None:
+        self._session, self.caption, self._failed = session, "", failed
+        self._acts = deque(sorted(enumerate(lesson.act), key=lambda numbered: numbered[1].at))
         self.advance(sample_index(lesson.start, PERIOD))
 
     def advance(self, samples: int) -> None:
         """Simulate some samples, and do on the way what is to be done."""
         until = self._session.axis.samples + samples
-        while self._acts and sample_index(self._acts[0].at, PERIOD) < until:
-            act = self._acts.popleft()
+        while self._acts and sample_index(self._acts[0][1].at, PERIOD) < until:
+            number, act = self._acts.popleft()
             begin = sample_index(act.at, PERIOD)
             self._session.advance(max(0, begin - self._session.axis.samples))
-            act.do(self._session)
-            if act.say is not None:
-                self.caption = self._session.said = act.say
+            self._do(number, act)
         self._session.advance(until - self._session.axis.samples)
+
+    def _do(self, number: int, act: Act) -> None:
+        if act.say is not None:
+            self.caption = act.say
+        try:
+            act.do(self._session)
+        except Exception as error:  # whatever it is, such as of a stranger's estimator
+            problem = f"act[{number}] at {act.at:g} s cannot be done: {error}"
+            if self._failed is None:
+                raise LessonError(problem) from error
+            self._session.said = problem
+            self._failed(problem)
+            return
+        if act.say is not None:
+            self._session.said = act.say
 
 
 def default_lesson() -> str:
@@ -220,9 +271,11 @@ def parse_lesson(text: str, *, source: str) -> Lesson:
     acts = given if isinstance(given, list) else [given]
     problems = [f"{key}: {text}" for key, text in _problems(content, Lesson)]
     for number, act in enumerate(acts):
-        problems += [
-            f"act[{number}] {key}: {text}".replace(" : ", ": ") for key, text in _problems(act, Act)
-        ]
+        if not isinstance(act, Mapping):
+            problems.append(f"act[{number}]: must be a table, not {shown(act)}")
+            continue
+        problems += [f"act[{number}] {key}: {text}" for key, text in _problems(act, Act)]
+        problems += [f"act[{number}]: {text}" for text in _apart(act)]
     if problems:
         raise LessonError("\n".join(f"{source}: {problem}" for problem in problems))
     return Lesson.model_validate(content | {"act": tuple(Act.model_validate(act) for act in acts)})
@@ -232,6 +285,5 @@ def _problems(content: Mapping[str, Any], table: type[Config]) -> list[tuple[str
     try:
         table.model_validate(content)
     except ValidationError as error:
-        whole = [e["msg"].removeprefix("Value error, ") for e in error.errors() if not e["loc"]]
-        return [*explain(error, table), *(("", text) for text in whole)]
+        return list(explain(error, table))
     return []

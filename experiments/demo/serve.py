@@ -24,6 +24,7 @@ FRAMES = 30  # of the 3-D picture, a second
 CURVES = 5  # times a second that curves and numbers are drawn anew
 BEHIND = 0.25  # s of delay that are made up for; what is more is let go
 WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
+FAREWELL = 0.2  # s that the last words have to reach the pages
 LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 
 
@@ -85,6 +86,8 @@ def serve(
             page.draw_curves()
             _loop(page, stop)
         finally:
+            page.end()
+            time.sleep(FAREWELL)
             guard.hang_up()
             with redirect_stdout(io.StringIO()):
                 server.stop()

@@ -47,8 +47,9 @@ def history_table(history: History) -> str:
         )
     )
     return (
+        '<div style="overflow-x:auto">'
         '<table class="history" style="font-size:12px;border-collapse:collapse;width:100%">'
-        f"<tr>{cells}</tr>{rows}</table>"
+        f"<tr>{cells}</tr>{rows}</table></div>"
     )
 
 

@@ -147,7 +147,7 @@ def compare(
         margins=parse_margins(wanted), max_seeds=max_seeds,
     )  # fmt: skip
     most = len(question.looks()[-1]) * len(kept) * len({first, second}) * (3 if match_std else 1)
-    about = f"at most {most} cases"
+    about = f"at most {most} case{'s'[: most != 1]}"
     with (
         working(about, most, jobs=jobs, time_limit=time_limit) as means,
         Bench(kept, means=means) as bench,

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from flexaxis.sim.scenario import Scenario
 
+FAR = 1.0
+"""Peaks up to so many heights beyond what is covered anyway are shown; farther, all else would be
+less than half of the panel, and they are marked at its edge."""
 UNITS = {**LAW_UNITS, **PARAMETER_UNITS}
 
 
@@ -99,7 +102,9 @@ def estimates(
         if fresh and truth is not None:
             ax.plot(time, truth, "k--", lw=1.0, label="truth")
         ax.set_ylabel(f"{symbol(name)} [{_unit(name)}]")
-        ax.set_ylim(*_limits(ax, theta, truth, fresh=fresh))
+        limits = _limits(ax, theta, truth, fresh=fresh)
+        ax.set_ylim(*limits)
+        _mark_beyond(ax, time, theta, limits, colour)
         if fresh:
             _finish(ax, scenario)
     found[0].legend(loc="best", frameon=False, fontsize=8)
@@ -163,7 +168,7 @@ def _finish(ax: Axes, scenario: Scenario | None) -> None:
 
 
 def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, float]:
-    """Cover the truth and most of the estimate; a lost run sets no scale."""
+    """Cover the truth and the estimate, but for peaks beyond FAR; a lost run sets no scale."""
     there = theta[np.isfinite(theta)]
     near = np.percentile(there, (0.5, 99.5)) if there.size else np.zeros(2)
     low, high = near
@@ -171,12 +176,33 @@ def _limits(ax: Axes, theta: Any, truth: Any, *, fresh: bool) -> tuple[float, fl
         least, most = float(np.min(truth)), float(np.max(truth))
         room = 2 * max(most - least, 0.04 * abs(most))
         low, high = max(min(low, least), least - room), min(max(high, most), most + room)
+    far = FAR * (high - low)
+    inside = there[(there >= low - far) & (there <= high + far)]
+    if inside.size:
+        low, high = min(low, float(inside.min())), max(high, float(inside.max()))
     margin = 0.08 * (high - low) or 0.01 * abs(high) or 1.0
     low, high = low - margin, high + margin
     if not fresh:
         before = ax.get_ylim()
         low, high = min(low, before[0]), max(high, before[1])
     return float(low), float(high)
+
+
+def _mark_beyond(ax: Axes, time: Any, theta: Any, limits: tuple[float, float], colour: str) -> None:
+    """Mark at the edge, with its value, the largest peak that a panel does not show."""
+    there = np.where(np.isfinite(theta), theta, np.nan)
+    if not np.isfinite(there).any():
+        return
+    for k, edge, marker in ((np.nanargmin(there), 0, "v"), (np.nanargmax(there), 1, "^")):
+        if limits[0] <= there[k] <= limits[1]:
+            continue
+        across = ax.get_xaxis_transform()  # time, and share of the height
+        ax.plot(time[k], edge, marker, color=colour, ms=5, transform=across, clip_on=False,
+                label="_beyond")  # fmt: skip
+        ax.annotate(
+            f"{there[k]:.3g}", (time[k], edge), xycoords=across, color=colour, fontsize=7,
+            xytext=(5, 5 - 12 * edge), textcoords="offset points",
+        )  # fmt: skip
 
 
 def _unit(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,10 @@ def text_of(estimator: str | Callable[..., Any]) -> str:
     """Return an estimator as text, as for `--estimator`."""
     if isinstance(estimator, str):
         return estimator
+    if estimator is None:
+        raise EstimatorError(
+            "no estimator was given: give its name, such as 'relocate', or its class"
+        )
     made = hasattr(estimator, "step") and not isinstance(estimator, type)
     if made or not callable(estimator):
         raise EstimatorError(
@@ -118,15 +123,20 @@ def seeds_of(seeds: int | str | Iterable[int]) -> tuple[int, ...]:
     ((1000, 1001), (5, 6), (0, 1, 2))
     """
     if isinstance(seeds, str) or _whole_number(seeds):
-        return tuple(parse_seeds(str(seeds)))
+        return tuple(parse_seeds(str(seeds), what="seeds"))
     if not isinstance(seeds, Iterable):
         raise FlexaxisError(
             f'seeds {seeds!r}: give a number of them, such as 8, a range as "0:20", or a list'
         )
-    found = tuple(dict.fromkeys(seed_of(seed) for seed in seeds))
+    found = [seed_of(seed) for seed in seeds]
     if not found:
         raise FlexaxisError("seeds []: give whole numbers from 0 on, at least one")
-    return found
+    if twice := [seed for seed, times in Counter(found).items() if times > 1]:
+        raise FlexaxisError(
+            f"seeds: {twice[0]} is given more than once, and gives the same run each time: give "
+            "each once"
+        )
+    return tuple(found)
 
 
 def seed_of(seed: Any) -> int:

@@ -93,7 +93,7 @@ class Results(kept.Results):
     def __repr__(self) -> str:
         names = ", ".join(self.study.get("estimators", ()))
         failed = len(self.failures())
-        text = f"Results of {names}: {self.cases} cases"
+        text = f"Results of {names}: {self.cases} case{'s'[: self.cases != 1]}"
         return text + (f", {failed} of them failed: see .failures()" if failed else "")
 
     def _repr_html_(self) -> str:
@@ -208,7 +208,9 @@ def _run(
         )
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
-    with working(f"{total} cases", total, jobs=jobs, time_limit=time_limit) as means:
+    with working(
+        f"{total} case{'s'[: total != 1]}", total, jobs=jobs, time_limit=time_limit
+    ) as means:
         run_study(wanted, place, means, resume=resume, run_code=run_code)
     found = Results.load(place)
     if not folder:  # the rows go when nobody holds the table that is read from them

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis._estimates import Estimate
 from flexaxis._given import spec_of
@@ -13,6 +17,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.building.specs import Spec, build
+from flexaxis.experiments.catalogue.names import scenario_names
 from flexaxis.experiments.running.case import followed
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.sim.errors import RecordError
@@ -51,13 +56,38 @@ def estimate(
     RecordError
         If the record does not say its scenario, and none is given.
     """
-    record = load_record(record) if isinstance(record, str | Path) else record
+    record = _loaded(record) if isinstance(record, str | Path) else record
     shown = record if isinstance(record, Recording) else Recording.of(record)
     told = shown.definition if scenario is None else changed(scenario, {})
     with limited(time_limit):
         if hasattr(estimator, "step") and not isinstance(estimator, type):
-            return _of_instance(estimator, shown, told)  # type: ignore[arg-type]
-        return _of_spec(spec_of(estimator, options), shown, told)  # type: ignore[arg-type]
+            found = _of_instance(estimator, shown, told)  # type: ignore[arg-type]
+        else:
+            found = _of_spec(spec_of(estimator, options), shown, told)  # type: ignore[arg-type]
+    _warn_if_not_finite(found)
+    return found
+
+
+def _loaded(path: str | Path) -> Record:
+    """Return the record of a file; for a scenario, say how to make one."""
+    if not Path(path).exists() and str(path) in scenario_names():
+        raise RecordError(
+            f"{path} is a scenario, not a record: make a record of it first, "
+            f"fx.estimate(fx.simulate({str(path)!r}), …)"
+        )
+    return load_record(path)
+
+
+def _warn_if_not_finite(found: Estimate) -> None:
+    finite: NDArray[np.bool_] = np.atleast_1d(np.isfinite(found.theta).all(axis=1))
+    if not finite.all():
+        k = int(np.argmin(finite))
+        warnings.warn(
+            f"{found.estimator} returned an estimate that is not finite at "
+            f"{int(np.sum(~finite))} of {len(finite)} samples, first at sample {k} "
+            f"({found.time[k]:g} s): such a run counts as diverged",
+            stacklevel=3,
+        )
 
 
 def _of_spec(spec: Spec, record: Recording, told: Scenario | None) -> Estimate:

@@ -9,8 +9,10 @@ from typing import Any
 from flexaxis._estimates import Estimate
 from flexaxis._running import estimate
 from flexaxis._table import Table
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.case import case_id, track_of
 from flexaxis.experiments.scoring.pooling import scored
+from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record
@@ -19,7 +21,7 @@ from flexaxis.sim.scenario import Scenario
 
 def score(
     record: Record | Estimate | str | Path,
-    estimator: str | Callable[..., Any] = "rpem-forgetting",
+    estimator: str | Callable[..., Any] | None = None,
     *,
     options: Mapping[str, Any] | None = None,
 ) -> Table:
@@ -30,18 +32,20 @@ def score(
     record : Estimate, Record, str or Path
         An estimate as from `estimate`; or what is to be estimated first.
     estimator, options
-        As for `estimate`, where the record is none.
+        As for `estimate`; needed for what is to be estimated first, and for that alone.
 
     Raises
     ------
     RecordError
         If the truth is not known: only simulated records can be scored.
+    EstimatorError
+        If it is not clear whose scores are asked for.
 
     Notes
     -----
     Faults and truth are those of the record, whatever scenario the estimator was told.
     """
-    found = record if isinstance(record, Estimate) else estimate(record, estimator, options=options)
+    found = _estimated(record, estimator, options)
     scenario = _scenario_of(found)
     track = track_of(
         scenario, found.record, found.names, found.theta,
@@ -55,7 +59,24 @@ def score(
         "seed": seed,
     }
     case = scored(track, estimator=found.estimator, seed=seed, identity=identity, cost={})
-    return Table([_plain(row) for row in case.rows], _SCORES)
+    return Table([_plain(row) for row in case.rows], _SCORES, _UNITS)
+
+
+def _estimated(record: Any, estimator: Any, options: Mapping[str, Any] | None) -> Estimate:
+    """Return what is scored: an estimate that is given, or that of an estimator."""
+    if isinstance(record, Estimate):
+        if estimator is not None or options:
+            raise EstimatorError(
+                f"this is an estimate by {record.estimator} already: give no estimator, or a "
+                "record in place of it"
+            )
+        return record
+    if estimator is None:
+        raise EstimatorError(
+            "a record has no scores, an estimator has: give one, as in "
+            "fx.score(record, 'relocate'), or an estimate, as in fx.score(fx.estimate(record, …))"
+        )
+    return estimate(record, estimator, options=options)
 
 
 def _scenario_of(found: Estimate) -> Scenario:
@@ -79,6 +100,14 @@ def _scenario_of(found: Estimate) -> Scenario:
 _SCORES: Sequence[str] = (
     "estimator", "parameter", "changed", "lag", "t10", "std", "bias", "cross_talk", "diverged",
 )  # fmt: skip
+
+
+_UNITS: Mapping[str, str] = {
+    name: f"{name} [{'% of nominal' if unit == '%' else unit}]"
+    for name in _SCORES
+    if name in SCORES and (unit := SCORES[name].unit)
+}
+"""How the columns that have a unit are headed."""
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:

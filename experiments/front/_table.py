@@ -24,32 +24,42 @@ class Table(Sequence[Line]):
     lines : sequence of mapping
     shown : sequence of str, optional
         Columns to show; `to_dataframe` has all.
+    heads : mapping of str to str, optional
+        What stands over a column that is shown; its name by default.
     """
 
-    def __init__(self, lines: Sequence[Line], shown: Sequence[str] = ()) -> None:
-        self._lines = list(lines)
+    def __init__(
+        self,
+        lines: Sequence[Line],
+        shown: Sequence[str] = (),
+        heads: Mapping[str, str] | None = None,
+    ) -> None:
+        self._lines, self._named = list(lines), dict(heads or {})
         self._shown = list(shown or (self._lines[0] if self._lines else ()))
 
     def __getitem__(self, place: Any) -> Any:
         """Return a line, or some of them."""
         found = self._lines[place]
-        return Table(found, self._shown) if isinstance(place, slice) else found
+        return Table(found, self._shown, self._named) if isinstance(place, slice) else found
 
     def __len__(self) -> int:
         """Return the number of lines."""
         return len(self._lines)
 
     def __repr__(self) -> str:
-        return text_table(self._shown, list(self._cells()), len(self))
+        return text_table(self._heads(), list(self._cells()), len(self))
 
     def _repr_html_(self) -> str:
-        return html_table(self._shown, list(self._cells()), len(self))
+        return html_table(self._heads(), list(self._cells()), len(self))
 
     def to_dataframe(self) -> pandas.DataFrame:
         """Return a pandas DataFrame of all columns; needs pandas."""
         from flexaxis.experiments.results.results import needed
 
         return needed("pandas").DataFrame(self._lines)
+
+    def _heads(self) -> list[str]:
+        return [self._named.get(column, column) for column in self._shown]
 
     def _cells(self) -> Iterator[list[str]]:
         for line in self._lines[:SHOWN]:

@@ -57,9 +57,14 @@ def _with_unit(value: float | None, metric: str) -> str:
 def _word(v: Verdict) -> str:
     if v.reason == "far":
         return f"{v.verdict}: a run lies far on the other side"
-    if v.verdict != UNDECIDED or not v.seeds_needed:
+    if v.verdict != UNDECIDED:
         return v.verdict
-    return f"{UNDECIDED}, about {v.seeds_needed} seeds"
+    seeds = f"about {v.seeds_needed} seeds would do" if v.seeds_needed else ""
+    if v.enough is None:
+        return f"{UNDECIDED}, {seeds}".rstrip(", ")
+    way = BETTER if v.enough < 0 else WORSE
+    said = f"{UNDECIDED}: {v.agreeing} runs can say {way} from {percent(v.enough)} % on"
+    return f"{said}; {seeds}".rstrip("; ")
 
 
 def terminal_table(found: Comparison) -> Table:

@@ -29,6 +29,7 @@ from flexaxis.experiments.studies.tuning import EXCESS, Trials, Tuned, match_noi
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
+ASKED = "--match-std (in Python match_std=True)"
 SEEDS = tuple(range(16))
 """Those for tuning: no comparison has them unless it asks for them."""
 
@@ -128,9 +129,9 @@ def _parts(text: str) -> tuple[str, dict[str, Any]]:
     knob, _ = knob_of(name)
     if knob is None:
         raise FlexaxisError(
-            f"--match-std: {text} has no knob to turn, so it cannot be made as noisy as another. "
+            f"{ASKED}: {text} has no knob to turn, so it cannot be made as noisy as another. "
             'Name the option that buys speed with noise in its class (knob = "gain"), or compare '
-            "without --match-std"
+            "without it"
         )
     return name, {key: value for key, value in options.items() if key != knob}
 
@@ -140,7 +141,7 @@ def _tuned(text: str, trials: Trials) -> Tuned:
     try:
         return match_noise(name, trials, options)
     except FlexaxisError as error:
-        raise FlexaxisError(f"--match-std: {error}; see `flexaxis tradeoff`") from error
+        raise FlexaxisError(f"{ASKED}: {error}; see `flexaxis tradeoff`") from error
 
 
 def _what(
@@ -155,7 +156,7 @@ def _what(
     every = set().union(*changing.values())
     if not every:
         raise FlexaxisError(
-            "--match-std: no scenario has a fault in a parameter that both estimate, so there is "
+            f"{ASKED}: no scenario has a fault in a parameter that both estimate, so there is "
             "no lag to compare; name one that has (`flexaxis list`)"
         )
     if len(every) == 1:
@@ -163,7 +164,7 @@ def _what(
     for text in (base, candidate):
         if lacking := [s.name for s in scenarios if runs[s.hash, text][0][0]["excess"] is None]:
             raise FlexaxisError(
-                f"--match-std: the faults are in {', '.join(sorted(every))}, so that the excess "
+                f"{ASKED}: the faults are in {', '.join(sorted(every))}, so that the excess "
                 f"prediction error is to be equal, and {text} does not estimate all that it takes "
                 f"on {', '.join(lacking)}: name scenarios in which one parameter changes"
             )

@@ -107,6 +107,8 @@ class Comparison:
         The settings that both are, where they were tuned to one noise first.
     unmatched : tuple of (scenario, parameter)
         Where the candidate is as noisy as the base at no turn of its knob that was tried.
+    estimated : (tuple of str, tuple of str)
+        All parameters that base and candidate estimate; the others each is told.
     """
 
     base: str
@@ -119,6 +121,7 @@ class Comparison:
     missing: tuple[tuple[str, str], ...] = ()
     equal: EqualNoise | None = None
     unmatched: tuple[tuple[str, str], ...] = ()
+    estimated: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
     @property
     def verdict(self) -> str:
@@ -143,6 +146,7 @@ class Comparison:
             "verdict": self.verdict,
             "newly_lost": self.newly_lost,
             "missing": [list(kind) for kind in self.missing],
+            "estimated": dict(zip(("base", "candidate"), map(list, self.estimated), strict=True)),
             "equal_noise": self.equal and self.equal.as_dict(),
             "unmatched": [list(kind) for kind in self.unmatched],
             "by_metric": by_metric(self.verdicts),
@@ -166,7 +170,7 @@ def at_equal_noise(question: Question, bench: Bench) -> Question:
     """
     if used := set(SEEDS) & set(question.looks()[-1]):
         raise FlexaxisError(
-            f"--seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
+            f"seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
             f"on {min(used)} cannot be judged there: give others, such as 1000:1032"
         )
     equal = at_one_noise(question.base, question.candidate, question.scenarios, bench)
@@ -198,7 +202,7 @@ def compare(question: Question, bench: Bench) -> Comparison:
     if question.max_seeds and question.max_seeds < len(question.seeds):
         raise FlexaxisError(
             f"--max-seeds {question.max_seeds} is less than the {len(question.seeds)} seeds to "
-            "begin with: give more, or fewer --seeds"
+            "begin with: give more, or fewer of those"
         )
     looks, both = question.looks(), (question.base, question.candidate)
     for number, seeds in enumerate(looks, start=1):
@@ -218,6 +222,7 @@ def compare(question: Question, bench: Bench) -> Comparison:
             missing=paired.missing,
             equal=question.equal,
             unmatched=unmatched,
+            estimated=paired.estimated,
         )
         if overall(found.verdicts) != UNDECIDED:
             break

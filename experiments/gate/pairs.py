@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -91,11 +91,14 @@ class Paired:
         Of each scenario.
     missing : tuple of (scenario, parameter)
         What changes and is estimated by the base, but not by the candidate.
+    estimated : (tuple of str, tuple of str)
+        All parameters that base and candidate estimate.
     """
 
     scores: list[Pairs]
     runs: list[Runs]
     missing: tuple[tuple[str, str], ...] = ()
+    estimated: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
 
 
 def parse_margins(texts: Sequence[str]) -> dict[str, float]:
@@ -160,11 +163,16 @@ def pair(base: Table, candidate: Table, metrics: Iterable[str]) -> Paired:
     runs = [_runs(base, candidate, keys) for keys in by_scenario.values()]
     changed = dict.fromkeys((s, p) for (s, _, p), row in base.items() if row.get("changed"))
     missing = tuple(k for k in changed if k[0] in by_scenario and k not in common)
-    return Paired([pairs for pairs in found if pairs is not None], runs, missing)
+    estimated = (_estimated(base, by_scenario), _estimated(candidate, by_scenario))
+    return Paired([pairs for pairs in found if pairs is not None], runs, missing, estimated)
 
 
 def _names(rows: Table) -> str:
     return ", ".join(dict.fromkeys(parameter for _, _, parameter in rows))
+
+
+def _estimated(rows: Table, scenarios: Container[str]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(name for scenario, _, name in rows if scenario in scenarios))
 
 
 def _runs(base: Table, candidate: Table, keys: Sequence[Key]) -> Runs:

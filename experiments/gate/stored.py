@@ -76,6 +76,7 @@ def compare_runs(
         alpha=alpha,
         verdicts=judge(paired, margins, alpha=alpha),
         missing=paired.missing,
+        estimated=paired.estimated,
     )
 
 

@@ -70,6 +70,10 @@ class Verdict:
     reason : str
         Why a clear change is undecided: ``"few"`` (too few runs show it to exclude that others
         would undo it), ``"far"`` (a run of the metric lies far on the other side), or empty.
+    enough : float or None
+        If it is ``"few"``: from what change on the runs that agree could say it.
+    agreeing : int or None
+        If it is ``"few"``: how many runs that are, over all scenarios.
     """
 
     scenario: str
@@ -92,6 +96,8 @@ class Verdict:
     regained: int | None = None
     by_scenario: dict[str, tuple[int, int]] = field(default_factory=dict)
     reason: str = ""
+    enough: float | None = None
+    agreeing: int | None = None
 
 
 def judge(paired: Paired, margins: Mapping[str, float], *, alpha: float = ALPHA) -> list[Verdict]:
@@ -219,7 +225,16 @@ def _score(item: Pairs, found: Decision, i: int, margin: float, alpha: float) ->
         worst_seed=int(item.seeds[worst]),
         worst_scenario=item.scenario,
         reason="far" if far else "few" if few else "",
+        enough=_enough(found, i, alpha) if few else None,
+        agreeing=int(found.support[0, i]) if few else None,
     )
+
+
+def _enough(found: Decision, i: int, alpha: float) -> float:
+    """Return the change that as many runs as agree could call better or worse."""
+    share = alpha / found.choices[0, i]
+    shift = float(statistics.unseen_shift(found.support[0, i], share, UNSEEN))
+    return _share(math.copysign(shift, found.mean[0, i]))
 
 
 def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int | None:

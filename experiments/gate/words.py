@@ -35,8 +35,18 @@ def headline(found: Comparison) -> str:
             said = [v for v in of_metric if v.verdict == word]
             if said:
                 clauses.append(_scores(metric, word, said, len(of_metric)))
+    clauses += _unlike(found)
     word = f"{found.verdict} at equal noise" if found.equal else found.verdict
     return f"{word}: {', '.join(clauses) or 'no run has a score on both sides'}"
+
+
+def _unlike(found: Comparison) -> list[str]:
+    """Return what each side estimates, where that is not the same."""
+    base, candidate = found.estimated
+    if {*base} == {*candidate}:
+        return []
+    alone = " alone" if len(candidate) == 1 else ""
+    return [f"candidate estimates {', '.join(candidate)}{alone}; the base {', '.join(base)}"]
 
 
 def _lost(v: Verdict) -> str:
@@ -57,7 +67,27 @@ def _scores(metric: str, word: str, said: Sequence[Verdict], number: int) -> str
 
 
 def meaning(found: Comparison) -> str:
-    """Return a sentence on what the verdict means, and what can be done."""
+    """Return what the verdict means, what can be done, and what is not alike in the two."""
+    return " ".join([_meaning(found), *_told(found)])
+
+
+def _told(found: Comparison) -> list[str]:
+    """Return what it makes of a verdict that one side estimates less than the other."""
+    base, candidate = ({*names} for names in found.estimated)
+    if base == candidate or not (base < candidate or candidate < base):
+        return []
+    fewer, rest = (
+        ("candidate", base - candidate) if candidate < base else ("base", candidate - base)
+    )
+    given = [name for names in found.estimated for name in names if name in rest]
+    return [
+        f"The {fewer} holds {', '.join(dict.fromkeys(given))} at nominal, and the "
+        "other estimates them as well, which costs lag and noise with any method: this compares "
+        "more than methods."
+    ]
+
+
+def _meaning(found: Comparison) -> str:
     if found.verdict != UNDECIDED:
         return MEANING[found.verdict]
     if found.missing:
@@ -126,9 +156,9 @@ def explanation(found: Comparison) -> str:
         "Intervals: Student's t on paired log-ratios, each for its score alone, at the level that "
         f"Holm's procedure gives it; a false worse or better anywhere has a chance of at most "
         f"{100 * found.alpha:.3g} %, and of about twice that where runs fail rarely. Worse or "
-        "better: the whole interval lies beyond the margin, and runs enough show it. Slight: "
-        "there, but within the margin. Lost runs: exact test "
-        "(McNemar's) on the runs that only one side lost, over all scenarios."
+        "better: the whole interval lies beyond the margin, and runs enough show it: what happens "
+        "rarely may be in none of a few. Slight: there, but within the margin. Lost runs: exact "
+        "test (McNemar's) on the runs that only one side lost, over all scenarios."
     )
     if found.looks > 1:
         text += f" Look {found.look} of {found.looks}, each with its share of the error."

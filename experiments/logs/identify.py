@@ -17,6 +17,7 @@ from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.fits import Fits, fits
 from flexaxis.experiments.logs.friction import names_of
+from flexaxis.experiments.logs.late import at_its_least, check_delay
 from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
 from flexaxis.experiments.logs.pieces import spread
 from flexaxis.experiments.logs.spectrum import Response
@@ -29,6 +30,7 @@ __all__ = ["HIGHEST_ORDER", "Identification", "identify", "noise_model", "settle
 Array = NDArray[np.float64]
 
 GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
+LARGEST = 1e30  # of a parameter in SI units, and its reciprocal: powers of it can be computed with
 FRICTION = ("auto", "none", "coulomb", "lugre", "static")
 
 
@@ -49,7 +51,8 @@ class Identification:
     discretisation : ndarray (p,)
         What the steps that laws are solved in may make estimates off.
     delay, delay_deviation : float
-        By which the torque acts late [s]; the deviation is zero if it was given.
+        By which the torque acts late [s]; the deviation is zero if it was given, or came to
+        the least that is possible.
     offset, offset_deviation : float
         What acts besides the logged torque, in its unit.
     fits : Fits
@@ -158,6 +161,7 @@ def identify(
     if friction not in FRICTION:
         raise LogError(f"--friction {friction}: it is one of {', '.join(FRICTION)}")
     check_given(axis.model, friction, given)
+    _check_sizes({**axis.model.nominal, **given})
     log = log_of(record, axis)
     own = names_of(axis.model)
     names = _free(axis, free, fix)
@@ -172,6 +176,7 @@ def identify(
         highpass=axis.highpass if highpass is None else highpass,
         tell=tell,
     )
+    check_delay(attempt)
     whole = "highpass" not in record.versions  # a filter of residuals leaves the motion as it is
     if not whole and friction not in {"auto", "none"}:
         raise LogError(
@@ -193,6 +198,15 @@ def identify(
     )
     check_rate(found.axis.model, log.period)
     return found
+
+
+def _check_sizes(values: Mapping[str, float]) -> None:
+    for name, value in values.items():
+        if not (value == 0 or 1 / LARGEST < abs(value) < LARGEST):
+            raise LogError(
+                f"{name} = {value:g}: no axis has that, in SI units, and products of such numbers "
+                f"overflow; give one below {LARGEST:g}"
+            )
 
 
 def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...]:
@@ -260,7 +274,7 @@ def _found(
         spread=pieces[:p],
         discretisation=steps[:p],
         delay=float(fitted.z[-1]),
-        delay_deviation=float(honest[-1]),
+        delay_deviation=0.0 if at_its_least(attempt, fitted) else float(honest[-1]),
         offset=float(fitted.z[-2]),
         offset_deviation=float(honest[-2]),
         fits=fits(log.y, fitted),

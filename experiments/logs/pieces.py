@@ -36,16 +36,18 @@ def spread(fitted: Fitted) -> Array:
     is one step of Gauss and Newton from that with all. Where noise is all that there is, it is what
     the covariance says; what the model leaves out comes on top.
     """
-    number = pieces(fitted.good)
-    q, left = len(fitted.z), np.full((PIECES, len(fitted.z)), np.nan)
-    free = np.diag(fitted.covariance) > 0
-    for i in range(PIECES):
-        kept = fitted.good & (number != i)
-        J, e = fitted.slopes[:, kept][free], fitted.white[kept]
-        step = np.zeros(q)
-        step[free] = damped_step(J @ J.T, J @ e, 0.0)
-        left[i] = step
-    return np.sqrt((PIECES - 1) / PIECES * np.sum((left - left.mean(axis=0)) ** 2, axis=0))
+    free, found = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
+    found[free] = jackknife(fitted.slopes[free], fitted.white, fitted.good)[1]
+    return found
+
+
+def jackknife(J: Array, e: Array, good: Flags) -> tuple[Array, Array]:
+    """Return the regression (q,) of e (N,) on rows of J (q, N), and its deviation from pieces."""
+    number = pieces(good)
+    kept = [good & (number != i) for i in range(PIECES)]
+    whole, *left = [damped_step(J[:, k] @ J[:, k].T, J[:, k] @ e[k], 0.0) for k in (good, *kept)]
+    off = np.array(left) - np.mean(left, axis=0)
+    return whole, np.sqrt((PIECES - 1) / PIECES * np.sum(off**2, axis=0))
 
 
 @dataclass(frozen=True)

@@ -143,6 +143,13 @@ def fit_response(
         return float(x[-1] * period) if delay is None else delay
 
     p = len(chosen.names)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(misfit(np.zeros(p + 1))).all():
+            raise LogError(
+                "from these values the model has no finite response: "
+                + ", ".join(f"{n} = {v:g}" for n, v in zip(chosen.names, chosen.theta, strict=True))
+                + "; give others with --start NAME=VALUE"
+            )
     box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
     random = np.random.default_rng(0)
     found = [

@@ -14,7 +14,9 @@ from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.friction import linear_part, names_of
+from flexaxis.experiments.logs.late import taken_as, too_late
 from flexaxis.experiments.logs.laws import Tried
+from flexaxis.experiments.logs.left_out import LeftOut, left_out
 from flexaxis.experiments.logs.spectrum import Response
 
 Array = NDArray[np.float64]
@@ -85,19 +87,27 @@ def judge(
     """
     correlation, misfit = _correlation(fitted), _misfit(attempt, fitted, seen)
     condition, weakest = _weakest(attempt, fitted)
+    late = too_late(attempt, fitted, deviations, smooth)
     warnings = [
         *_blind(attempt, fitted, deviations, seen),
         *_bounds(attempt, fitted),
         *_restless(fitted),
-        *_late(attempt, fitted, deviations),
+        *late,
         *_coloured(correlation, fitted),
         *_apart(misfit),
         *_rubs(tried, word),
         *_unlooked(blind),
+        *_left_out(left_out(attempt, fitted, deviations)),
     ]
     return Verdict(
         tuple(warnings),
-        tuple([*_torque(attempt, smooth), *_laws(tried), *_shapeless(attempt, fitted)]),
+        tuple(
+            [
+                *taken_as(attempt, fitted, smooth or bool(late)),
+                *_laws(tried),
+                *_shapeless(attempt, fitted),
+            ]
+        ),
         correlation,
         condition,
         weakest,
@@ -233,24 +243,6 @@ def _unlooked(blind: bool) -> list[str]:
     ]
 
 
-def _late(attempt: Attempt, fitted: Fitted, deviations: Array) -> list[str]:
-    """Return what a delay at the end of what is possible means."""
-    lag, period = float(fitted.z[-1]), attempt.log.period
-    if attempt.delay is not None:
-        return []
-    if lag >= attempt.latest * (1 - 1e-9):
-        return [
-            f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
-            "are shifted; look at `flexaxis import`, or give --delay S"
-        ]
-    if attempt.log.smooth and lag < -period - 2 * deviations[-1]:
-        return [
-            f"the torque acts {-lag / period:.1f} samples before it is logged: the columns of "
-            "torque and motion are shifted; shift one of them"
-        ]
-    return []
-
-
 def _coloured(correlation: float, fitted: Fitted) -> list[str]:
     if abs(correlation) <= max(COLOURED, 4 / np.sqrt(fitted.good.sum())):
         return []
@@ -270,6 +262,22 @@ def _apart(misfit: float) -> list[str]:
     ]
 
 
+def _left_out(found: Sequence[LeftOut]) -> list[str]:
+    """Return the torque that explains most of what was left out, if it is one beyond chance."""
+    most = [each for each in found[:1] if each.there]
+    return [
+        f"the axis has what the model leaves out: {each.what}; with it the error of a prediction "
+        f"is {100 * (1 - np.exp(-each.gain)):.2g} % smaller, and the noise model hides it"
+        + (
+            f"; without it {each.name} is off by {each.moves:.1f} of its deviations or more"
+            if each.name and each.moves > 1
+            else ""
+        )
+        + f"; {each.advice}"
+        for each in most
+    ]
+
+
 def _rubs(tried: Sequence[Tried], word: str) -> list[str]:
     """Return what a law that was asked not to be there would have explained."""
     if word != "none":
@@ -280,15 +288,6 @@ def _rubs(tried: Sequence[Tried], word: str) -> list[str]:
         f"not {t.comparison.before:.4g}; use --friction auto"
         for t in tried
         if t.taken
-    ]
-
-
-def _torque(attempt: Attempt, stated: bool) -> list[str]:
-    if not attempt.log.smooth or stated:
-        return []
-    return [
-        "the torque is a smooth, measured one, though the record has it as held: it would act "
-        "before it is set; it was taken as smooth, as with --torque-is smooth at import"
     ]
 
 

@@ -15,11 +15,24 @@ from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.scoring.table import SCORES, Score
 
-CAPTION = """\
-lag after the fault, ± 95 % half-width over seeds; std before it [% of nominal]
-score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown (steps only)
-x-talk: largest error caused in another parameter [% of nominal]
-lost: diverged runs; open: other runs never settled; µs: time per sample"""
+LEGENDS = (
+    {
+        "lag": "lag after the fault, ± 95 % half-width over seeds",
+        "std": "std before it [% of nominal]",
+    },
+    {"score": "score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown "
+              "(steps only)"},
+    {"x-talk": "x-talk: largest error caused in another parameter [% of nominal]"},
+    {
+        "lost": "lost: diverged runs",
+        "open": "open: other runs never settled",
+        "µs": "µs: time per sample",
+    },
+)  # fmt: skip
+"""What columns mean, by the first word of their heading: a line for those that belong together."""
+
+ALWAYS = ("estimator", "θ", "lag", "lost")
+"""Columns that the narrowest terminal has: without the lost runs a lag would praise who loses."""
 
 SHOWN = [score for score in SCORES.values() if score.short]
 
@@ -44,7 +57,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     """Return a line per scenario and estimator, on the parameter that changed.
 
     Without a fault, or for who does not estimate what changed, there is one for each parameter. In
-    a narrow terminal the last columns are left out, and named below.
+    a narrow terminal the last columns but that of lost runs are left out, and named below.
     """
     found = {(row["scenario"], row["estimator"]) for row in rows if row["changed"]}
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
@@ -53,24 +66,43 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     short = [f"{score.short} {unit}".strip() for score, unit in zip(SHOWN, units, strict=True)]
     headings = ["estimator", "θ", *short, "x-talk", "µs"]
     kept = _fitting([headings, *lines], _width())
+    heads = [headings[i] for i in kept]
     table = Table(box=None, padding=(0, 1, 0, 0), caption_justify="left")
-    table.caption = CAPTION + _left_out(headings[kept:])
-    for place, heading in enumerate(headings[:kept]):
+    without = [heading for heading in headings if heading not in heads]
+    table.caption = _legend(heads) + _left_out(without)
+    for place, heading in enumerate(heads):
         how: Any = {"overflow": "fold"} if place == 0 else {"no_wrap": True}
         table.add_column(escape(heading), justify="right" if place > 1 else "left", **how)
     for before, row, cells in zip([None, *shown], shown, lines, strict=False):
         if before is None or before["scenario"] != row["scenario"]:
             table.add_row(f"[bold]{row['scenario']}[/]")
-        table.add_row(*cells[:kept], style="red" if row["diverged"] else None)
+        table.add_row(*(cells[i] for i in kept), style="red" if row["diverged"] else None)
     return table
 
 
-def _fitting(lines: Sequence[Sequence[str]], width: int) -> int:
-    """Return how many columns have room beside the names of estimators, four at least."""
+def _fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Return which columns have room beside the names of estimators, those of ALWAYS at least."""
     columns = list(zip(*lines, strict=True))
     wide = [max(map(len, column)) + 1 for column in columns]
     wide[0] = min(wide[0], NAME)
-    return next((n for n in range(len(wide), 4, -1) if sum(wide[:n]) <= width), 4)
+    kept = list(range(len(wide)))
+    for place in kept[::-1]:
+        if sum(wide[i] for i in kept) <= width:
+            break
+        if _word(lines[0][place]) not in ALWAYS:
+            kept.remove(place)
+    return kept
+
+
+def _word(heading: str) -> str:
+    return heading.partition(" ")[0]
+
+
+def _legend(headings: Sequence[str]) -> str:
+    """Return what the columns that are shown mean."""
+    words = {_word(heading) for heading in headings}
+    lines = ("; ".join(text for key, text in part.items() if key in words) for part in LEGENDS)
+    return "\n".join(line for line in lines if line)
 
 
 def _left_out(headings: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.protocol import Estimator, run_estimator
+from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.running.files import writing
@@ -145,7 +145,8 @@ def run_on(
     there = np.ones(n, bool) if piece.valid is None else piece.valid
     for k in range(n):
         try:
-            theta[k] = estimator.step(piece.torque[k], y[k] if there[k] else None)
+            given = estimator.step(piece.torque[k], y[k] if there[k] else None)
+            theta[k] = theta_of(given, estimator.names, estimator)
         except BaseException as error:
             error.at_sample = k  # type: ignore[attr-defined]  # for whoever says where it was
             raise

@@ -14,9 +14,11 @@ from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
 from flexaxis.experiments.running.plan import Plan, expected
 from flexaxis.experiments.running.previous import is_unfinished, set_aside, unfinish
+from flexaxis.experiments.running.rows import done as cases_done
 from flexaxis.experiments.running.rows import row_files, share_of
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.told import remark
 from flexaxis.experiments.running.work import made_with
 
 
@@ -67,7 +69,7 @@ def opened(
         if not alone:
             stack.enter_context(locked(folder / f".{name.removesuffix('.jsonl')}{LOCK}"))
         if replace and not resume:
-            _make_room(plan.study, folder)
+            _make_room(plan.study, folder, about or {})
         check(plan.study, folder, plan.shard)
         if replace:
             unfinish(folder)  # what is made of the rows that are there is not of those to come
@@ -85,8 +87,8 @@ def opened(
         yield rows
 
 
-def _make_room(study: Study, folder: Path) -> None:
-    """Move a result out of the way that may be replaced; refuse what may not.
+def _make_room(study: Study, folder: Path, about: Mapping[str, Any]) -> None:
+    """Move a result out of the way that may be replaced, and say so; refuse what may not.
 
     Raises
     ------
@@ -105,7 +107,29 @@ def _make_room(study: Study, folder: Path) -> None:
                 f"{folder} holds an unfinished run of {_summary(there)}: go on with it by "
                 "--resume and its own line, remove it, or choose another folder with -o"
             )
+        if done and not _contains(study, about, there):
+            _tell_replaced(study, folder, there)
     set_aside(folder)
+
+
+def _contains(study: Study, about: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
+    """Whether a study will have all that is there, or is of the same line on the same scenarios."""
+    if there["identity"] != study.identity:
+        return False
+    if there.get("command") and there["command"] == about.get("command"):
+        return True
+    estimators, seeds = there.get("estimators"), there.get("seeds")
+    if not (estimators and seeds):  # as of a comparison
+        return False
+    return {*estimators} <= {*study.estimators} and {*seeds} <= {*study.seeds}
+
+
+def _tell_replaced(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
+    """Say what goes that nobody may have meant to lose."""
+    count = cases_done(folder).size
+    of = there.get("command") or _summary(there)
+    keep = "--resume" if there["identity"] == study.identity else "another folder with -o"
+    remark(f"{folder}: replaces {count} case{'s'[: count != 1]} of: {of}; {keep} keeps them")
 
 
 def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:

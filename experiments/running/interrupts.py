@@ -1,4 +1,8 @@
-"""Ctrl-C: once stops the work and keeps what is done, twice ends at once."""
+"""Ctrl-C: once stops the work and keeps what is done, twice ends at once.
+
+SIGTERM, by which a queue of jobs or `timeout` ends a command, is the same; it comes also to what
+was started in the background, where there may be no Ctrl-C.
+"""
 
 from __future__ import annotations
 
@@ -82,21 +86,26 @@ def _at_once() -> None:
 
 _over = threading.Event()  # what Ctrl-C ends at once
 AT_ONCE = patient(_at_once, lambda: not _over.is_set())
+_KINDS: dict[signal.Signals, object] = {
+    signal.SIGINT: signal.default_int_handler,
+    signal.SIGTERM: signal.SIG_DFL,
+}
+"""What asks a command to end, and how each is handled where nobody has said."""
 
 
 @contextmanager
 def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
-    before = signal.getsignal(signal.SIGINT)
-    ours = before in {signal.default_int_handler, AT_ONCE}
-    if not ours or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    signal.signal(signal.SIGINT, react)
+    before = {kind: signal.getsignal(kind) for kind in _KINDS}
+    here = threading.current_thread() is threading.main_thread()
+    ours = [kind for kind, usual in _KINDS.items() if here and before[kind] in {usual, AT_ONCE}]
+    for kind in ours:
+        signal.signal(kind, react)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for kind in ours:
+            signal.signal(kind, before[kind])
 
 
 @contextmanager
@@ -143,7 +152,8 @@ def leave(status: int) -> NoReturn:
 
     That takes up to a second, in which another Ctrl-C would change the status.
     """
-    signal.signal(signal.SIGINT, lambda number, frame: os._exit(status))
+    for kind in _KINDS:
+        signal.signal(kind, lambda number, frame: os._exit(status))
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # closed, or nobody reads it

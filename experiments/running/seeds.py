@@ -7,8 +7,14 @@ from flexaxis.sim.errors import FlexaxisError
 FIRST = 1000  # 0–99 are for tuning; what is reported is on others
 
 
-def parse_seeds(text: str) -> list[int]:
+def parse_seeds(text: str, *, what: str = "--seeds") -> list[int]:
     """Return the seeds that "N" (1000 … 1000+N−1) or "A:B" (A … B−1) stands for.
+
+    Parameters
+    ----------
+    text : str
+    what : str
+        What it was given as, for the message.
 
     Raises
     ------
@@ -29,7 +35,7 @@ def parse_seeds(text: str) -> list[int]:
         seeds = range(0)
     if not seeds or seeds[0] < 0:
         raise FlexaxisError(
-            f"--seeds {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
+            f"{what} {text!r}: give a number of seeds, such as 8, or a range from:to, such as "
             "1000:1030 (the last is not included)"
         )
     return list(seeds)

@@ -6,10 +6,13 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 pytestmark = pytest.mark.browser
 
@@ -133,6 +136,27 @@ def test_the_first_fault_is_seen_without_scrolling(browser, width, height):
         browser.screenshot(PICTURES / f"first_fault_{width}.png")
         wide = "document.documentElement.scrollWidth"
         assert browser.run(wide) <= width and not browser.errors
+        if width < 600:
+            phone_shows_all(browser, PICTURES / "first_fault_phone.png", width)
+
+
+def phone_shows_all(browser, picture, width):
+    """The axis above the controls, and these as wide as the page, with the wide table open too."""
+    # What the page says of a computer without a graphics card would lie over the axis.
+    browser.run("document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())")
+    browser.screenshot(picture)
+    controls = browser.place("break it, and watch", scroll=False)
+    with Image.open(picture) as shot:
+        above = np.asarray(shot.convert("RGB")).astype(int)[: int(controls["top"]) - 8]
+    # Sky and grid are grey; gear and arm are not, and 40 pixels long.
+    assert (np.ptp(above, axis=2) > 40).sum() > 400
+    browser.click("What was done")  # unfolds
+    time.sleep(1.0)
+    browser.click("What was done")
+    shown = "document.querySelector('table.history')?.getClientRects().length > 0"
+    browser.wait(shown, seconds=20, what="the table")
+    for text in ("f_m × 2", "Repair", "Step"):
+        assert browser.place(text, "button", scroll=False)["right"] <= width, text
 
 
 def test_a_button_that_does_nothing_is_found_out(browser):
@@ -158,3 +182,24 @@ def test_two_viewers_see_the_same(browser, tmp_path):
         for page in (browser, other):
             truth = f"{CELL.format(name='f_m', column=1).strip()} == 0.1"
             page.wait(truth, seconds=30, what="the fault on both pages")
+
+
+def test_an_act_that_fails_is_said_and_the_lesson_goes_on(browser, tmp_path):
+    """And when the demo ends, the page says so, and has no buttons."""
+    stubborn = (
+        "from flexaxis.experiments.demo.session import DemoSession;"
+        "exec('def inject(*_): raise RuntimeError(\"it does not break\")');"
+        "DemoSession.inject = inject;"
+        "from flexaxis.experiments.cli import main; sys.exit(main())"
+    )
+    lesson = tmp_path / "mine.toml"
+    lesson.write_text('[[act]]\nat = 1.0\nfault = "f_m"\nfactor = 2.0\n', encoding="utf-8")
+    with demo(lesson, code=stubborn) as address:
+        browser.open(address)
+        said = "document.body.innerText.includes('act[0] at 1 s cannot be done: it does not')"
+        browser.wait(said, seconds=60, what="what was wrong")
+        browser.wait(f"{CLOCK} > 3", seconds=60, what="the lesson goes on")
+    ended = "document.body.innerText.includes('The demo has ended')"
+    browser.wait(ended, seconds=10, what="the end")
+    gone = "[...document.querySelectorAll('button')].every(e => e.innerText != 'Run')"
+    browser.wait(gone, seconds=5, what="no buttons")

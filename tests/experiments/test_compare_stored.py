@@ -8,6 +8,7 @@ import pytest
 from flexaxis.experiments.gate import stored
 from flexaxis.experiments.gate.comparison_report import write
 from flexaxis.experiments.gate.pairs import MARGINS
+from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.experiments.running import names as results
 from flexaxis.sim.errors import FlexaxisError
 
@@ -49,6 +50,26 @@ def test_stored_runs(folders, tmp_path):
     assert found.verdict == "worse" and found.base == found.candidate == "e"
     page = write(tmp_path / "out", found)
     assert page.is_file() and not (tmp_path / "out" / results.SCORES).exists()
+
+
+def test_who_estimates_less_is_named(folders, tmp_path):
+    alike = stored.compare_runs(*folders, MARGINS)
+    assert "estimates" not in headline(alike) and "nominal" not in meaning(alike)
+    path = folders[0] / results.SCORES
+    old = [json.loads(line) for line in path.read_text().splitlines()]
+    both = [row | {"parameter": name, "rows": 2} for row in old for name in ("k_T", "f_m")]
+    path.write_text("".join(json.dumps(row) + "\n" for row in both))
+    found = stored.compare_runs(*folders, MARGINS)
+    said = "candidate estimates f_m alone; the base k_T, f_m"
+    assert said in headline(found)
+    assert "The candidate holds k_T at nominal" in meaning(found)
+    page = write(tmp_path / "out", found)
+    told = json.loads((tmp_path / "out" / "compare.json").read_text())
+    assert said in page.read_text() and said in (tmp_path / "out" / "verdict.md").read_text()
+    assert told["estimated"] == {"base": ["k_T", "f_m"], "candidate": ["f_m"]}
+    back = stored.compare_runs(*folders[::-1], MARGINS)
+    assert "candidate estimates k_T, f_m; the base f_m" in headline(back)
+    assert "The base holds k_T" in meaning(back)
 
 
 def test_stored_runs_on_some_seeds(folders):

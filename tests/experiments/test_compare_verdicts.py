@@ -64,6 +64,9 @@ def test_the_number_of_seeds_leaves_no_doubt():
     base = rows(spread=0.0)
     found = verdicts(base, [row | {"lag": 0.95} for row in base])["lag"]
     assert (found.verdict, found.seeds_needed) == ("undecided", 48)
+    (few,) = cells(found)[-1:]
+    # .5·(.01^(−1/8) − 1) = .389, and exp(−.389) = .678
+    assert few == "undecided: 8 runs can say better from -32 % on; about 48 seeds would do"
     two = [row | {"scenario": name} for name in "st" for row in base]
     found = verdicts(two, [row | {"lag": 0.95} for row in two])["lag"]
     assert (found.verdict, found.seeds_needed) == ("undecided", 24)  # both say so

@@ -203,7 +203,7 @@ class Late(Base):
         ("Writes", "keeps no reference"),
         ("KeepsView", "keeps no reference"),
         ("NoGap", "survives a gap"),
-        ("Spiked", "survives a spike"),
+        ("Spiked", "finite after a spike"),
         ("Late", "a shift of u hurts"),
     ],
 )

@@ -5,9 +5,12 @@ import socket
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.demo.charts import Charts
+from flexaxis.experiments.demo.racer import SHOWN
 
 
 def test_without_viser_one_clear_line(monkeypatch, capsys):
@@ -88,3 +91,27 @@ def test_a_tunnel_to_the_outside_is_never_opened(free_port, monkeypatch):
     server.request_share_url()
     server.stop()
     assert not asked
+
+
+class Charted:
+    """What is put on a page, by title."""
+
+    def __init__(self):
+        self.charts = {}
+
+    def add_uplot(self, *, title, **look):
+        self.charts[title.split()[0]] = look
+
+
+def test_ticks_are_told_apart_by_three_decimals():
+    """The browser writes no more: 0.0505 would be 0.051, beside 0.051."""
+    pytest.importorskip("viser")
+    page, nominal = Charted(), (1.0, 1.25, 0.05, 0.1)
+    Charts(page, np.array(nominal))
+    for name, size in zip(SHOWN, nominal, strict=True):
+        ticks = page.charts[name]["axes"][1]["incrs"]
+        assert all(round(tick, 3) == tick > 0 for tick in ticks)
+        if name != "f_c":  # so that two ticks at least are seen, whatever the noise
+            edges = page.charts[name]["scales"]["y"]["range"]
+            span = edges["max"]["soft"] - edges["min"]["soft"]
+            assert edges["min"]["soft"] < size < edges["max"]["soft"] and span >= 2 * min(ticks)

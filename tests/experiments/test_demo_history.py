@@ -1,8 +1,11 @@
 """What was done, as a table, as CSV, and as a lesson that does the same again, to the last bit."""
 
 import csv
+import importlib.util
 import io
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from flexaxis.experiments.demo import history
 from flexaxis.experiments.demo.friction import Friction
 from flexaxis.experiments.demo.history import COLUMNS, Entry, History
 from flexaxis.experiments.demo.lesson import LessonError, Player, parse_lesson
-from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.experiments.demo.session import BUTTONS, DemoSession
 from flexaxis.experiments.demo.words import estimates_table, history_table
 from flexaxis.sim.timing import PERIOD, rate
 
@@ -138,3 +141,19 @@ def test_code_that_joins_in_a_lesson_is_not_run_unasked(tmp_path, capsys, monkey
         assert main(["demo", *words]) == 2
         assert "--run-code" in capsys.readouterr().err
     assert not (tmp_path / "ran").exists()
+
+
+def test_the_table_of_the_page_is_of_what_its_command_makes():
+    path = Path(__file__).parents[2] / "docs" / "demo.py"
+    spec = importlib.util.spec_from_file_location("table_of_the_demo", path)
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    (table,) = made.MARK.findall(made.PAGE.read_text(encoding="utf-8"))
+    head, _, *rows, _, last = table.splitlines()
+    assert head.endswith("told which – not told |")
+    labels = [button.label for button in BUTTONS if button.parameter != "k_a"]
+    assert [row.split(" | ")[0].strip("| ") for row in rows] == labels
+    for row in rows:
+        allowed = row.strip("| ").split(" | ")[-1].split(" – ")
+        assert float(allowed[0]) < float(allowed[1])
+    assert re.search(r"`python docs/demo.py`, commit [0-9a-f]{7,}, seeds 1000 to 1019", last)

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.demo.lesson import LessonError, default_lesson, load_lesson, parse_lesson
+from flexaxis.experiments.demo.lesson import (
+    LessonError,
+    Player,
+    default_lesson,
+    load_lesson,
+    parse_lesson,
+)
 from flexaxis.experiments.demo.session import DemoSession
 
 SHORT = """
@@ -78,6 +84,55 @@ def test_all_problems_are_said_at_once():
     assert "Did you mean 'title'" in str(problem.value)
     assert "Did you mean 'fault'" in str(problem.value)
     assert "fault and factor go together" in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("act", "problem"),
+    [
+        ('fault = "f_n"\nfactor = 2.0', "act[0] fault: unknown parameter 'f_n'"),
+        ('fault = "r"\nfactor = 2.0', "act[0] fault: unknown parameter 'r'"),
+        ('fault = "f_m"\nfactor = 3.0', "act[0] factor: must be less than or equal to 2"),
+        ("f_c = 3.0", "act[0] f_c: must be less than or equal to 0.4"),
+        ('friction = "coulomb"', "act[0] friction: unknown friction"),
+        ('excitation = "of"', "act[0] excitation: unknown excitation"),
+        ("forgetting = 1.5", "act[0] forgetting: must be less than or equal to 1"),
+        ("drift = {f_n = 1e-7}", "act[0] drift: unknown parameter"),
+        ("drift = {f_m = 0.0}", "act[0] drift.f_m: must be greater than 0"),
+        ('racer = "A"\nestimator = "ekg"', "act[0] estimator: unknown estimator 'ekg'"),
+        ('racer = "A"\nestimator = "ekf[a=1]"', "act[0] estimator: ekf has no option 'a'"),
+        ('racer = "A"\nestimator = "rpem-drift[scale=\'x\']"', "act[0] estimator: "),
+        ('racer = "A"\nestimator = "ekf[output=\'position\']"', "act[0] estimator: "),
+    ],
+)
+def test_what_the_axis_would_refuse_is_said_when_the_lesson_is_read(act, problem):
+    wrong = f"[[act]]\nat = 1.0\n{act}\n[[act]]\nat = -1.0\n"
+    with pytest.raises(LessonError) as found:
+        parse_lesson(wrong, source="mine.toml")
+    first, second = str(found.value).splitlines()
+    assert first.startswith(f"mine.toml: {problem}")
+    assert second.startswith("mine.toml: act[1] at: ")
+
+
+def test_an_act_that_is_no_table_is_one_line():
+    with pytest.raises(LessonError, match=r"act\[1\]: must be a table, not 3"):
+        parse_lesson("act = [{at = 1.0}, 3]", source="mine.toml")
+
+
+class Stubborn(DemoSession):
+    """A session in which nothing can be broken."""
+
+    def inject(self, parameter, factor):
+        raise RuntimeError("it does not break")
+
+
+def test_an_act_that_fails_does_not_stop_a_live_lesson():
+    lesson = parse_lesson(SHORT, source="short")
+    session, lines = Stubborn(), []
+    Player(session, lesson, lines.append).advance(500)
+    assert session.axis.samples == 500 and session.axis.noise == 0, "the other act is done"
+    assert lines == ["act[0] at 2 s cannot be done: it does not break"] == [session.said]
+    with pytest.raises(LessonError, match=r"act\[0\] at 2 s cannot be done"):
+        Player(Stubborn(), lesson).advance(500)
 
 
 def test_an_act_turns_the_knobs_of_one_racer():

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -145,6 +146,21 @@ def test_an_estimate_shows_itself(short):
         found.plot(ax=axes[:2])
     with pytest.raises(EstimatorError, match="Did you mean 'f_m'"):
         found.plot("f_n")
+
+
+@pytest.mark.parametrize(("peak", "marked"), [(1.2, False), (50.0, True), (-50.0, True)])
+def test_a_peak_is_shown_or_marked_with_its_value(short, peak, marked):
+    found = fx.estimate(fx.simulate(short), Still)
+    theta = found.theta.copy()
+    truth = found.truth["f_m"]
+    theta[100, 0] = peak * truth.max()
+    ax = replace(found, theta=theta).plot()
+    low, high = ax.get_ylim()
+    assert low <= truth.min() and truth.max() <= high
+    assert (low <= theta[100, 0] <= high) == (not marked)
+    assert [text.get_text() for text in ax.texts] == [f"{theta[100, 0]:.3g}"] * marked
+    marks = [line for line in ax.lines if line.get_label() == "_beyond"]
+    assert [line.get_marker() for line in marks] == ["^" if peak > 0 else "v"] * marked
 
 
 def test_an_own_class_and_an_instance_of_it_estimate(short):

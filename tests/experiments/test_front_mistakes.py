@@ -65,6 +65,9 @@ def test_classes_without_text_are_told_apart():
         ({"seeds": True}, "seeds True"),
         ({"seeds": [1.5]}, "seed 1.5"),
         ({"seeds": []}, "at least one"),
+        ({"seeds": 0}, "^seeds '0': give a number"),
+        ({"seeds": [1, 2, 1]}, "seeds: 1 is given more than once"),
+        ({"estimators": [None]}, "no estimator was given: give its name"),
     ],
 )
 def test_a_benchmark_of_nothing(short, given, words):
@@ -113,6 +116,36 @@ def test_an_axis_of_no_study_is_not_drawn(short):
     found = fx.benchmark("frozen", scenarios=short, seeds=1)
     with pytest.raises(FlexaxisError, match="nothing was swept"):
         found.plot("nope")
+
+
+def test_scores_are_of_an_estimator_or_an_estimate(short):
+    record = fx.simulate(short)
+    with pytest.raises(EstimatorError, match="a record has no scores, an estimator has: give one"):
+        fx.score(record)
+    scores = fx.score(record, "frozen")
+    assert scores[0]["estimator"] == "frozen"
+    head = repr(scores).splitlines()[0]
+    assert "lag [s]" in head and "std [% of nominal]" in head and "diverged  " not in head
+    assert "lag [s]" in scores[:1]._repr_html_()
+    with pytest.raises(EstimatorError, match="an estimate by frozen already"):
+        fx.score(fx.estimate(record, "frozen"), "ekf")
+
+
+def test_a_scenario_is_no_record():
+    with pytest.raises(FlexaxisError, match=r"fx.estimate\(fx.simulate\('fm_step-v1'\), …\)"):
+        fx.estimate("fm_step-v1", "frozen")
+
+
+@pytest.mark.parametrize("instance", [False, True])
+def test_an_estimate_that_is_not_finite_is_a_warning(short, instance):
+    class Lost(Still):
+        def step(self, u, y):
+            return [float("nan") if y is None or y > 0 else 1.0]
+
+    record = fx.simulate(short)
+    made = Lost({"f_m": 1.0}, 0.005) if instance else Lost
+    with pytest.warns(UserWarning, match=r"Lost returned .* of 1600 samples, first at sample \d+"):
+        fx.estimate(record, made)
 
 
 def test_an_instance_is_a_guest(short, capsys):
@@ -168,6 +201,9 @@ MISTAKES = [
     (["list", "--gruop=steps"], "unknown option '--gruop=steps'. Did you mean '--group'?"),
     (["list", "--grou", "steps"], "Did you mean '--group'?"),
     (["show", "relocat"], "Did you mean 'relocate'?"),
+    (["new", "sub/x.py"], "sub/x.py: there is no folder sub: make it first"),
+    (["simulate", "fm_step-v1", "--seed", "-1"], "--seed -1: give a whole number"),
+    (["check", "pipe-bin:./mine"], "Did you mean 'pipe-binary:'?"),
 ]
 
 

@@ -1,6 +1,7 @@
 """A user's code is a guest: it is told where it fails, ends in time, and says nothing on stdout."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -60,6 +61,16 @@ class Nan(Base):
         return self.theta if self.k < 1501 else float("nan")
 
 
+class Two(Base):
+    def step(self, u, y):
+        return [1.0, 2.0]
+
+
+class Forgetful(Base):
+    def step(self, u, y):
+        self.k += 1
+
+
 class Torque(Base):
     def __init__(self, nominal, period, *, torque=None):
         super().__init__(nominal, period)
@@ -92,6 +103,18 @@ def test_what_it_raises_is_told_once_with_place_and_sample(capsys, name, what, j
     line = {"Raises": 20, "Exits": 29}[name]
     assert f"sample 1500 (7.5 s): {what}" in told[0] and f"guests.py:{line})" in told[0]
     assert "short, seed 100" in told[0]
+
+
+@pytest.mark.parametrize(("name", "what"), [("Two", "2 numbers"), ("Forgetful", "nothing")])
+def test_a_step_of_another_number_of_values_is_told_with_its_place(capsys, name, what):
+    status, _, err = ran(capsys, name)
+    assert status == FINDING and "crashed" not in err
+    assert f"guests.py:{name}, on short (warm-up), sample 0: step returned {what}, " in err
+    line = 2 + OWN[: OWN.index(f"class {name}")].count("\n")
+    assert f"names has 1: f_m ({Path('guests.py').resolve()}:{line})" in err
+    assert main(["check", f"guests.py:{name}"]) == FINDING
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"step returned {what}" in out and "the same" in out
 
 
 def test_what_never_ends_is_stopped(capsys):

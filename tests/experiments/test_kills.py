@@ -241,6 +241,82 @@ def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
     assert "what is done is kept. Ctrl-C again ends at once" in capfd.readouterr().err
 
 
+TERMINATED = """\
+import signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # as for what a script starts in the background
+from flexaxis.experiments.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@posix
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["run", "study", "compare"])
+def test_a_queue_that_ends_a_command_is_as_ctrl_c(name, tmp_path, short_toml):
+    toml = tmp_path / "s.toml"
+    toml.write_text(
+        "name = 'long'\nscenario = 'fm_step-v1'\nestimators = ['literal-rpem']\nseeds = 400\n"
+    )
+    lines = {
+        "run": ["run", str(short_toml), "--estimator", "literal-rpem", "--seeds", "400"],
+        "study": ["study", str(toml)],
+        "compare": ["compare", str(short_toml), "--base", "literal-rpem", "--candidate", "frozen",
+                    "--seeds", "400"],
+    }  # fmt: skip
+    words = [*lines[name], "--jobs", "2", "-o", str(tmp_path / "out")]
+    done = subprocess.Popen(
+        [sys.executable, "-c", TERMINATED, *words],
+        stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=tmp_path,
+    )  # fmt: skip
+    rows_file = tmp_path / "out" / "scores.jsonl"
+    until = time.monotonic() + 120
+    while not (rows_file.exists() and rows_file.stat().st_size) and time.monotonic() < until:
+        time.sleep(0.1)
+    done.send_signal(signal.SIGTERM)
+    _, said = done.communicate(timeout=60)
+    assert done.returncode == 130
+    assert "done just now; go on with: flexaxis " in said and "--resume" in said
+    assert "leaked" not in said and "Traceback" not in said
+    assert rows.done(tmp_path / "out").size
+
+
+@posix
+def test_the_line_to_go_on_with_is_told_before_anything_is_run(tmp_path, capsys, monkeypatch):
+    from flexaxis.experiments.running import forecast
+
+    def stop(*args):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(forecast, "forecast", stop)
+    toml = tmp_path / "s.toml"
+    toml.write_text("name = 's'\nscenario = 'fm_step-v1'\nestimators = ['frozen']\nseeds = 2\n")
+    words = ["study", str(toml), "-o", str(tmp_path / "out")]
+    assert main(words) == 130
+    line = f"0 cases done just now; go on with: flexaxis {' '.join(words)} --resume"
+    assert line in capsys.readouterr().err
+
+
+@posix
+@pytest.mark.parametrize("usual", [signal.default_int_handler, signal.SIG_IGN])
+def test_a_signal_to_terminate_is_as_ctrl_c(capfd, monkeypatch, usual):
+    """Also in the background, where Ctrl-C is ignored."""
+    done, before = [], signal.signal(signal.SIGINT, usual)
+
+    def work(task):
+        if task == "b":
+            signal.raise_signal(signal.SIGTERM)
+            time.sleep(5)
+        return task
+
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            done.extend(spread("abc", work))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+    assert "stopping; what is done is kept" in capfd.readouterr().err
+
+
 @posix
 def test_ctrl_c_is_not_raised_into_compiled_code():
     """Which would crash; nested as far as Python is called from there."""

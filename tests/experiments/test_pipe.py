@@ -126,6 +126,7 @@ def test_programs_that_fail_at_once(code, message):
         ("input(); print('[1]', flush=True); input()", r"answered '\[1\]'"),
         ("""input(); print('{"theta": [1, 2]}', flush=True); input()""", r"shape \(2,\)"),
         ("input(); raise ValueError('bad luck')", "status 1 .*bad luck"),
+        ("raise SystemExit('this is no flexaxis on stdin')", "blocks of numbers is pipe-binary:"),
         ("sys.stdin.read()", "did not answer within 0.5 s"),
     ],
 )

@@ -6,6 +6,7 @@ import os
 import pytest
 from rich.console import Console
 
+from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import terminal
 from flexaxis.experiments.scoring.table import SCORES
 
@@ -20,7 +21,7 @@ def rows():
     return [values | {"estimator": name} for name in NAMES]
 
 
-@pytest.mark.parametrize(("width", "columns"), [(60, 7), (80, 10), (200, 10)])
+@pytest.mark.parametrize(("width", "columns"), [(40, 4), (60, 7), (80, 10), (200, 10)])
 def test_the_table_of_scores(monkeypatch, width, columns):
     monkeypatch.setattr(terminal, "_width", lambda: width)
     table, out = terminal.score_table(rows()), io.StringIO()
@@ -29,6 +30,9 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert "…" not in text and max(map(len, text.splitlines())) <= width
     assert len(table.columns) == columns
     assert "".join(NAMES[1].split())[-8:] in "".join(text.split())
+    assert table.columns[-1 if width == 40 else 5].header == "lost"
+    assert ("x-talk: largest" in " ".join(text.split())) == (columns == 10)
+    assert "lost: diverged runs" in " ".join(text.split())
     assert ("left out, for the terminal is narrow: " in text) == (columns < 10)
 
 
@@ -40,3 +44,11 @@ def test_no_colour_is_asked_for(monkeypatch):
     out = io.StringIO()
     Console(file=out, width=200, force_terminal=True).print(terminal.score_table(lost))
     assert "\x1b[31m" not in out.getvalue() and "\x1b[1m" in out.getvalue()
+
+
+def test_the_catalogue_in_a_narrow_terminal(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "40")
+    assert main(["list"]) == 0
+    text = capsys.readouterr().out
+    assert "…" not in text and max(map(len, text.splitlines())) <= 40
+    assert "coarse_encoder_coulomb_fm_step-v1" in text and "f_m +50 % at 10 s" in text

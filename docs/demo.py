@@ -1,0 +1,74 @@
+"""Write the table of docs/demo.md anew, what to expect of a fault: `python docs/demo.py`.
+
+It stands between `<!-- table: lags -->` and `<!-- end -->`, and what made it is said below it.
+It takes four minutes.
+"""
+
+import re
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession, FaultButton
+from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.scoring.windows import WINDOW
+from flexaxis.sim.timing import PERIOD, sample_index
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "demo.md"
+MARK = re.compile(r"<!-- table: lags -->\n(.*?)<!-- end -->", re.DOTALL)
+SEEDS = range(1000, 1020)
+BEFORE = 9.0
+"""Seconds of the axis before the fault."""
+
+
+def lags(button: FaultButton) -> Sequence[Sequence[float]]:
+    """Return the lags of A and B, and those allowed, told which and not; a row for each seed."""
+    rows = []
+    for seed in SEEDS:
+        session = DemoSession(seed=seed)
+        session.advance(sample_index(BEFORE, PERIOD))
+        session.inject(button.parameter, button.factor)
+        session.advance(sample_index(WINDOW, PERIOD))
+        entry = session.history.last
+        assert entry is not None
+        rows.append([value for value in (*entry.lags, *entry.allowed) if value is not None])
+    return rows
+
+
+def table() -> str:
+    """Return what to expect of each fault that has a button and a lag."""
+    names = ("A, the paper's method", "B, recommended")
+    lines = [("fault", *names, "allowed: told which – not told"), ("---",) * 4]
+    for button in BUTTONS:
+        if button.parameter == "k_a":  # nobody estimates it
+            continue
+        values = np.array(lags(button))
+        mean, longest = values.mean(axis=0), values.max(axis=0)
+        racers = [f"{number(mean[i], 2)} ({number(longest[i], 2)})" for i in range(len(names))]
+        lines.append((button.label, *racers, f"{number(mean[2], 2)} – {number(mean[3], 2)}"))
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def made() -> str:
+    """Return the line below the table: what it is, and how it was made."""
+    first, second, seeds = *DEFAULT_RACERS, f"seeds {SEEDS[0]} to {SEEDS[-1]}"
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    commit = subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    return (
+        f"\nLag [s], mean (and the longest), of `{first}` and `{second}`; fault "
+        f"after {BEFORE:g} s. `python docs/demo.py`, commit {commit}, {seeds}.\n"
+    )
+
+
+def main() -> None:
+    """Write the table."""
+    text = f"<!-- table: lags -->\n{table()}{made()}<!-- end -->"
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(MARK.sub(lambda _: text, page), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
