@@ -28,7 +28,7 @@ from flexaxis.estimators.offline.descent import (
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ROUNDS = 12
+ROUNDS = 40  # where noise and parameters explain the same, each leaves two thirds of the way
 LAST = 2  # rounds that solve laws to their full accuracy, at least
 EVALUATIONS, SEARCHING = 25, 12  # in a round of a fit, and of a search
 SEARCHED = 0.5  # likewise, where a search does

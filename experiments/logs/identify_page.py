@@ -83,7 +83,8 @@ def print_identification(found: Identification, tried: Validation | None) -> Non
     table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
     for name, value, sd, *_ in rows(found):
         share = f"{100 * sd / abs(value):.2g}" if abs(value) > sd else ""
-        table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", f"{sd:.2g}", share)
+        deviation = f"{sd:.2g}" if sd else ""  # none of what stands at a bound, or was told
+        table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", deviation, share)
     console = Console()
     console.print(table)
     for name, text in _facts(found, tried):

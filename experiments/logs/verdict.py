@@ -22,7 +22,8 @@ from flexaxis.experiments.logs.spectrum import Response
 Array = NDArray[np.float64]
 
 BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
-COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, that is too much
+COLOURED = 0.1  # correlation of white residuals, one to twenty samples apart, that is too much:
+# with ρ the variance of an estimate is up to (1 + ρ)/(1 − ρ) of what is claimed, here 1.2
 LAGS = 20
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 EXPLAINED = 0.1  # of the motion, that a simulation may leave and still be of the same axis
