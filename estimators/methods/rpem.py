@@ -169,9 +169,7 @@ class Rpem(CompiledFilter):
             scale=scale,
         )
         pattern, _ = split(design.model)
-        parts = measured(
-            design, clip=robust, correct=state_correction, ceiling=ceiling, watch=robust > 0
-        )
+        parts = measured(design, clip=robust, correct=state_correction, ceiling=ceiling, watch=True)
         lanes, later = on_lanes(design, pattern), _settling(design, settle)
         tuning, start = map(joined, lanes, parts, later)
         if settle:

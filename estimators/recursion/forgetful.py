@@ -50,7 +50,7 @@ def forgetful_filter(
     pattern, _ = split(design.model)
     lanes, parts = (
         on_lanes(design, pattern),
-        measured(design, clip=robust, correct=correct, ceiling=ceiling, watch=robust > 0),
+        measured(design, clip=robust, correct=correct, ceiling=ceiling, watch=True),
     )
     tunings = joined(lanes[0], parts[0], record(**tuning))
     states = joined(lanes[1], parts[1], record(**(state or {})))

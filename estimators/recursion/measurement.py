@@ -55,7 +55,7 @@ def measured(
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
     watch : bool
-        Whether nothing is taken from a sensor that is stuck.
+        Whether nothing is taken from a sensor that is stuck, where outliers are not believed either.
     """
     at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
@@ -72,7 +72,7 @@ def measured(
         known=float(design.noise > 0),
         correct=float(correct),
         clip=float(clip),
-        watched=float(watch),
+        watched=float(watch and clip > 0),
         once=float(len(design.theta0) > design.tracked),  # whether anything is learnt once
         consistency=_consistency(clip),
         ceiling=float(ceiling),

@@ -129,12 +129,12 @@ class Unguarded:
         nominal: Mapping[str, float],
         period: float,
         *,
-        identify: Sequence[str] = ("f_m",),
+        identify: Sequence[str] = DEFAULT_IDENTIFY,
         output: str = "speed",
         torque: Array | None = None,
     ) -> None:
-        self.names, self.output = identify, output
-        self._start = nominal[identify[0]]
+        self.names, self.output = ("f_m",), output
+        self._start = nominal["f_m"]
         self._theta, self._P, self._phi = self._start, 1.0, 0.0
 
     def step(self, u: float, y: float | None) -> Array:

@@ -315,7 +315,7 @@ def test_uploads_are_not_kept(demo):
             time.sleep(0.05)
     finally:
         demo.server.gui._drop_uploads_from_client = forget
-    assert held == [{}]
+    assert held and not any(held)  # once or twice: who comes again meanwhile is cut off again
 
 
 def test_a_large_message_ends_the_connection(demo):

@@ -3,11 +3,13 @@
 import os
 import shutil
 
+import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.files import OutputError, write_json, write_text
 from flexaxis.experiments.running.outputs import spare
+from flexaxis.sim.record import load_record
 from flexaxis.sim.simulate import simulate
 
 OWN = """\
@@ -96,11 +98,16 @@ def test_an_input_is_refused_as_output(here, capsys, case):
 
 
 def test_a_log_in_netcdf_is_imported_beside_itself(here, capsys):
-    before = (here / "rec.nc").read_bytes()
-    assert main(["import", "rec.nc", *LOG]) == 0
-    assert (here / "rec.nc").read_bytes() == before
-    assert (here / "rec-imported.nc").exists() and (here / "rec-imported.html").exists()
-    shutil.copy("rec.nc", "log.h5")
+    record = load_record(here / "rec.nc")
+    with h5netcdf.File(here / "mine.nc", "w") as file:  # of a robot, not a record of ours
+        file.dimensions = {"sample": len(record.time)}
+        for name in ("time", "torque", "angle"):
+            file.create_variable(name, ("sample",), data=getattr(record, name))
+    before = (here / "mine.nc").read_bytes()
+    assert main(["import", "mine.nc", *LOG]) == 0
+    assert (here / "mine.nc").read_bytes() == before
+    assert (here / "mine-imported.nc").exists() and (here / "mine-imported.html").exists()
+    shutil.copy("mine.nc", "log.h5")
     assert main(["import", "log.h5", *LOG]) == 0
     assert (here / "log.nc").exists() and (here / "log.h5").read_bytes() == before
 
