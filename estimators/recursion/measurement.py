@@ -55,7 +55,7 @@ def measured(
     ceiling : float
         Largest variance of an estimate relative to θ(0)²; infinite for none.
     watch : bool
-        Whether nothing is taken from a sensor that is stuck, where outliers are not believed either.
+        Whether nothing is taken from a stuck sensor, if outliers are not believed either.
     """
     at_least_zero("robust", clip, "standard deviations, such as 3, or 0 for never")
     if not (isinstance(ceiling, int | float) and ceiling > 0):
