@@ -196,7 +196,7 @@ def identify(
         seen=starts.seen_by(attempt, fitted),
         blind=blind,
     )
-    check_rate(found.axis.model, log.period)
+    _check_ended(found.axis.model, log.period)
     return found
 
 
@@ -226,15 +226,31 @@ LAWFUL = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "alpha", "beta")  # may com
 
 def check_rate(model: Model, period: float) -> None:
     """Refuse a rate that cannot show the fastest mode."""
+    fastest = _fastest(model)
+    if 2 * fastest * period > 1:
+        raise LogError(
+            f"the log's rate of {1 / period:.4g} Hz is below twice the fastest mode of "
+            f"{model.name}, {fastest:.4g} Hz: log faster, or use a model without it"
+        )
+
+
+def _check_ended(model: Model, period: float) -> None:
+    """Refuse a fit that ended at a model of which the log can show nothing."""
+    fastest = _fastest(model)
+    if 2 * fastest * period > 1:
+        raise LogError(
+            f"the fit went astray: it ended with a mode at {fastest:.4g} Hz, of which a log at "
+            f"{1 / period:.4g} Hz shows nothing. Begin nearer, with --start NAME=VALUE, or use a "
+            "model with fewer masses"
+        )
+
+
+def _fastest(model: Model) -> float:
+    """Return the frequency of the fastest mode [Hz]."""
     linear = replace(model, laws=())
     every = linear.parametrize(linear.parameters)
     modes = np.linalg.eigvals(every.matrices(every.theta)[0])
-    fastest = float(np.max(abs(modes.imag)))
-    if fastest * period > np.pi:
-        raise LogError(
-            f"the log's rate of {1 / period:.4g} Hz is below twice the fastest mode of "
-            f"{model.name}, {fastest / (2 * np.pi):.4g} Hz: log faster, or use a model without it"
-        )
+    return float(np.max(abs(modes.imag))) / (2 * np.pi)
 
 
 def _found(

@@ -16,6 +16,7 @@ from identify_axes import NAMES, VALUES, log
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.sim.parameters import preset
@@ -61,7 +62,11 @@ def drives(seeds, seconds):
             for ratio in RATIOS:
                 for motion in ("multisine", "moves"):
                     key = masses, ratio, motion
-                    found, errors = drive(*key, seed, SECONDS.get(key, seconds))
+                    try:
+                        found, errors = drive(*key, seed, SECONDS.get(key, seconds))
+                    except LogError as error:
+                        print(f"{key} {seed}: refused: {error}", flush=True)
+                        continue
                     kept.setdefault(key, []).append((found, errors))
     for (masses, ratio, motion), rows in kept.items():
         good = [

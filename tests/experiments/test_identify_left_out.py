@@ -121,3 +121,14 @@ def test_the_least_delay_is_no_estimate(record):
     found = identify(record, find_axis("one_mass").having(ONE), friction="none")
     assert found.delay == 0.0 and found.delay_deviation == 0.0
     assert any("least that a held torque can have" in text for text in found.remarks)
+
+
+def test_a_fit_that_went_astray_blames_no_rate():
+    """At 250 Hz nothing is seen of a mode at 400 Hz: what ended there says so, and what to do."""
+    from flexaxis.experiments.logs.identify import _check_ended
+
+    model = find_axis("two_mass").having(TWO).model
+    _check_ended(model, T)
+    stiff = find_axis("two_mass").having(TWO | {"k": 300.0 * 400}).model
+    with pytest.raises(LogError, match="went astray.*--start"):
+        _check_ended(stiff, T)
