@@ -130,5 +130,5 @@ def test_a_fit_that_went_astray_blames_no_rate():
     model = find_axis("two_mass").having(TWO).model
     _check_ended(model, T)
     stiff = find_axis("two_mass").having(TWO | {"k": 300.0 * 400}).model
-    with pytest.raises(LogError, match="went astray.*--start"):
+    with pytest.raises(LogError, match=r"went astray.*--start"):
         _check_ended(stiff, T)
