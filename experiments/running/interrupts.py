@@ -112,6 +112,7 @@ def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
+    stopping.forget()  # of what was stopped before, a signal may have come after its end
     with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
         try:
             yield interrupts

@@ -190,3 +190,19 @@ def test_ctrl_c_in_a_terminal(name, times, tmp_path, monkeypatch):
         assert "go on with: flexaxis" in ended.said and "--resume" in ended.said
     left = [path for path in tmp_path.rglob(".*") if path.is_file() and path.name != ".lock"]
     assert not left
+
+
+def test_a_signal_that_comes_late_stops_nothing_that_begins_later():
+    """As where a stop is sent again, and what it was for has ended meanwhile."""
+    from flexaxis.experiments.running.interrupts import two_stage
+
+    stopping.ask()
+    with two_stage():
+        stopping.check()
+    stopping.ask()
+    with two_stage() as interrupts:
+        assert not interrupts.asked
+        with stopping.stoppable():
+            stopping.check()
+            done = True
+    assert done
