@@ -111,7 +111,7 @@ def without(seeds, seconds):
 def robots(seeds, seconds):
     """Three masses: the paper's axis with Coulomb friction, and a published one."""
     for name, preset_name in (("coulomb-v1", "n1"), ("wg_fc_step-v1", "wg")):
-        values = find_scenario(name).model_dump(exclude_none=True, exclude_defaults=True)
+        values = find_scenario(name).model_dump(exclude_none=True)
         values |= {"duration": seconds, "fault": [], "name": "log"}
         law = values.get("static_friction") or {"f_c": 0.1}
         truth = preset(preset_name).as_dict() | dict(law)
