@@ -103,11 +103,7 @@ class _Heap:
 def _said(value: Any) -> list[tuple[str, Any]]:
     """Return the fields of a dataclass that say something."""
     pairs = [(each, getattr(value, each.name)) for each in fields(value)]
-    return [
-        (each.name, v)
-        for each, v in pairs
-        if v is not None and (v is not each.default or v is True)
-    ]
+    return [(each.name, v) for each, v in pairs if v is not None and v is not each.default]
 
 
 def _number(value: float) -> float | None:
