@@ -317,7 +317,8 @@ def wait_until(holds, patience, child=None):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
-@pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
 def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp_path, jobs):
     """To the whole group, as a terminal sends it. What is allowed is ten times what it takes."""
     words = ["run", short_toml, "--estimator", "rpem-drift", "--seeds", "4000", "--no-cache",
