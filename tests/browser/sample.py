@@ -27,8 +27,8 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}
 </table></div>
 <h3>Wide</h3>
 <div class="scroll"><table class="numbers live" id="wide" data-name="wide">
-<tr><th>row</th>{% for i in range(14) %}<th>column {{ i }} [s]</th>{% endfor %}</tr>
-{% for n in range(7) %}<tr><td>row {{ n }}</td>{% for i in range(14) %}<td>{{ n * i / 7 }}</td>{% endfor %}</tr>
+<tr><th>row</th>{% for i in range(20) %}<th>column {{ i }} [s]</th>{% endfor %}</tr>
+{% for n in range(7) %}<tr><td>row {{ "abcdefg"[n] }}</td>{% for i in range(20) %}<td>{{ (n * i / 7)|number }}</td>{% endfor %}</tr>
 {% endfor %}
 </table></div>
 {% for chart in charts %}

@@ -56,7 +56,7 @@ function drawFigure(figure) {
   figure.views = shown.map((range, i) =>
     drawView(figure.chart, range.ends, width, `${figure.name}-${i}`),
   );
-  figure.frame.replaceChildren(...figure.views.map((view) => readable(figure, view)));
+  replaceKeepingFocus(figure.frame, figure.views.map((view) => readable(figure, view)));
   figure.frame.style.minHeight = "";
 }
 
