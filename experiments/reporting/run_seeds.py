@@ -25,7 +25,7 @@ Key = tuple[str, str]  # scenario and estimator
 
 COLUMNS = (
     "case", "scenario", "estimator", "seed", "parameter", "changed", "lag", "lag_bound", "t10",
-    "std", "bias", "score", "diverged", "lost_at", "never_settled",
+    "lag_null", "std", "bias", "score", "diverged", "lost_at",
 )  # fmt: skip
 MARKS = 30  # findings drawn; more are a hatching
 TOLD = 8  # findings in words

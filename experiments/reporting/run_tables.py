@@ -53,6 +53,9 @@ FIRST = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged", "false_
 
 FIRST_WITHOUT_FAULT = ("std", "bias", "excess", "nees", "diverged", "false_alarms")
 FIRST_UNCHANGED = ("cross_talk", "std", "bias", "std_after", "diverged")
+OF_A_CASE = ("excess", "nees", "nis", "whiteness", "alarms", "false_alarms", "cost")
+"""The same in all rows of a case, and shown beside what changed."""
+
 NEEDS_A_FAULT = ("lag", "over_bound", "t10", "score", "never_settled", "efficiency", "delay")
 
 
@@ -63,6 +66,49 @@ def columns(first: Sequence[str], *, without: Sequence[str] = ()) -> list[Column
     return [known[name] for name in first] + [
         Column(c.name, c.heading, c.of, c.words, more=True) for c in (known[n] for n in more)
     ]
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of pooled rows.
+
+    Attributes
+    ----------
+    name : str
+        Of its file, where it is saved.
+    columns : sequence of Column
+    rows : sequence of mapping
+    folded : str
+        What it is called where it is folded away; empty for one that is not.
+    """
+
+    name: str
+    columns: Sequence[Column]
+    rows: Sequence[Row]
+    folded: str = ""
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """Return the tables of a scenario: first of what changed, folded away what did not.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Pooled rows of one scenario.
+    """
+    changed = [row for row in rows if row["changed"]]
+    rest = [row for row in rows if not row["changed"]]
+    if not rows:
+        return []
+    name = rows[0]["scenario"]
+    if not changed:
+        return [Table(name, columns(FIRST_WITHOUT_FAULT, without=NEEDS_A_FAULT), rest)]
+    found = [Table(name, columns(FIRST, without=("cross_talk",)), changed)]
+    if rest:
+        kept = columns(FIRST_UNCHANGED, without=(*NEEDS_A_FAULT, *OF_A_CASE))
+        said = f"Parameters that did not change ({len(rest)} rows)"
+        found.append(Table(f"{name}-unchanged", kept, rest, said))
+    return found
 
 
 def known_columns() -> dict[str, Column]:
@@ -137,6 +183,23 @@ _NAMED: Mapping[str, Column] = {
         "µs/sample", "µs/sample", _cost,
         "Time of the estimator on this machine; compare within one report only."),
 }  # fmt: skip
+
+
+def _settles(row: Row) -> Cell:
+    return Cell(row["t10"], settled(row["t10"], row["changed"]))
+
+
+SINGLE: Sequence[Column] = (
+    Column("lag", "lag [s]", lambda row: Cell(row["lag"], number(row["lag"])), ""),
+    Column("× bound", "× bound", _over_bound, ""),
+    Column("t10", "t10 [s]", _settles, ""),
+    Column("std", "std [%]", lambda row: Cell(row["std"], number(row["std"])), ""),
+    Column("score", "score", lambda row: Cell(row["score"], number(row["score"])), ""),
+    Column(
+        "diverged", "lost", lambda row: Cell(row["diverged"], "lost" if row["diverged"] else ""), ""
+    ),
+)
+"""What is said of a single run, by its first row."""
 
 
 def glossary() -> dict[str, str]:
