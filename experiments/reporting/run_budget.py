@@ -74,4 +74,5 @@ def _left(count: int, all_of_them: int, size: float, folder: str) -> str:
     what = "none can" if count == 0 else f"{count} can" + (
         ", the worst and the median of an estimator first" if count > 1 else ""
     )  # fmt: skip
-    return f"Of {all_of_them} single runs {what} be opened here, for the size of this file. All: {line}"
+    said = f"Of {all_of_them} single runs {what} be opened here, for the size of this file."
+    return f"{said} All of them: {line}"
