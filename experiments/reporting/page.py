@@ -63,7 +63,7 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         What the template names; whatever text is in it is escaped. A name that is missing is an
         error. Charts as `charted` returns them, and `Picks`, are found in it wherever they stand
         and put into the page's block of data. What stands under ``glossary``, by term, is shown by
-        hover where something has that ``data-term``.
+        hover where something has that ``data-term``; estimators under ``aside`` are hidden first.
     """
     code = script.source()
     frame = {
@@ -127,6 +127,7 @@ def _data(text: str, content: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "charts": charts,
         "picks": picks,
+        "aside": list(content.get("aside", ())),
         "looks": looks.assigned([*_named(text), *_lines_of(drawn)]),
         "terms": {
             name: words

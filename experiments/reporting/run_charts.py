@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,18 @@ def trajectories(curves: Sequence[Curve], scenario: Scenario, *, name: str) -> C
         panels=panels,
         **around(scenario),
     )
+
+
+def opening(chart: Chart, names: Mapping[str, str]) -> Chart:
+    """Return a chart whose curves open something, by estimator; without any, as it is."""
+    if not names:
+        return chart
+    panels = [
+        replace(p, lines=[replace(line, pick=names.get(line.who, "")) for line in p.lines])
+        for p in chart.panels
+    ]
+    words = f"{chart.words} A click on a curve opens the median run of its estimator."
+    return replace(chart, panels=panels, words=words)
 
 
 def _panel(parameter: str, lines: Sequence[Line], shown: tuple[float, float]) -> Panel:

@@ -14,10 +14,9 @@ FASTEST = "Who is fastest at equal noise?"
 DISTANCE = "How far from the bound?"
 WHY = "Why?"
 BECAUSE = (
-    "A filter that forgets at a constant rate averages over a fixed time, whether anything has "
-    "happened or not: what makes it quiet before a fault makes it slow after it. The bound knows "
-    "no such bargain. Whoever waits for evidence of a change, and only then gives up what it knew, "
-    "comes near it and stays quiet."
+    "Forgetting at a constant rate averages over a fixed time: what makes a filter quiet before a "
+    "fault makes it slow after it. Whoever waits for evidence of a change, and only then gives up "
+    "what it knew, comes near the bound and stays quiet."
 )
 
 

@@ -21,11 +21,13 @@ from flexaxis.experiments.reporting.run_budget import Budget
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.scoring import mismatch, ranking
+from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
 from flexaxis.experiments.scoring.tracks import track_of
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 TEMPLATE = "reporting/templates/run.html"
+AT_FIRST = 9  # estimators that are shown unless others are asked for: more cannot be told apart
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,10 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     """
     run = Run.of(results)
     budget = Budget.of(size, scenarios=len(run.scenarios))
-    content = _content(run)
+    content, drawn = _content(run), _trajectories(run)
 
     def made(chosen: Sequence[run_seeds.Single], said: str) -> str:
-        picks = Picks(run_seeds.picks(run.singles, chosen, run.scenarios))
-        return page.render(
-            TEMPLATE, content | _singles(run, chosen) | {"picks": picks, "left": said}
-        )
+        return page.render(TEMPLATE, content | _singles(run, drawn, chosen) | {"left": said})
 
     return budget.fitted(list(run.singles.wanted()), made, folder=str(results.folder))
 
@@ -97,6 +96,7 @@ def _content(run: Run) -> dict[str, Any]:
     return {
         "summary": summary,
         "order": run.order,
+        "aside": run.order[AT_FIRST:],
         "failed": len(summary.get("failures", [])),
         "failures": failures.in_words(summary.get("failures", [])),
         "answers": run_first.answers(summary),
@@ -142,11 +142,8 @@ def distributions(run: Run) -> Iterator[Chart]:
 
 def _section(name: str, run: Run) -> dict[str, Any]:
     scenario, place = run.scenarios[name], {e: i for i, e in enumerate(run.order)}
-    curves = [curve for curve in run.pooled.curves if curve.scenario == name]
-    curves.sort(key=lambda curve: place.get(curve.estimator, len(place)))
     rows = [row for row in run.summary["rows"] if row["scenario"] == name]
     rows.sort(key=lambda row: place.get(row["estimator"], len(place)))
-    drawn = [run_charts.trajectories(curves, scenario, name=f"curves-{name}")] if curves else []
     return {
         "name": name,
         "track": track_of(scenario),
@@ -154,25 +151,47 @@ def _section(name: str, run: Run) -> dict[str, Any]:
         "faults": in_a_line(scenario),
         "hash": run.summary["scenarios"][name]["hash"],
         "toml": scenario.to_toml(),
-        "charts": page.charted(drawn),
         "tables": run_tables.tables(rows),
     }
 
 
-def _singles(run: Run, chosen: Sequence[run_seeds.Single]) -> dict[str, Any]:
-    """Return of each scenario the runs that can be opened, with the chart that opens them."""
-    shown = {one.name for one in chosen}
+def _trajectories(run: Run) -> dict[str, Chart]:
+    """Return the chart over time of each scenario that has one."""
+    place = {estimator: i for i, estimator in enumerate(run.order)}
+    curves: dict[str, list[Curve]] = {name: [] for name in run.scenarios}
+    for curve in run.pooled.curves:
+        curves[curve.scenario].append(curve)
     return {
-        "singles": {
-            name: {
-                "charts": page.charted(
-                    _drawn(run_seeds.scatter(run.singles, name, shown, run.order))
-                ),
-                "rows": [one for one in chosen if one.scenario == name],
-            }
-            for name in run.scenarios
-        },
+        name: run_charts.trajectories(
+            sorted(own, key=lambda curve: place.get(curve.estimator, len(place))),
+            run.scenarios[name],
+            name=f"curves-{name}",
+        )
+        for name, own in curves.items()
+        if own
+    }
+
+
+def _singles(
+    run: Run, drawn: Mapping[str, Chart], chosen: Sequence[run_seeds.Single]
+) -> dict[str, Any]:
+    """Return what can be opened of single runs, and for each scenario what opens them."""
+    shown = {one.name for one in chosen}
+    medians = {key: runs[len(runs) // 2].name for key, runs in run.singles.runs.items()}
+    places = {}
+    for name in run.scenarios:
+        opening = {e: m for (s, e), m in medians.items() if s == name and m in shown}
+        over_time = _drawn(drawn.get(name))
+        points = _drawn(run_seeds.scatter(run.singles, name, shown, run.order))
+        places[name] = {
+            "over_time": page.charted(run_charts.opening(chart, opening) for chart in over_time),
+            "points": page.charted(points),
+            "rows": [one for one in chosen if one.scenario == name],
+        }
+    return {
+        "singles": places,
         "single_columns": run_tables.SINGLE,
+        "picks": Picks(run_seeds.picks(run.singles, chosen, run.scenarios)),
     }
 
 

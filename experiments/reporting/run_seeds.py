@@ -200,9 +200,9 @@ def chart(trace: Trace, scenario: Scenario) -> Chart:
     times, whole = scenario.times, scenario.times[::CURVE_STEP]
     panels = []
     for i, parameter in enumerate(trace.names):
-        part: tuple[run_charts.Array, ...] = whole, trace.curve[:, i].astype(float)
+        part = whole, np.array(trace.curve[:, i], np.float64)
         if trace.detail is not None:
-            near = trace.detail.near[:, i].astype(float)
+            near = np.array(trace.detail.near[:, i], np.float64)
             part = run_charts.spliced(part, (times[near_fault(scenario)], near))
         truth = run_charts.truth_line(scenario, parameter)
         shown = run_charts.limits([part], truth.y)

@@ -51,6 +51,8 @@ class Cell:
 FIRST = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged", "false_alarms")
 """What is seen without asking where something changes, in this order."""
 
+HEADINGS = {"diverged": "lost"}
+
 FIRST_WITHOUT_FAULT = ("std", "bias", "excess", "nees", "diverged", "false_alarms")
 FIRST_UNCHANGED = ("cross_talk", "std", "bias", "std_after", "diverged")
 OF_A_CASE = ("excess", "nees", "nis", "whiteness", "alarms", "false_alarms", "cost")
@@ -113,7 +115,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
 
 def known_columns() -> dict[str, Column]:
     """Return every column there is, by name."""
-    scores = {s.name: Column(s.heading, label(s.name), _of(s), s.words)
+    scores = {s.name: Column(s.heading, HEADINGS.get(s.name, label(s.name)), _of(s), s.words)
               for s in SCORES.values() if s.heading}  # fmt: skip
     return (
         scores
@@ -130,10 +132,16 @@ def _of(score: Score) -> Callable[[Row], Cell]:
         if score.unit in {"%", ""} and value is not None and abs(value) < NOTHING:
             value, within = 0.0, ""
         if score.pool is pools.median:
-            return Cell(value, settled(value, row["changed"]), within)
-        return Cell(value, number(value), within)
+            return Cell(value, settled(value, row["changed"]), within if value else "")
+        return Cell(value, number(value), "" if _is_point(row, score.name) else within)
 
     return cell
+
+
+def _is_point(row: Row, name: str) -> bool:
+    """Whether an interval has no width, as of an estimator that never moves."""
+    low, high = row.get(f"{name}_interval") or (0.0, 1.0)
+    return low is not None and low == high
 
 
 def _over_bound(row: Row) -> Cell:
@@ -173,7 +181,7 @@ _NAMED: Mapping[str, Column] = {
         "The lag over the lag of the bound with all estimated parameters unknown after the fault; "
         "who finds out that only one has changed can be below 1."),
     "false_alarms": Column(
-        "false alarms", "false alarms [1/1000 s]", _detected("false_alarms_per_1000_s"),
+        "false alarms", "false alarms / 1000 s", _detected("false_alarms_per_1000_s"),
         "Changes that the estimator says it found where nothing had changed, in 1000 s of motion."),
     "efficiency": Column(
         "error over bound", "error after 200 samples / bound", _efficiency,
