@@ -16,7 +16,7 @@ from flexaxis.experiments.scoring.curves import CURVE_STEP, Curve, near_fault
 from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating]
 Row = Mapping[str, Any]
 
 PANEL = 1000  # steps to which a panel's height is rounded: a screen draws some 200 points of it

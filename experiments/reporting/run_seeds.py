@@ -196,13 +196,14 @@ def _named(found: Mapping[str, Any]) -> str:
 
 
 def chart(trace: Trace, scenario: Scenario) -> Chart:
-    """Return the trajectory of a run, with its residual below where there is one."""
+    """Return the trajectory of a run, what changed first, its residual last where there is one."""
     times, whole = scenario.times, scenario.times[::CURVE_STEP]
     panels = []
-    for i, parameter in enumerate(trace.names):
-        part = whole, np.array(trace.curve[:, i], np.float64)
+    for parameter in sorted(trace.names, key=lambda name: name not in trace.relative):
+        i = trace.names.index(parameter)
+        part: Any = whole, trace.curve[:, i].astype(float)
         if trace.detail is not None:
-            near = np.array(trace.detail.near[:, i], np.float64)
+            near = trace.detail.near[:, i].astype(float)
             part = run_charts.spliced(part, (times[near_fault(scenario)], near))
         truth = run_charts.truth_line(scenario, parameter)
         shown = run_charts.limits([part], truth.y)
