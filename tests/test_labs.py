@@ -46,7 +46,9 @@ MISTAKES = {  # a typical slip, and the lab that must find it
 }
 
 
-@pytest.mark.parametrize("lab", MISTAKES)
+@pytest.mark.parametrize(
+    "lab", [pytest.param(lab, marks=[pytest.mark.slow] * (lab == "lab7")) for lab in MISTAKES]
+)
 def test_a_mistake_is_found(lab, tmp_path):
     path = next(path for path in LABS if path.stem == lab)
     right, wrong = MISTAKES[lab]

@@ -21,7 +21,7 @@ from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.files import write_json, write_text, writing
 from flexaxis.experiments.running.names import REPORT
 from flexaxis.experiments.running.traces import Traces
-from flexaxis.experiments.scoring.pooling import curve_of
+from flexaxis.experiments.scoring.curves import curve_of
 from flexaxis.sim.scenario import Scenario
 
 JSON, MARKDOWN = "compare.json", "verdict.md"

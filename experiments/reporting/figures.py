@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 

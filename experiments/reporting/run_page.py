@@ -12,8 +12,8 @@ from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.reporting.page import Shown
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.scoring import mismatch, pools, ranking
+from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
-from flexaxis.experiments.scoring.pooling import Curve
 from flexaxis.experiments.scoring.table import SCORES, label
 from flexaxis.sim.scenario import Scenario, stored_scenario
 

@@ -222,7 +222,7 @@ def _with_what_goes(
                     case.theta)  # fmt: skip
     if traced:
         trace = Trace(first["case"], first["hash"], case.estimator, case.names, case.curve,
-                      case.relative)  # fmt: skip
+                      case.relative, case.detail)  # fmt: skip
     return rows, kept, trace
 
 

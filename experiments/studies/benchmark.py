@@ -24,7 +24,8 @@ from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.previous import completed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
-from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
+from flexaxis.experiments.scoring.curves import Curve, curve_of
+from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
@@ -168,7 +169,9 @@ def _with_trajectories(
         scenario = scenarios[name]
         known = traces.find(scenario.hash, estimator)
         if known:
-            curves.append(curve_of(scenario, estimator, known[0].names, [t.curve for t in known]))
+            runs = [t.curve for t in known]
+            near = [t.detail.near for t in known if t.detail is not None]
+            curves.append(curve_of(scenario, estimator, known[0].names, runs, near))
         for row in own:
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
             identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator,

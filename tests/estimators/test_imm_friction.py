@@ -268,6 +268,7 @@ def test_steps_are_a_run_and_a_copy_goes_on_by_itself():
     np.testing.assert_array_equal(run.run(u, y), expected)
 
 
+@pytest.mark.slow
 def test_point_to_point_moves_leave_the_scale_as_told():
     u, y, *_ = drawn("coulomb_moves_fm_step-v1")
     estimator = made("coulomb_moves_fm_step-v1")

@@ -134,6 +134,7 @@ def test_a_rate_and_its_promise():
     assert not Rate("", (8,), 98, 100, Promise(least=0.99)).kept
 
 
+@pytest.mark.slow
 def test_the_self_test_as_a_program(capsys, short_toml):
     slow = "rpem-forgetting[forgetting=0.999]"
     words = ("compare", "--self-test", str(short_toml), "--base", "rpem-forgetting")

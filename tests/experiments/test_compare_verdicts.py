@@ -244,7 +244,7 @@ def test_another_noise_on_the_same_run(short, tmp_path):
 
 def test_the_legend_names_both_where_they_estimate_different_parameters(short):
     from flexaxis.experiments.reporting.figures import trajectories
-    from flexaxis.experiments.scoring.pooling import Curve
+    from flexaxis.experiments.scoring.curves import Curve
 
     def curve(side, *names):
         flat = np.ones((3, len(names)))

@@ -522,6 +522,7 @@ def test_to_import_a_record_is_to_look_at_it_again(clean, tmp_path, capsys):
     assert "--angle is for logs" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_identify_and_track_say_what_is_wrong_with_a_log(clean, tmp_path, capsys):
     """An offset of the torque spoils a simulation."""
     imported(tmp_path, clean | {"torque": clean["torque"] + 0.3})

@@ -140,6 +140,7 @@ def test_a_log_without_slow_motion_says_that_friction_was_not_looked_for(record,
     assert "friction was not looked for" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_filter_of_residuals_leaves_friction_to_be_found(record):
     found = identify(record, find_axis("one_mass"), highpass=0.5)
     values = dict(zip(found.names, found.theta, strict=True))
@@ -171,6 +172,7 @@ def test_how_a_law_is_solved_is_part_of_the_deviation(found):
     np.testing.assert_allclose(found.deviations, wider)
 
 
+@pytest.mark.slow
 def test_a_validation_can_fail(found, record, tmp_path, capsys):
     other = log(1, 10, "moves", seed=1, seconds=20.0)
     assert validate(other, found.axis, found.fits).warnings == ()

@@ -94,6 +94,7 @@ def test_rate_below_twice_the_fastest_mode(tmp_path, capsys):
     assert status == 2 and "below twice the fastest mode" in err
 
 
+@pytest.mark.slow
 def test_what_the_excitation_cannot_see_is_named(tmp_path, capsys):
     """A rigid motor, shaken fast: its friction is invisible, and the answer says so."""
     fast = np.diff(rng.standard_normal(8001), 1)

@@ -145,6 +145,7 @@ def test_nothing_is_computed_twice(days, tmp_path, capsys, monkeypatch):
     assert not calls
 
 
+@pytest.mark.slow
 def test_other_processes_give_the_same_rows(days, tmp_path, capsys):
     run(capsys, *words(days, tmp_path / "one"))
     run(capsys, *words(days, tmp_path / "two", "--jobs", "2"))
