@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 from types import ModuleType
 
@@ -43,9 +44,16 @@ def front_page() -> str:
     ]
     for title, names in FRONT.items():
         parts += [heading(title, "-"), *(entry("flexaxis", name, fx) for name in names)]
-    listing = ".. autofunction:: flexaxis._lists.estimators"
-    said = "``fx.estimators`` is both the package of the estimators and, when called, a list of them:"
-    return "\n\n".join([*parts, said, listing]) + "\n"
+    return "\n\n".join([*parts, _listed()]) + "\n"
+
+
+def _listed() -> str:
+    """Return what is said of `fx.estimators`, which is a package and can be called."""
+    words = (inspect.getdoc(type(fx.estimators).__call__) or "").partition("\n\n")[0]
+    return (
+        f".. py:function:: flexaxis.estimators(*, find='')\n\n   {words}\n\n"
+        "   The same name is the package of the estimators, :doc:`estimators-api`."
+    )
 
 
 def estimators_page() -> str:
