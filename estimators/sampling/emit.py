@@ -95,9 +95,16 @@ class Lanes:
             for x, y, z in zip(a, b, c, strict=True)
         )
 
-    def sum_of_products(self, pairs: Sequence[tuple[Row, Row]]) -> Row:
-        """Return Σ a·b, zero for no pairs."""
-        total = self.zero
+    def sum_of_products(self, pairs: Sequence[Sequence[tuple | None]]) -> Row:
+        """Return Σ a·b of pairs of vectors, part by part; where there are none it is zero."""
+        total: list[ir.Value] = []
+        for part in range(self.parts):
+            of_part = [pair[part] for pair in pairs if pair[part] is not None]
+            total.append(self._sum(of_part))
+        return tuple(total)
+
+    def _sum(self, pairs: Sequence[tuple[ir.Value, ir.Value]]) -> ir.Value:
+        total = self.nothing
         for k, (a, b) in enumerate(pairs):
-            total = self.fused(a, b, total) if k else self.product(a, b)
+            (total,) = self.fused((a,), (b,), (total,)) if k else self.product((a,), (b,))
         return total
