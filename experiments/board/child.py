@@ -176,8 +176,7 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 y = None if np.isnan(got[1]) else float(got[1])
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
-                u, y = got.reshape(2, -1)
-                wire.send(np.asarray(run_estimator(estimator, u, y), float).reshape(-1))
+                wire.send(run_estimator(estimator, *got.reshape(2, -1)).reshape(-1))
         elif got == "reset":
             estimator.reset()
         elif got == "told":

@@ -37,7 +37,7 @@ class Shut(Subject):
         self._now.close()
 
 
-def _nothing() -> None:
+def _nothing() -> Any:
     raise AssertionError("it is made elsewhere")
 
 
