@@ -7,8 +7,8 @@ regularisation μ holds P, and with it the estimate.
 import flexaxis as fx
 
 record = fx.simulate("pause_fm_step-v1", seed=0)
+axes = None
 for regularization in (0, 1e-4, 1e-2):
-    name = f"rpem-forgetting[regularization={regularization}]"
-    found = fx.estimate(record, name)
-    axes = found.plot("f_m", ax=None if regularization == 0 else axes, band=False)
+    found = fx.estimate(record, f"rpem-forgetting[regularization={regularization}]")
+    axes = found.plot("f_m", ax=axes, band=False)
 axes.set_ylim(0, 0.15)

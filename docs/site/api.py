@@ -61,8 +61,8 @@ def estimators_page() -> str:
     name = package.__name__
     parts = [
         heading("Estimators as classes", "="),
-        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All registered "
-        "ones by name: :doc:`estimators`.",
+        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All "
+        "registered ones by name: :doc:`estimators`.",
         f".. autodata:: {name}.RECOMMENDED",
         *(entry(name, each, package) for each in package.__all__ if each != "RECOMMENDED"),
         heading("What an estimator is", "-"),

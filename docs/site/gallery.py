@@ -101,8 +101,8 @@ def page(known: list[Example]) -> str:
     small = "\n".join(_small(each) for each in known)
     parts = [
         "# Gallery",
-        "Figures, each with all of the code that makes it; they are drawn anew whenever this site is "
-        "built.",
+        "Figures, each with all of the code that makes it; they are drawn anew whenever this site "
+        "is built.",
         f'<div class="gallery">\n{small}\n</div>',
         *map(_section, known),
     ]

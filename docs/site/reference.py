@@ -63,8 +63,8 @@ def command_page() -> str:
     subs = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction)).choices
     parts = [
         "# Commands",
-        "What `flexaxis --help` and `flexaxis COMMAND --help` say. Results go to stdout, progress to "
-        "stderr; with `--json` there is only JSON on stdout ([JSON](../json.md)).",
+        "What `flexaxis --help` and `flexaxis COMMAND --help` say. Results go to stdout, progress "
+        "to stderr; with `--json` there is only JSON on stdout ([JSON](../json.md)).",
         str(top.epilog).partition("exit status:")[2].join(["## Exit status\n\n```text\n", "```"]),
     ]
     for group in GROUPS:
@@ -128,7 +128,8 @@ def estimator_page() -> str:
     parts = [
         "# Estimators",
         "All that `flexaxis list estimators` knows. An option is given in brackets, "
-        "`--estimator 'rpem-forgetting[forgetting=0.99]'`; how they compare: [Scores](../scores.md).",
+        "`--estimator 'rpem-forgetting[forgetting=0.99]'`; how they compare: "
+        "[Scores](../scores.md#the-estimators).",
         table(["estimator", "what it is"], rows),
     ]
     for entry in REGISTRY.values():
@@ -150,8 +151,8 @@ def score_page() -> str:
     """Return all scores of the table, each with its unit and how it is pooled."""
     parts = [
         "# Scores, one by one",
-        "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they are "
-        "as they are: [Scores](../scores.md).",
+        "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they "
+        "are as they are: [Scores](../scores.md).",
     ]
     for score in SCORES.values():
         parts += [f"## {score.name}", score.words, table(["", ""], _facts(score))]
@@ -187,8 +188,8 @@ def citation_page() -> str:
             told["message"],
             f"- {told['authors'][0]['name']}, *{told['title']}*, version {told['version']}, "
             f"{told['license']}\n" + "\n".join(papers),
-            "`flexaxis paper` checks every claim of the paper and draws its figures. `CITATION.cff`, "
-            "which reference managers read:",
+            "`flexaxis paper` checks every claim of the paper and draws its figures. "
+            "`CITATION.cff`, which reference managers read:",
             block(text, "yaml"),
         ]
     )
