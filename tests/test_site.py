@@ -220,7 +220,8 @@ def test_every_page_has_its_figures_formulas_and_no_markup_left_over(built):
     model = (built / "model.html").read_text("utf-8")
     assert model.count("<math") > 50 and "\\frac" not in re.sub(r"<annotation.*?</", "", model)
     pictures = {path.stem for path in (built / "_images").glob("*.png")}
-    assert {path.stem for path in (ROOT / "docs" / "gallery").glob("*.py")} <= pictures
+    drawn = {f"gallery-{path.stem}" for path in (ROOT / "docs" / "gallery").glob("*.py")}
+    assert drawn <= pictures
     notebook = (built / "notebooks" / "teacher.html").read_text("utf-8")
     assert "cell_output" in notebook and "_images" in notebook
     for page in built.rglob("*.html"):
