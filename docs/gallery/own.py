@@ -28,4 +28,6 @@ class Gentle:
 
 record = fx.simulate("fm_double-v1", seed=0)
 axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
-fx.estimate(record, Gentle).plot("f_m", ax=axes)
+fx.estimate(record, Gentle).plot("f_m", ax=axes, band=False)
+axes.lines[-1].set(color="tab:red", linestyle="--")
+axes.legend()
