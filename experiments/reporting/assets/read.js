@@ -50,6 +50,7 @@ function onUp(reader, event) {
   if (from !== null && Math.abs(px - from) > 6) return zoomBetween(reader, from, px);
   const hit = nearest(reader.view, px, py);
   if (hit && hit.line.pick && hit.distance < 14) openPick(hit.line.pick);
+  else if (hit) showTip(reader, hit); // a finger does not hover
 }
 
 function showBrush(reader, px) {
