@@ -71,9 +71,9 @@ class _Heap:
             return [self._array(row) for row in values]
         if len(values) <= SHORT:
             return [_number(v) for v in values]
-        step = (values[-1] - values[0]) / (len(values) - 1)
+        step = (values[-1] - values[0]) / (len(values) - 1) if np.isfinite(values).all() else np.nan
         even = values[0] + step * np.arange(len(values))
-        if np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
+        if np.isfinite(step) and np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
             return {"array": ["even", 0, len(values), values[0], step]}
         finite = values[np.isfinite(values)]
         low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
