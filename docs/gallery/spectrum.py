@@ -14,7 +14,7 @@ from flexaxis.estimators.offline.predictor import predict
 record = fx.simulate("paper_nominal-v1", seed=0, duration=20.0)
 names = ("k_T", "1/J_a", "f_m")
 model = three_mass(record.definition.nominal.as_dict()).parametrize(names)
-psi = predict(model, model.nominal, record.torque, period=0.005)[1][-2000:]
+psi = predict(model, model.theta, record.torque, period=0.005)[1][-2000:]
 omega = 2 * np.pi * np.fft.rfftfreq(2000, 0.005)
 
 for name, signal in zip(names, psi.T, strict=True):

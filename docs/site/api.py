@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 from types import ModuleType
 
@@ -43,9 +44,16 @@ def front_page() -> str:
     ]
     for title, names in FRONT.items():
         parts += [heading(title, "-"), *(entry("flexaxis", name, fx) for name in names)]
-    listing = ".. autofunction:: flexaxis._lists.estimators"
-    said = "``fx.estimators`` is both the package of the estimators and, when called, a list of them:"
-    return "\n\n".join([*parts, said, listing]) + "\n"
+    return "\n\n".join([*parts, _listed()]) + "\n"
+
+
+def _listed() -> str:
+    """Return what is said of `fx.estimators`, which is a package and can be called."""
+    words = (inspect.getdoc(type(fx.estimators).__call__) or "").partition("\n\n")[0]
+    return (
+        f".. py:function:: flexaxis.estimators(*, find='')\n\n   {words}\n\n"
+        "   The same name is the package of the estimators, :doc:`estimators-api`."
+    )
 
 
 def estimators_page() -> str:
@@ -53,8 +61,8 @@ def estimators_page() -> str:
     name = package.__name__
     parts = [
         heading("Estimators as classes", "="),
-        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All registered "
-        "ones by name: :doc:`estimators`.",
+        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All "
+        "registered ones by name: :doc:`estimators`.",
         f".. autodata:: {name}.RECOMMENDED",
         *(entry(name, each, package) for each in package.__all__ if each != "RECOMMENDED"),
         heading("What an estimator is", "-"),
@@ -77,7 +85,8 @@ def entry(module: str, name: str, home: ModuleType) -> str:
         return f".. autofunction:: {module}.{name}"
     kind = "autoexception" if issubclass(found, Exception) else "autoclass"
     members = "" if kind == "autoexception" else "\n   :members:\n   :inherited-members:"
-    return f".. {kind}:: {module}.{name}{members}"
+    made = "()" if module == "flexaxis" else ""  # by functions: nobody gives these arguments
+    return f".. {kind}:: {module}.{name}{made}{members}"
 
 
 def _module(name: str) -> ModuleType:

@@ -52,6 +52,7 @@ class Staged:
         for cell in book["cells"]:
             if cell["cell_type"] == "markdown":
                 cell["source"] = self.rewritten("".join(cell["source"]), path)
+        book["metadata"].setdefault("language_info", {})["pygments_lexer"] = "ipython3"
         return json.dumps(book)
 
     def rewritten(self, text: str, path: str) -> str:

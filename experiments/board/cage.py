@@ -74,9 +74,7 @@ class Cage:
         for start in ways:
             self._process = start()
             assert self._process.stdin is not None and self._process.stdout is not None
-            self._wire = Wire(
-                self._process.stdout.fileno(), self._process.stdin.fileno(), STARTING
-            )
+            self._wire = Wire(self._process.stdout.fileno(), self._process.stdin.fileno(), STARTING)
             try:
                 self.reached = {str(k): v is True for k, v in self._wire.receive().items()}
             except EntryError:
@@ -151,34 +149,27 @@ class Remote:
     def __init__(self, wire: Wire, text: str) -> None:
         self._wire, self._text = wire, text
         made = self._answer()
-        if not isinstance(made, dict):
-            raise EntryError("the code sent something that is no answer")
-        self.names = tuple(str(name) for name in made["names"])
-        self.output, self._able = str(made["output"]), made["able"]
-        if "run" not in self._able:
-            self.run = None  # type: ignore[assignment]
+        try:
+            self.names = tuple(str(name) for name in made["names"])
+            self.output, self.able = str(made["output"]), frozenset(map(str, made["able"]))
+        except (LookupError, TypeError) as error:
+            raise EntryError("the code sent something that is no answer") from error
+        if "run" in self.able:
+            self.run = self._run
+        if "reset" in self.able:
+            self.reset = lambda: wire.send("reset")
 
     def step(self, u: float, y: float | None) -> Array:
         """Return θ[k] (p,); the next sample is sent after it has come."""
         self._wire.send(np.array([u, np.nan if y is None else y]))
         return self._numbers(len(self.names))
 
-    def run(self, u: Array, y: Array) -> Array:
+    def _run(self, u: Array, y: Array) -> Array:
         """Return θ (N, p) of some samples, going on from where it is."""
-        if len(u) == 1:  # one sample is a step
+        if len(u) == 1:  # two numbers are a step
             return self.step(float(u[0]), float(y[0]))[None]
         self._wire.send(np.concatenate([u, y]))
         return self._numbers(len(u) * len(self.names)).reshape(len(u), -1)
-
-    def pieces(self, u: Array, y: Array) -> Array:
-        """Return θ (N, p), by its own `run` if it has one, else step by step."""
-        if "run" in self._able:
-            return self.run(u, y)
-        return np.array([self.step(float(a), float(b)) for a, b in zip(u, y, strict=True)])
-
-    def reset_(self) -> None:
-        """Reset it, where it can be."""
-        self._wire.send("reset")
 
     def told(self) -> SimpleNamespace:
         """Return what it claims and has found: ``covariance, innovations, findings``."""

@@ -30,13 +30,21 @@ def main() -> None:
     _limit()
     wire = Wire(0, _private_output())
     wire.send(reached())
-    import flexaxis.experiments.building.specs  # noqa: F401, once for all cases
+    _ready()
     while True:
         try:
             asked = wire.receive()
         except EntryError:  # nobody is there
             return
         _in_a_process(wire, asked)
+
+
+def _ready() -> None:
+    """Import what every case needs, once for all of them."""
+    import numba  # noqa: F401
+
+    from flexaxis.estimators.sampling import overloads  # noqa: F401
+    from flexaxis.experiments.building import specs  # noqa: F401
 
 
 def _private_output() -> int:
@@ -115,6 +123,7 @@ def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
     if not child:
         os.setsid()
         os.environ["HOME"] = os.environ["TMPDIR"] = tempfile.tempdir = home
+        _compiled_before(Path(home))
         try:
             _serve(wire, asked)
         except BaseException as error:
@@ -124,6 +133,16 @@ def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
             os._exit(0)
     os.waitpid(child, 0)
     _clean(child, home)
+
+
+def _compiled_before(home: Path) -> None:
+    """Give a case what was compiled before: it can add to it, for itself, and change nothing."""
+    kept = Path(os.environ["NUMBA_CACHE_DIR"])
+    if not _writes(str(kept)) and kept.is_dir():
+        (home / "compiled").mkdir()
+        for path in kept.iterdir():
+            (home / "compiled" / path.name).symlink_to(path)
+        os.environ["NUMBA_CACHE_DIR"] = str(home / "compiled")
 
 
 def _clean(child: int, home: str) -> None:
@@ -157,8 +176,7 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 y = None if np.isnan(got[1]) else float(got[1])
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
-                u, y = got.reshape(2, -1)
-                wire.send(np.asarray(run_estimator(estimator, u, y), float).reshape(-1))
+                wire.send(run_estimator(estimator, *got.reshape(2, -1)).reshape(-1))
         elif got == "reset":
             estimator.reset()
         elif got == "told":
