@@ -69,11 +69,11 @@ def test_cells_say_what_was_pooled(html, folder):
     pooled_rows = pooled.load(folder).summary["rows"]
     for row in rows:
         (own,) = [r for r in pooled_rows if r["changed"] and r["estimator"] == row["estimator"][0]]
-        assert float(row["lag [s]"][0]) == own["lag"]
-        assert float(row["× bound"][0]) == pytest.approx(own["lag"] / own["lag_bound"])
+        assert float(row["lag [s]"][0]) == pytest.approx(own["lag"], rel=1e-5)
+        assert float(row["× bound"][0]) == pytest.approx(own["lag"] / own["lag_bound"], rel=1e-5)
         assert row["lost"] == ("0", "0 of 6")
     still = rows[-1]
-    assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0.0", "0")
+    assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0", "0")
     assert still["t10 [s]"][1] == "never"
 
 
