@@ -72,16 +72,18 @@ class _Heap:
             return [self._array(row) for row in values]
         if len(values) <= SHORT:
             return [_number(v) for v in values]
-        step = (values[-1] - values[0]) / (len(values) - 1) if np.isfinite(values).all() else np.nan
-        even = values[0] + step * np.arange(len(values))
-        if np.isfinite(step) and np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
-            return {"array": ["even", 0, len(values), values[0], step]}
+        if np.isfinite(values).all():
+            step = (values[-1] - values[0]) / (len(values) - 1)
+            even = values[0] + step * np.arange(len(values))
+            if np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
+                return {"array": ["even", 0, len(values), values[0], step]}
         finite = values[np.isfinite(values)]
         low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
-        step = _grid(finite) or (high - low) / LEVELS
+        grid = _grid(finite)
+        step = grid or (high - low) / LEVELS
         middle = np.subtract(*np.percentile(finite, (95, 5))) if finite.size else 0.0
         # A burst takes the whole range and would leave the rest in a few levels.
-        if step == 0 or (middle < FINE * step and not _grid(finite)):
+        if step == 0 or (middle < FINE * step and not grid):
             return self._kept("f4", values.astype("<f4"), 0.0, 1.0)
         level = np.full(len(values), -32768)
         level[np.isfinite(values)] = np.rint((finite - low) / step) - LEVELS // 2

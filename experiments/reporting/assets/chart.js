@@ -56,7 +56,7 @@ function drawFigure(figure) {
   figure.views = shown.map((range, i) =>
     drawView(figure.chart, range.ends, width, `${figure.name}-${i}`),
   );
-  figure.frame.replaceChildren(...figure.views.map((view) => readable(figure, view)));
+  replaceKeepingFocus(figure.frame, figure.views.map((view) => readable(figure, view)));
   figure.frame.style.minHeight = "";
 }
 
@@ -130,7 +130,7 @@ const roleItem = (line, text) =>
 /** Make the curves of one estimator stand out; of none, all as before. */
 function highlight(figure, who) {
   for (const part of figure.frame.querySelectorAll(".line, .band")) {
-    part.classList.toggle("far", Boolean(who) && part.dataset.who !== who);
+    part.classList.toggle("far", Boolean(who && part.dataset.who) && part.dataset.who !== who);
     part.classList.toggle("near", Boolean(who) && part.dataset.who === who);
   }
 }
