@@ -95,9 +95,13 @@ class Lanes:
             for x, y, z in zip(a, b, c, strict=True)
         )
 
-    def sum_of_products(self, pairs: Sequence[tuple[Row, Row]]) -> Row:
-        """Return Σ a·b, zero for no pairs."""
-        total = self.zero
+    def sum_of_products(self, pairs: Sequence[Sequence[tuple | None]]) -> Row:
+        """Return Σ a·b of pairs of vectors, part by part; where there are none it is zero."""
+        by_part = ([pair[c] for pair in pairs] for c in range(self.parts))
+        return tuple(self._sum([pair for pair in part if pair is not None]) for part in by_part)
+
+    def _sum(self, pairs: Sequence[tuple]) -> ir.Value:
+        total = self.nothing
         for k, (a, b) in enumerate(pairs):
-            total = self.fused(a, b, total) if k else self.product(a, b)
+            (total,) = self.fused((a,), (b,), (total,)) if k else self.product((a,), (b,))
         return total

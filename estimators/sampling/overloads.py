@@ -58,17 +58,20 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
         u, order, substeps = (arguments[i] for i in (3, 5, 6))
         held = lanes.insert(lanes.zero, u, 0)
         factors = [lanes.load(M, e) for e in range(len(pattern.entries))]
+        sloped = _sloped(pattern, lanes)
         x, v = ([lanes.place() for _ in range(n)] for _ in range(2))
         for i in range(n):
             lanes.put(lanes.load(X, i), x[i])
 
         def product(row, V):
-            pairs = []
-            for (i, column, varies), a in zip(pattern.entries, factors, strict=True):
+            pairs: list[list] = []
+            for k, (i, column, _) in enumerate(pattern.entries):
                 if i == row and V[column] is not None:
-                    pairs.append((lanes.value(a), V[column]))
-                    if varies:
-                        pairs.append((lanes.slope(a), lanes.value(V[column])))
+                    a, b = factors[k], lanes.value(V[column])
+                    pairs.append([*zip(lanes.value(a), V[column], strict=True)])
+                    if sloped[k]:
+                        slopes = zip(lanes.slope(a), b, strict=True)
+                        pairs.append([s if c in sloped[k] else None for c, s in enumerate(slopes)])
             return lanes.sum_of_products(pairs)
 
         def add_term(k, held):
@@ -93,6 +96,14 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
         return context.get_dummy_value()
 
     return types.void(flat, M, X, u, weights, order, substeps), emit
+
+
+def _sloped(pattern, lanes):
+    """Return the parts of the row of each entry in which it has derivatives."""
+    sloped: list[set[int]] = [set() for _ in pattern.entries]
+    for entry, *exponents in pattern.terms:
+        sloped[entry] |= {(1 + i) // lanes.part for i, e in enumerate(exponents) if e}
+    return sloped
 
 
 @overload(evaluate, prefer_literal=True)

@@ -27,7 +27,9 @@ from flexaxis.experiments.running.traces import write_traces
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Outcome, run_unit
+from flexaxis.experiments.scoring.spending import spent
 
+WRITING = "writing rows and traces"  # the account of what that takes
 Keep = Literal["none", "worst", "all"]
 Worker = Callable[[Unit], Outcome]
 
@@ -195,6 +197,7 @@ def run_study(
 def write_outcome(folder: Path, file: rows.RowFile, outcome: Outcome) -> None:
     """Write what became of a unit."""
     # First what goes with the rows: a case that has rows has it.
-    keep_all(folder, outcome.kept)
-    write_traces(folder, outcome.traces)
-    file.append(outcome.lines)
+    with spent(WRITING):
+        keep_all(folder, outcome.kept)
+        write_traces(folder, outcome.traces)
+        file.append(outcome.lines)

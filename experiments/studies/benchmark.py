@@ -27,9 +27,12 @@ from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
+from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
+
+POOLING, DRAWING = "pooling scores", "the report"  # accounts of what they take
 
 
 @dataclass(frozen=True)
@@ -137,21 +140,24 @@ def finish(
     """
     study = read_study(folder)
     scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
-    swept = _sweep(study, folder, means)
+    with spent(POOLING):  # but for the cases, which are on other accounts
+        swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
-    results = Results.load(folder)
-    groups = results.grouped(["base", "method"])
-    pooled, curves = _with_trajectories(
-        folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
-    )
-    summary = _summary(study, pooled) | {
-        "failures": _failures(folder, swept),
-        "as_set": as_set(groups),
-        "tradeoff": swept,
-    }
+    with spent(POOLING):
+        results = Results.load(folder)
+        groups = results.grouped(["base", "method"])
+        pooled, curves = _with_trajectories(
+            folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+        )
+        summary = _summary(study, pooled) | {
+            "failures": _failures(folder, swept),
+            "as_set": as_set(groups),
+            "tradeoff": swept,
+        }
     found = Pooled(summary, curves, folder)
-    write_text(folder / REPORT, render(found))
+    with spent(DRAWING):
+        write_text(folder / REPORT, render(found))
     save(folder, found)  # the summary last: a folder without one is not complete
     return found
 

@@ -132,6 +132,29 @@ def sweep(
     return _matched(runs)
 
 
+def again(
+    scenarios: Sequence[Scenario],
+    lines: Mapping[str, Mapping[str, Line]],
+    seeds: Sequence[int],
+    bench: Bench,
+) -> Sweep:
+    """Return what `sweep` found, from the settings that it ran; no knob is turned.
+
+    Parameters
+    ----------
+    scenarios, seeds, bench
+        As for `sweep`.
+    lines : mapping
+        Settings by scenario and estimator, with the turns of their knobs.
+    """
+    runs = _Runs(scenarios, seeds, {}, bench)
+    for scenario in scenarios:
+        own = {name: dict(line) for name, line in lines.get(scenario.name, {}).items()}
+        runs.lines[scenario.name] = own
+        runs.run([scenario], texts(own))
+    return _matched(runs)
+
+
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], bench: Bench
 ) -> list[str]:
