@@ -25,7 +25,7 @@ SIGNS = (
     + "".join(map(chr, [*range(0x1D434, 0x1D468), 0x210E, *range(0x1D6E2, 0x1D71C)]))
     + "".join(map(chr, range(0x391, 0x3CA)))
 )  # fmt: skip
-STYLE = """/* The font is a part of STIX Two Math, SIL Open Font License 1.1; whose it is stands in it. */
+STYLE = """/* The font: a part of STIX Two Math, SIL Open Font License 1.1, as said in it. */
 @font-face {{ font-family: "Site Math"; src: url("data:font/woff;base64,{}"); }}
 math {{ font-family: "Site Math", math; }}
 """
