@@ -96,9 +96,12 @@ def test_against_filterpy(nominal, loop, by_hand):
 
 def test_compiled_code_is_what_the_source_says(nominal, loop):
     """Same source, the NumPy twins of the two compiled steps: differs by rounding only."""
-    N, (compiled, plain) = 60, (joint_ukf(three_mass(nominal), **TIGHT) for _ in range(2))
+    theta = np.array([nominal["J_m"], nominal["f_m"]])  # 1/J_m is in the matrices
+    given = {"identify": ("J_m", "f_m"), "P0": (0.1 * theta) ** 2, "drift": (1e-3 * theta) ** 2}
+    N, options = 60, TIGHT | given
+    compiled, plain = (joint_ukf(three_mass(nominal), **options) for _ in range(2))
     uncompiled = ukf_loop(split(plain._design.model)[0]).function
-    estimates, present, trace = np.empty((N, 3)), np.ones(N, bool), np.empty((N, 3))
+    estimates, present, trace = np.empty((N, 2)), np.ones(N, bool), np.empty((N, 3))
     uncompiled(plain._tuning, plain.state, loop.u[:N], loop.y[:N], present, estimates, trace)
     estimates *= plain._design.scale
     np.testing.assert_allclose(estimates, compiled.run(loop.u[:N], loop.y[:N]), rtol=1e-11)
