@@ -28,7 +28,7 @@ def extremes(
     --------
     >>> y = [0.0, 1.0, 9.0, 1.0, 0.0, -5.0, 0.0, 0.0]
     >>> extremes(range(8), y, columns=2).tolist()
-    [0, 2, 4, 5, 7]
+    [0, 2, 5, 7]
     """
     place = np.log(np.asarray(x, float)) if log else np.asarray(x, float)
     if len(place) <= 2 * columns:
