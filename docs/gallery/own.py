@@ -9,6 +9,8 @@ from flexaxis.estimators.offline.priors import known_P
 
 
 class Gentle:
+    """The recursive method behind a low-pass filter."""
+
     names, output = ("k_T", "1/J_a", "f_m"), "speed"
 
     def __init__(self, nominal, period, smooth=0.99):
@@ -17,6 +19,7 @@ class Gentle:
         self.smooth, self.theta = smooth, None
 
     def step(self, u, y):
+        """Take u[k] and y[k], return θ[k]."""
         new = self.inside.step(u, y)
         old = new if self.theta is None else self.theta
         self.theta = self.smooth * old + (1 - self.smooth) * new
@@ -25,4 +28,6 @@ class Gentle:
 
 record = fx.simulate("fm_double-v1", seed=0)
 axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
-fx.estimate(record, Gentle).plot("f_m", ax=axes)
+fx.estimate(record, Gentle).plot("f_m", ax=axes, band=False)
+axes.lines[-1].set(color="tab:red", linestyle="--")
+axes.legend()

@@ -61,8 +61,8 @@ def estimators_page() -> str:
     name = package.__name__
     parts = [
         heading("Estimators as classes", "="),
-        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All registered "
-        "ones by name: :doc:`estimators`.",
+        "For one's own data and loops: NumPy, SciPy and Numba are all that these need. All "
+        "registered ones by name: :doc:`estimators`.",
         f".. autodata:: {name}.RECOMMENDED",
         *(entry(name, each, package) for each in package.__all__ if each != "RECOMMENDED"),
         heading("What an estimator is", "-"),
@@ -85,7 +85,8 @@ def entry(module: str, name: str, home: ModuleType) -> str:
         return f".. autofunction:: {module}.{name}"
     kind = "autoexception" if issubclass(found, Exception) else "autoclass"
     members = "" if kind == "autoexception" else "\n   :members:\n   :inherited-members:"
-    return f".. {kind}:: {module}.{name}{members}"
+    made = "()" if module == "flexaxis" else ""  # by functions: nobody gives these arguments
+    return f".. {kind}:: {module}.{name}{made}{members}"
 
 
 def _module(name: str) -> ModuleType:

@@ -32,6 +32,9 @@ def main() -> int:
     """Build, check, and say where it is."""
     args = options()
     began = time.monotonic()
+    if args.output.exists() and not is_site(args.output):
+        print(f"{args.output} is no site: name an empty folder, or one of a site", file=sys.stderr)
+        return 2
     if lost := unplaced():
         print(f"no section of docs/site/pages.py has: {', '.join(lost)}", file=sys.stderr)
         return 1
@@ -54,8 +57,13 @@ def options() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def is_site(folder: Path) -> bool:
+    """Return whether a folder may be replaced: it is empty, or Sphinx wrote it."""
+    return folder.is_dir() and ((folder / ".buildinfo").exists() or not any(folder.iterdir()))
+
+
 def stage(folder: Path) -> None:
-    """Write all sources anew; pictures of the gallery are kept where their code is the same."""
+    """Write all sources anew."""
     for each in folder.glob("*"):
         shutil.rmtree(each) if each.is_dir() else each.unlink()
     folder.mkdir(parents=True, exist_ok=True)
@@ -83,9 +91,6 @@ def contents() -> str:
 def run_sphinx(source: Path, target: Path, doctrees: Path) -> int:
     """Make HTML of sources; a warning is an error."""
     if target.exists():
-        if any(target.iterdir()) and not (target / ".buildinfo").exists():
-            print(f"{target} is no site: name an empty folder, or one of a site", file=sys.stderr)
-            return 2
         shutil.rmtree(target)
     words = ["-b", "html", "-c", str(HERE), "-d", str(doctrees), "-W", "--keep-going", "-q"]
     return int(sphinx([*words, "-j", "2", str(source), str(target)]))

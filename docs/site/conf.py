@@ -15,7 +15,7 @@ language = "en-GB"
 
 extensions = ["myst_nb", "numpydoc", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "mathml"]
 
-# Markdown as GitHub shows it, formulas besides; notebooks with the outputs that they were kept with.
+# Markdown as GitHub shows it, formulas besides; notebooks with the outputs that they have.
 myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 5
 nb_execution_mode = "off"

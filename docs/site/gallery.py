@@ -68,7 +68,7 @@ def write(folder: Path) -> None:
     pictures.mkdir(exist_ok=True)
     known = examples()
     for each in known:
-        draw(each, pictures / f"{each.name}.png")
+        draw(each, pictures / f"gallery-{each.name}.png")
     (folder / "gallery.md").write_text(page(known), encoding="utf-8")
 
 
@@ -101,8 +101,8 @@ def page(known: list[Example]) -> str:
     small = "\n".join(_small(each) for each in known)
     parts = [
         "# Gallery",
-        "Figures, each with all of the code that makes it; they are drawn anew whenever this site is "
-        "built.",
+        "Figures, each with all of the code that makes it; they are drawn anew whenever this site "
+        "is built.",
         f'<div class="gallery">\n{small}\n</div>',
         *map(_section, known),
     ]
@@ -111,12 +111,12 @@ def page(known: list[Example]) -> str:
 
 def _small(each: Example) -> str:
     title = html.escape(_plain(each.title))
-    image = f'<img src="_images/{each.name}.png" alt="" loading="lazy">'
+    image = f'<img src="_images/gallery-{each.name}.png" alt="" loading="lazy">'
     return f'<a href="#{each.name}"><figure>{image}<figcaption>{title}</figcaption></figure></a>'
 
 
 def _section(each: Example) -> str:
-    image = f"![{_plain(each.title)}](gallery/{each.name}.png)"
+    image = f"![{_plain(each.title)}](gallery/gallery-{each.name}.png)"
     code = f"```python\n{each.code.rstrip()}\n```"
     return f"({each.name})=\n## {each.title}\n\n{each.words}\n\n{image}\n\n{code}"
 

@@ -137,7 +137,7 @@ def _in_text(text: str, kind: str, here: str) -> Iterator[str]:
 
 
 def _not_found(folder: Path) -> list[str]:
-    """What a search must find: the index is there, and is a script, so that it opens as a file."""
+    """Return whether search has its index, as a script, so that it works in a file."""
     index = folder / "searchindex.js"
     if not index.exists() or not index.read_text("utf-8").startswith("Search.setIndex("):
         return ["searchindex.js: there is no index, and search finds nothing"]

@@ -39,7 +39,7 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 def mathml(tex: str, *, display: bool) -> str:
-    """Return a formula as MathML; `\\tag{3, 4}` becomes a number at the right."""
+    r"""Return a formula as MathML; `\tag{3, 4}` becomes a number at the right."""
     tag = TAG.search(tex)
     # In braces of its own, lest its brackets grow with the largest matrix of the line.
     plain = MATRIX.sub(r"{\1}", TAG.sub("", tex))

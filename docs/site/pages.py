@@ -29,7 +29,16 @@ class Section:
 
 FIRST = "README.md"
 SECTIONS = (
-    Section("Begin", ("docs/python.md", "made/gallery", "docs/running.md", "docs/report.md")),
+    Section(
+        "Begin",
+        (
+            "docs/python.md",
+            "made/gallery",
+            "docs/notebooks/README.md",
+            "docs/running.md",
+            "docs/report.md",
+        ),
+    ),
     Section(
         "Your own axis",
         ("docs/logs.md", "docs/trend.md", "docs/friction.md", "docs/notebooks/engineer.ipynb"),
@@ -73,7 +82,6 @@ SECTIONS = (
             "CONTRIBUTING.md",
             "SECURITY.md",
             "made/citation",
-            "docs/notebooks/README.md",
         ),
     ),
 )

@@ -7,8 +7,8 @@ next build.
 from __future__ import annotations
 
 import argparse
-import inspect
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 
 import yaml
@@ -62,9 +62,9 @@ def command_page() -> str:
     known, top = commands(), parser()
     subs = next(a for a in top._actions if isinstance(a, argparse._SubParsersAction)).choices
     parts = [
-        "# Commands",
-        "What `flexaxis --help` and `flexaxis COMMAND --help` say. Results go to stdout, progress to "
-        "stderr; with `--json` there is only JSON on stdout ([JSON](../json.md)).",
+        "# All commands",
+        "What `flexaxis --help` and `flexaxis COMMAND --help` say. Results go to stdout, progress "
+        "to stderr; with `--json` there is only JSON on stdout ([JSON](../json.md)).",
         str(top.epilog).partition("exit status:")[2].join(["## Exit status\n\n```text\n", "```"]),
     ]
     for group in GROUPS:
@@ -90,7 +90,7 @@ def _help(sub: argparse.ArgumentParser) -> str:
 def scenario_page() -> str:
     """Return the groups of the catalogue, each with its scenarios in a line, and the suites."""
     parts = [
-        "# Scenarios",
+        "# All scenarios",
         "All of the catalogue, as `flexaxis list` and `flexaxis show NAME` have it. How one is "
         "written: [Scenarios](../scenarios.md).",
         toctree(f"scenarios-{group}" for group in card.GROUPS),
@@ -126,9 +126,10 @@ def estimator_page() -> str:
     """Return all estimators of the registry: summary, knob, tuning, options."""
     rows = [[f"[`{e.name}`](#{e.name})", e.summary] for e in REGISTRY.values()]
     parts = [
-        "# Estimators",
+        "# All estimators",
         "All that `flexaxis list estimators` knows. An option is given in brackets, "
-        "`--estimator 'rpem-forgetting[forgetting=0.99]'`; how they compare: [Scores](../scores.md).",
+        "`--estimator 'rpem-forgetting[forgetting=0.99]'`; how they compare: "
+        "[Scores](../scores.md#the-estimators).",
         table(["estimator", "what it is"], rows),
     ]
     for entry in REGISTRY.values():
@@ -141,17 +142,22 @@ def estimator_page() -> str:
             words += ["It can be asked to identify parameters of friction and other laws."]
         options = [[f"`{name}`", f"`{value!r}`"] for name, value in entry.options.items()]
         words += [table(["option", "default"], options) if options else "It has no options."]
-        words += [f"Made by `{inspect.getmodule(entry.factory).__name__}`."]  # type: ignore[union-attr]
+        words += [f"Made in `{_home(entry.factory)}`."]
         parts += words
     return "\n\n".join(parts) + "\n"
+
+
+def _home(factory: Callable[..., object]) -> str:
+    """Return the module that makes an estimator, also where options of another are fixed."""
+    return factory.func.__module__ if isinstance(factory, partial) else factory.__module__
 
 
 def score_page() -> str:
     """Return all scores of the table, each with its unit and how it is pooled."""
     parts = [
-        "# Scores, one by one",
-        "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they are "
-        "as they are: [Scores](../scores.md).",
+        "# All scores",
+        "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they "
+        "are as they are: [Scores](../scores.md).",
     ]
     for score in SCORES.values():
         parts += [f"## {score.name}", score.words, table(["", ""], _facts(score))]
@@ -187,8 +193,8 @@ def citation_page() -> str:
             told["message"],
             f"- {told['authors'][0]['name']}, *{told['title']}*, version {told['version']}, "
             f"{told['license']}\n" + "\n".join(papers),
-            "`flexaxis paper` checks every claim of the paper and draws its figures. `CITATION.cff`, "
-            "which reference managers read:",
+            "`flexaxis paper` checks every claim of the paper and draws its figures. "
+            "`CITATION.cff`, which reference managers read:",
             block(text, "yaml"),
         ]
     )

@@ -115,8 +115,10 @@ def joint_imm(
             probability=0.0,
             predicted=0.0,
             logarithm=0.0,
+            xi=np.zeros(m),
+            apart=np.zeros(m),
             mixed=np.zeros(m),
-            mixed_P=np.zeros((m, m)),
+            mixed_P=np.zeros_like(start["P"][0]),
         ),
     )
     start = np.repeat(start, 1 + p)
@@ -152,7 +154,7 @@ def imm_loop(pattern: Pattern) -> Compiled:
 @inlined
 def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
-    n, p = len(states[0]["GP"]), estimates.shape[1]
+    n, p = len(states[0]["X"]) - 1, estimates.shape[1]
     used = look_together(tunings[0], states, y[k], valid[k])
     noise = states[0]["noise"]
     for j in range(len(states)):

@@ -9,6 +9,8 @@ from flexaxis.estimators.recursion.level import bound, level
 from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
 from flexaxis.estimators.sampling.compiler import inlined
 from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.sampling.symmetric import carry, padded
+from flexaxis.estimators.sampling.symmetric import look as look_at
 
 Array = NDArray[np.float64]
 
@@ -51,8 +53,8 @@ def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Re
     """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
     p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)
-    blocks, P = design.model.blocks(design.theta0), np.zeros((m, m))
-    P[:p, :p], P[p:, p:] = design.P0, covariance
+    blocks, P = design.model.blocks(design.theta0), np.zeros((m, padded(m)))
+    P[:p, :p], P[p:, p:m] = design.P0, covariance
     X, C = start["X"][0], blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
@@ -64,9 +66,8 @@ def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Re
     )
     work = record(
         P=P,  # of ξ = [θ; x]
-        GP=np.zeros((n, m)),
         Ph=np.zeros(m),
-        gain=np.zeros(m),
+        gain=np.zeros(m),  # K √S
         spread=0.0,  # hᵀPh
     )
     known, level_start = level(design)
@@ -97,14 +98,7 @@ def start_sample(X, n, p):
 @inlined
 def look(state):
     """Write P h and hᵀPh, with h = ∂y⁺/∂ξ by ξ of the sample before."""
-    P, X, Ph = state["P"], state["X"], state["Ph"]
-    m = len(P)
-    state["spread"] = 0.0
-    for i in range(m):
-        Ph[i] = 0.0
-        for j in range(m):
-            Ph[i] += P[i, j] * X[-1, 1 + j]
-        state["spread"] += Ph[i] * X[-1, 1 + i]
+    state["spread"] = look_at(state["X"], state["P"], state["Ph"])
 
 
 @inlined
@@ -115,33 +109,20 @@ def correct(tuning, state, y, noise):
     With F = [I 0; G], G = ∂x⁺/∂ξ, and h = ∂y⁺/∂ξ, both by ξ of the sample before:
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
-    P, X, GP, Ph, gain = state["P"], state["X"], state["GP"], state["Ph"], state["gain"]
-    theta, n, p = state["theta"], len(GP), len(tuning["lower"])
-    m = p + n
-    for i in range(n):
-        for j in range(m):
-            GP[i, j] = 0.0
-            for q in range(m):
-                GP[i, j] += X[i, 1 + q] * P[q, j]
-    transport(P, GP, X, tuning["drift"], n, p)
-    if not np.isnan(y):
-        S = state["spread"] + noise
-        innovation = y - X[-1, 0]
-        for i in range(n):
-            total = 0.0
-            for j in range(m):
-                total += X[i, 1 + j] * Ph[j]
-            gain[p + i] = total / S
-        for i in range(p):
-            gain[i] = Ph[i] / S
-        for i in range(m):
-            for j in range(i + 1):
-                P[i, j] -= S * gain[i] * gain[j]
-                P[j, i] = P[i, j]
-        for i in range(n):
-            X[i, 0] += gain[p + i] * innovation
+    P, X, gain, theta = state["P"], state["X"], state["gain"], state["theta"]
+    n, p = len(X) - 1, len(tuning["lower"])
+    measured = not np.isnan(y)
+    root = 1.0 / np.sqrt(state["spread"] + noise) if measured else 0.0
+    carry(X, state["Ph"], root, P, gain)
+    for i in range(p):
+        for j in range(p):
+            P[i, j] += tuning["drift"][i, j]
+    if measured:
+        innovation = (y - X[-1, 0]) * root
         for i in range(p):
             theta[i] += gain[i] * innovation
+        for i in range(n):
+            X[i, 0] += gain[p + i] * innovation
     bound(P, tuning["ceiling"])
     project(theta, tuning["lower"], tuning["upper"])
 
@@ -154,19 +135,3 @@ def project(theta, lower, upper):
             theta[i] = lower[i]
         elif theta[i] > upper[i]:
             theta[i] = upper[i]
-
-
-@inlined
-def transport(P, GP, X, W, n, p):  # noqa: PLR0917
-    """P ← F P Fᵀ + W with F = [I 0; G], given G P; one triangle, mirrored."""
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for q in range(p + n):
-                total += GP[i, q] * X[j, 1 + q]
-            P[p + i, p + j] = P[p + j, p + i] = total
-        for j in range(p):
-            P[p + i, j] = P[j, p + i] = GP[i, j]
-    for i in range(p):
-        for j in range(p):
-            P[i, j] += W[i, j]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.sampling.symmetric import merge
 
 LEAST = 1e-30  # probability of a mode: from zero none comes back
 
@@ -44,44 +45,59 @@ def transition(tunings, i, j):
 
 @inlined
 def mix(tunings, states, n, p):
-    """Give every mode the ξ⁰ and P⁰ from which it goes on."""
+    """
+    Give every mode the ξ⁰ and P⁰ from which it goes on.
+
+    Two at a time, which is the same. A jump mode goes on from itself or quiet, the quiet one from
+    all; the sum for it is kept beside it until the others no more need what it was.
+    """
+    quiet = states[0]
     for j in range(len(states)):
-        c = 0.0
-        for i in range(len(states)):
-            c += transition(tunings, i, j) * states[i]["probability"]
-        states[j]["predicted"] = c
-        blend(tunings, states, j, c, p + n, p)
+        gather(states[j], n, p)
+    for a in range(p + n):
+        quiet["mixed"][a] = quiet["xi"][a]
+        for b in range(quiet["P"].shape[1]):
+            quiet["mixed_P"][a, b] = quiet["P"][a, b]
+    total = transition(tunings, 0, 0) * quiet["probability"]
+    for j in range(1, len(states)):
+        weight = transition(tunings, j, 0) * states[j]["probability"]
+        total += weight
+        join(quiet["mixed"], quiet["mixed_P"], states[j], weight / total, quiet["apart"])
+    for j in range(1, len(states)):
+        state, weight = states[j], transition(tunings, 0, j) * quiet["probability"]
+        state["predicted"] = weight + transition(tunings, j, j) * state["probability"]
+        join(state["xi"], state["P"], quiet, weight / state["predicted"], quiet["apart"])
+    quiet["predicted"] = total
+    for a in range(p + n):
+        quiet["xi"][a] = quiet["mixed"][a]
+        for b in range(quiet["P"].shape[1]):
+            quiet["P"][a, b] = quiet["mixed_P"][a, b]
     for j in range(len(states)):
-        state = states[j]
-        for a in range(p + n):
-            if a < p:
-                state["theta"][a] = state["mixed"][a]
-            else:
-                state["X"][a - p, 0] = state["mixed"][a]
-            for b in range(a + 1):
-                state["P"][a, b] = state["P"][b, a] = state["mixed_P"][a, b]
+        spread_out(states[j], n, p)
 
 
 @inlined
-def blend(tunings, states, j, c, m, p):  # noqa: PLR0917
-    """Write ξ⁰_j and the lower triangle of P⁰_j, beside what they are made from."""
-    mixed, mixed_P = states[j]["mixed"], states[j]["mixed_P"]
-    for a in range(m):
-        mixed[a] = 0.0
-        for i in range(len(states)):
-            weight = transition(tunings, i, j) * states[i]["probability"] / c
-            mixed[a] += weight * component(states[i], a, p)
-    for a in range(m):
-        for b in range(a + 1):
-            mixed_P[a, b] = 0.0
-            for i in range(len(states)):
-                weight = transition(tunings, i, j) * states[i]["probability"] / c
-                apart = component(states[i], a, p) - mixed[a]
-                other = component(states[i], b, p) - mixed[b]
-                mixed_P[a, b] += weight * (states[i]["P"][a, b] + apart * other)
+def join(mean, P, other, share, apart):
+    """Take mean and covariance to those of a mixture with another mode, of weight ``share``."""
+    for a in range(len(mean)):
+        apart[a] = mean[a] - other["xi"][a]
+        mean[a] -= share * apart[a]
+    merge(share, P, other["P"], apart)
 
 
 @inlined
-def component(state, a, p):
-    """Return ξ_a of [θ; x]."""
-    return state["theta"][a] if a < p else state["X"][a - p, 0]
+def gather(state, n, p):
+    """Write ξ = [θ; x]."""
+    for a in range(p):
+        state["xi"][a] = state["theta"][a]
+    for i in range(n):
+        state["xi"][p + i] = state["X"][i, 0]
+
+
+@inlined
+def spread_out(state, n, p):
+    """Write θ and x from ξ."""
+    for a in range(p):
+        state["theta"][a] = state["xi"][a]
+    for i in range(n):
+        state["X"][i, 0] = state["xi"][p + i]

@@ -23,7 +23,10 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 PACKAGE = __name__.partition(".")[0]
-OVERLOADS = "flexaxis.estimators.sampling.overloads"  # of the functions in `lanes`
+OVERLOADS = (  # of the functions in `lanes` and in `symmetric`
+    "flexaxis.estimators.sampling.overloads",
+    "flexaxis.estimators.sampling.symmetric_code",
+)
 
 
 class Compiled:
@@ -115,11 +118,12 @@ def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
 
 @lru_cache
 def _introduce() -> None:
-    """Tell numba what a `Compiled` is that it meets in another function, and of `lanes`."""
+    """Tell numba what a `Compiled` is that it meets in another function, and of `OVERLOADS`."""
     from numba import types
     from numba.extending import typeof_impl
 
-    from flexaxis.estimators.sampling import overloads  # noqa: F401
+    for module in OVERLOADS:
+        import_module(module)
 
     @typeof_impl.register(Compiled)
     def _typeof(value: Compiled, context: object) -> object:
@@ -132,7 +136,8 @@ def _content(value: object, seen: set[int]) -> Iterator[bytes]:
         value = value.function
     elif isinstance(value, type | FunctionType):  # runs in the compiler, so that its file matters
         yield from _files(value.__module__, seen)
-        yield from _files(OVERLOADS, seen)
+        for module in OVERLOADS:
+            yield from _files(module, seen)
         return
     if isinstance(value, FunctionType):
         if id(value) in seen:

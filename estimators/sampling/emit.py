@@ -97,13 +97,10 @@ class Lanes:
 
     def sum_of_products(self, pairs: Sequence[Sequence[tuple | None]]) -> Row:
         """Return Σ a·b of pairs of vectors, part by part; where there are none it is zero."""
-        total: list[ir.Value] = []
-        for part in range(self.parts):
-            of_part = [pair[part] for pair in pairs if pair[part] is not None]
-            total.append(self._sum(of_part))
-        return tuple(total)
+        by_part = ([pair[c] for pair in pairs] for c in range(self.parts))
+        return tuple(self._sum([pair for pair in part if pair is not None]) for part in by_part)
 
-    def _sum(self, pairs: Sequence[tuple[ir.Value, ir.Value]]) -> ir.Value:
+    def _sum(self, pairs: Sequence[tuple]) -> ir.Value:
         total = self.nothing
         for k, (a, b) in enumerate(pairs):
             (total,) = self.fused((a,), (b,), (total,)) if k else self.product((a,), (b,))

@@ -64,7 +64,7 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
             lanes.put(lanes.load(X, i), x[i])
 
         def product(row, V):
-            pairs = []
+            pairs: list[list] = []
             for k, (i, column, _) in enumerate(pattern.entries):
                 if i == row and V[column] is not None:
                     a, b = factors[k], lanes.value(V[column])
@@ -100,7 +100,7 @@ def _advance(typing_context, flat, M, X, u, weights, order, substeps):  # noqa: 
 
 def _sloped(pattern, lanes):
     """Return the parts of the row of each entry in which it has derivatives."""
-    sloped = [set() for _ in pattern.entries]
+    sloped: list[set[int]] = [set() for _ in pattern.entries]
     for entry, *exponents in pattern.terms:
         sloped[entry] |= {(1 + i) // lanes.part for i, e in enumerate(exponents) if e}
     return sloped

@@ -62,7 +62,8 @@ def render(template: str, content: Mapping[str, Any]) -> str:
     content : mapping of str to object
         What the template names; whatever text is in it is escaped. A name that is missing is an
         error. Charts as `charted` returns them, and `Picks`, are found in it wherever they stand
-        and put into the page's block of data.
+        and put into the page's block of data. What stands under ``glossary``, by term, is shown by
+        hover where something has that ``data-term``; estimators under ``aside`` are hidden first.
     """
     code = script.source()
     frame = {
@@ -126,9 +127,12 @@ def _data(text: str, content: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "charts": charts,
         "picks": picks,
+        "aside": list(content.get("aside", ())),
         "looks": looks.assigned([*_named(text), *_lines_of(drawn)]),
         "terms": {
-            name: words for name, words in TERMS.items() if f'data-term="{escape(name)}"' in text
+            name: words
+            for name, words in {**TERMS, **content.get("glossary", {})}.items()
+            if f'data-term="{escape(name)}"' in text
         },
     }
 

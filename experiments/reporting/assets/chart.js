@@ -120,7 +120,7 @@ function whoButton(figure, line) {
       onmouseenter: light(true), onmouseleave: light(false), onfocus: light(true), onblur: light(false),
     },
     swatch(line),
-    el("span", { text: line.label || line.who }),
+    el("span", { text: line.pick && line.kind === "points" ? line.who : line.label || line.who }),
   );
 }
 

@@ -52,6 +52,7 @@ async function start() {
   document.addEventListener("click", closeMenus);
   const given = await unpacked();
   ({ picks, looks, terms } = given);
+  if (given.aside.length) State.first.set("hide", given.aside.map(encodeURIComponent).join("|"));
   fillSwatches();
   setUpPicks();
   setUpTerms();

@@ -4,16 +4,20 @@
 /** Keys: hide, group, pick, at (an anchor), and sort.ID, find.ID, all.ID, win.ID of what has an ID. */
 const State = {
   values: new Map(),
+  first: new Map(), // what holds of a key that the address does not name
   listeners: [],
 
-  get: (key) => State.values.get(key) ?? "",
+  get: (key) => State.values.get(key) ?? State.first.get(key) ?? "",
   has: (key, one) => State.list(key).includes(one),
   list: (key) => State.get(key).split("|").filter(Boolean).map(decodeURIComponent),
 
   /** Change some; null or "" removes. `quietly` replaces the entry of the history. */
   set(changes, { quietly = false } = {}) {
     const next = new Map(State.values);
-    for (const [key, value] of Object.entries(changes)) value ? next.set(key, value) : next.delete(key);
+    for (const [key, value] of Object.entries(changes)) {
+      const given = value || (State.first.has(key) ? NOTHING : "");
+      given && given !== State.first.get(key) ? next.set(key, given) : next.delete(key);
+    }
     const text = "#" + [...next].map((pair) => pair.map(encodeURIComponent).join("=")).join("&");
     if (text === "#" + window.location.hash.slice(1)) return;
     if (quietly) window.location.replace(text);
@@ -44,6 +48,8 @@ const State = {
   /** Call a function with the keys that changed, whenever some did. */
   listen: (listener) => State.listeners.push(listener),
 };
+
+const NOTHING = "-"; // an empty list, where an absent one means something else
 
 const pairOf = (text) => {
   const cut = text.indexOf("=");

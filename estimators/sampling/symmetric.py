@@ -1,0 +1,73 @@
+"""
+Covariances in rows of vector registers: over a sample, through a measurement, and mixed.
+
+P is that of ξ = [θ; x], p parameters and n states, m = p + n of them: (m, w) with w from `padded`;
+what pads a row is zero. In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its
+block θθ stays as it is. X (n+1, ≥ 1+m) has G behind its first lane, and in its last row h, the
+derivative of the output. What is symmetric stays so to the last bit. These functions say what is
+done; `flexaxis.estimators.sampling.symmetric_code` has their twins for the compiler, straight-line
+code for sizes that it takes from the shapes of X and of the last argument but P.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def padded(m: int) -> int:
+    """Return the length of the row of a covariance: whole registers of four."""
+    return -4 * (-m // 4)
+
+
+def look(X: Array, P: Array, Ph: Array) -> float:
+    """
+    Write P h, and return hᵀPh.
+
+    Parameters
+    ----------
+    X, P
+        As above.
+    Ph : (m,) array
+    """
+    h = X[-1, 1 : 1 + len(Ph)]
+    Ph[:] = P[:, : len(Ph)] @ h
+    return float(h @ Ph)
+
+
+def carry(X: Array, Ph: Array, root: float, P: Array, gain: Array) -> None:
+    """
+    Take P over a sample and through its measurement: P ← F P Fᵀ − k kᵀ, k = F P h·root.
+
+    Parameters
+    ----------
+    X, Ph, P
+        As for `look`.
+    root : float
+        1/√S of the innovation; 0 where there is no measurement.
+    gain : (m,) array
+        k, written.
+    """
+    m, n = len(gain), len(X) - 1
+    F = np.eye(m)
+    F[m - n :] = X[:n, 1 : 1 + m]
+    gain[:] = F @ Ph * root
+    moved = F @ P[:, :m] @ F.T
+    P[:, :m] = np.tril(moved) + np.tril(moved, -1).T - np.outer(gain, gain)
+
+
+def merge(share: float, P: Array, other: Array, apart: Array) -> None:
+    """
+    P ← (1−s) P + s P' + s (1−s) d dᵀ, the covariance of a mixture of two.
+
+    Parameters
+    ----------
+    share : float
+        s, the weight of the other.
+    P, other : (m, w) arrays
+    apart : (m,) array
+        d, the difference of their means.
+    """
+    e = np.zeros(P.shape[1])
+    e[: len(apart)] = np.sqrt(share * (1 - share)) * apart
+    P[:] = (1 - share) * P + share * other + np.outer(e[: len(P)], e)

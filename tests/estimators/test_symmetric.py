@@ -1,0 +1,72 @@
+"""Covariances in rows of registers: the code for the compiler against the same in NumPy."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.recursion.records import record
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.symmetric import carry, look, merge, padded
+
+SIZES = [(3, 2), (9, 5)]  # m and n: a row of one register, and of three that are not full
+
+
+@compiled
+def through(states, root, share):
+    """Do all three, one after the other."""
+    for k in range(len(states)):
+        state = states[k]
+        state["spread"] = look(state["X"], state["P"], state["Ph"])
+        carry(state["X"], state["Ph"], root, state["P"], state["gain"])
+        merge(share, state["P"], state["other"], state["apart"])
+
+
+def covariance(rng, m):
+    root = rng.standard_normal((m, m))
+    return np.pad(root @ root.T, ((0, 0), (0, padded(m) - m)))
+
+
+def state_of(m, n):
+    rng = np.random.default_rng(m)
+    X = np.zeros((n + 1, padded(1 + m)))
+    X[:, : 1 + m] = rng.standard_normal((n + 1, 1 + m))
+    P, other = covariance(rng, m), covariance(rng, m)
+    return record(
+        X=X, P=P, other=other, apart=rng.standard_normal(m), Ph=np.zeros(m), gain=np.zeros(m),
+        spread=0.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("m", "n"), SIZES)
+def test_the_code_for_the_compiler_does_what_numpy_does(m, n):
+    state, plain = state_of(m, n), state_of(m, n)
+    through(state, 0.3, 0.2)
+    through.function(plain, 0.3, 0.2)
+    for name in ("spread", "Ph", "gain", "P"):
+        np.testing.assert_allclose(state[name], plain[name], rtol=1e-12, atol=1e-13, err_msg=name)
+    P = state["P"][0]
+    np.testing.assert_array_equal(P[:, :m], P[:, :m].T)
+    np.testing.assert_array_equal(P[:, m:], 0.0)
+
+
+@pytest.mark.parametrize(("m", "n"), SIZES)
+def test_a_measurement_is_that_of_the_textbook(m, n):
+    """Predicted, then conditioned on y = hᵀξ + e before it moved, by the joint covariance."""
+    state, R = state_of(m, n), 0.7
+    X, P = state["X"][0], state["P"][0, :, :m].copy()
+    F, h = np.eye(m), X[-1, 1 : 1 + m]
+    F[m - n :] = X[:n, 1 : 1 + m]
+    cross, S = F @ P @ h, h @ P @ h + R
+    through(state, 1 / np.sqrt(S), 0.0)
+    np.testing.assert_allclose(state["spread"][0] + R, S)
+    expected = F @ P @ F.T - np.outer(cross, cross) / S
+    np.testing.assert_allclose(state["P"][0, :, :m], expected, rtol=1e-9, atol=1e-11)
+
+
+def test_a_mixture_has_the_covariance_of_its_samples():
+    """Two clouds of points, exactly: weights in whole points."""
+    rng = np.random.default_rng(0)
+    m, ours, theirs = 3, rng.standard_normal((30, 3)), rng.standard_normal((10, 3)) + 1.0
+    parts = [np.cov(cloud.T, bias=True) for cloud in (ours, theirs)]
+    P, other = (np.pad(part, ((0, 0), (0, padded(m) - m))) for part in parts)
+    merge(0.25, P, other, ours.mean(0) - theirs.mean(0))
+    np.testing.assert_allclose(P[:, :m], np.cov(np.vstack([ours, theirs]).T, bias=True))
