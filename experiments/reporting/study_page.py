@@ -14,7 +14,7 @@ from flexaxis.experiments.reporting import sweep_charts as charts
 from flexaxis.experiments.reporting.axis_words import axis_words
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.findings import alarms, confusion
-from flexaxis.experiments.reporting.study_table import scores_table
+from flexaxis.experiments.reporting.study_table import scores_tables
 from flexaxis.experiments.reporting.study_words import finding
 from flexaxis.experiments.results.columns import axis_kind
 from flexaxis.experiments.results.groups import Bins
@@ -65,7 +65,7 @@ def render(results: Results) -> str:
         "study": results.study,
         "axes": [_words(results, axis) for axis in results.axes],
         "finding": finding(results),
-        "table": scores_table(results, bins),
+        "tables": scores_tables(results, bins),
         "cases": results.cases,
         "failed": len(failed),
         "failures": failures.in_words(failed[:10]),

@@ -1,8 +1,8 @@
-"""The table of a study: a line an estimator, point and parameter, with all pooled scores."""
+"""The tables of a study: a line an estimator, point and parameter, with all pooled scores."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.reporting import study_settings
@@ -13,7 +13,7 @@ from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 
-LINES = 300  # of the table
+LINES = 300  # of both tables
 SHOWN = ("lag", "lag_bound", "t10", "std", "bias", "score", "diverged", "never_settled",
          "detection")  # fmt: skip
 SCORES = (
@@ -31,42 +31,63 @@ SCORES = (
 )
 
 
-def scores_table(results: Results, bins: Bins) -> Table:
-    """Return the table; what has more lines than `LINES` is cut, and says so."""
+NEED_A_CHANGE = ("lag [s]", "× bound", "t10 [s]", "score", "bound [s]", "never settled")
+WORDS = (
+    "All rows, one a parameter of each case: the .jsonl files beside this page; flexaxis export "
+    "writes them as a table."
+)
+
+
+def scores_tables(results: Results, bins: Bins) -> list[Table]:
+    """Return the table of what changed and that of what did not; an empty one is left out.
+
+    What has more lines than `LINES` is cut, and says so.
+    """
     options = study_settings.options_of(results)
     points = [axis for axis in results.axes if axis not in options]
     groups = results.grouped(["base", *points, "method", *options], bins=bins)
     several = len(results.study["scenarios"]) > 1
     axes = [*options, *points]
-    columns = [
+    first = [
         Column("estimator", kind="text"),
         *([Column("scenario", term="scenario", kind="text")] if several else []),
         *(Column(axis_words(axis, results.study)) for axis in axes),
         Column("parameter", kind="text"),
-        *SCORES,
     ]
     rows = groups.first(LINES).pooled(SHOWN, results.scenario)
-    lines = [_line(row, axes, options, several=several) for row in rows]
     left = len(groups) - LINES
-    words = (
-        "What changed stands out. All rows, one a parameter of each case: the .jsonl files beside "
-        "this page; flexaxis export writes them as a table."
-    )
-    more = f"{left} more lines are left out. " if left > 0 else ""
-    return Table("Table", columns, lines, more + words)
+    words = (f"{left} more lines are left out. " if left > 0 else "") + WORDS
+    still = [column.heading not in NEED_A_CHANGE for column in SCORES]
+    found = []
+    for heading, changed, kept in (
+        ("What changed", True, [True] * len(SCORES)),
+        ("Parameters that did not change", False, still),
+    ):
+        mine = [row for row in rows if row["changed"] == changed]
+        columns = [*first, *(c for c, there in zip(SCORES, kept, strict=True) if there)]
+        lines = [_line(row, axes, options, kept, several=several) for row in mine]
+        if lines:
+            found.append(Table(heading, columns, lines, words))
+    return found
 
 
-def _line(row: Mapping[str, Any], axes: list[str], options: list[str], *, several: bool) -> Row:
+def _line(
+    row: Mapping[str, Any],
+    axes: Sequence[str],
+    options: Sequence[str],
+    kept: Sequence[bool],
+    *,
+    several: bool,
+) -> Row:
     cells = [
         Cell(str(row["method"])),
         *([Cell(str(row["base"]))] if several else []),
         *(Cell(short(row[axis]), "" if row[axis] is None else row[axis]) for axis in axes),
         Cell(row["parameter"]),
-        *_scores(row),
+        *(cell for cell, there in zip(_scores(row), kept, strict=True) if there),
     ]
-    kind = "changed" if row["changed"] else ""
     group = str(row["base"]) if several else ""
-    return Row(cells, who=study_settings.who(row, options), kind=kind, group=group)
+    return Row(cells, who=study_settings.who(row, options), group=group)
 
 
 def _scores(row: Mapping[str, Any]) -> list[Cell]:

@@ -39,7 +39,7 @@ def degradation(rows: Sequence[Row], axis: str, *, label: str, words: str) -> Ch
     panels += [_errors([r for r in rows if r["parameter"] == name], name, axis) for name in names]
     across = np.array([row[axis] for row in rows], float)
     return Chart(
-        title=f"Over {label}",
+        title=f"Lag and error over {label}",
         words=words,
         x=label,
         panels=[panel for panel in panels if panel.lines],
