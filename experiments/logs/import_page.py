@@ -73,7 +73,7 @@ def _tables(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> list[Table]:
         Row([
             Cell(c.name),
             Cell(c.measured, c.value),
-            Cell(c.verdict, ORDER[c.verdict]),
+            Cell(c.verdict),
             Cell(c.text),
             Cell(c.command),
         ])

@@ -180,7 +180,7 @@ def _line(found: Verdict, rows: Sequence[Mapping[str, Any]]) -> Row:
     )
     cells = [
         Cell(found.name),
-        Cell(WORDS[found.kind], [*WORDS].index(found.kind)),
+        Cell(WORDS[found.kind]),
         _changes(found),
         *(Cell(f"{slope:+.3g} ± {sd:.1g}", slope) for slope, sd in slopes),
         Cell(f"{median:.5g}", median),
