@@ -104,7 +104,9 @@ def _chart(
         known = [t for t in traces.find(scenario.hash, text) if t.case == case]
         if not known:
             return None
-        curves.append(curve_of(scenario, f"{side}: {text}", known[0].names, [known[0].curve]))
+        one = known[0]
+        near = [] if one.detail is None else [one.detail.near]
+        curves.append(curve_of(scenario, f"{side}: {text}", one.names, [one.curve], near))
     said = cells(focus)
     where = f"Both runs on {scenario.name}, seed {focus.worst_seed}; truth dashed."
     return replace(
