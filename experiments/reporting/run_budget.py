@@ -10,6 +10,7 @@ from typing import Any
 
 SMALL, LARGE = 3.0, 12.0  # MB: of a report of a few scenarios, and of the whole catalogue
 FEW = 12  # scenarios
+AT_ONCE = 500  # runs of which there is no need to learn how much one takes, if all have room
 PROBES = 24  # runs that are tried to learn how much one takes
 TRIES = 6
 
@@ -46,9 +47,9 @@ class Budget:
         folder : str
             Of the run, for the line that gives all of them.
         """
+        if len(wanted) <= AT_ONCE and _size(page := made(wanted, "")) <= self.most:
+            return page
         bare = _size(made([], ""))
-        if not wanted:
-            return made([], "")
         probes = wanted[:: -(-len(wanted) // PROBES)]
         each = max(1.0, (_size(made(probes, "")) - bare) / len(probes))
         count = min(len(wanted), max(0, int((self.most - bare) / each)))
