@@ -261,9 +261,8 @@ def jumps(page):
     page.browser.size(390, 800, mobile=True)
     page.open()
     page.click(".bar summary")
-    page.run(
-        "[...document.querySelectorAll('.bar .sheet a')].find(a => a.textContent === 'Estimates').click()"
-    )
+    links = "[...document.querySelectorAll('.bar .sheet a')]"
+    page.run(f"{links}.find(a => a.textContent === 'Estimates').click()")
     page.until("location.hash.includes('at=')", "in the address")
     head = "[...document.querySelectorAll('h2')].find(h => h.textContent === 'Estimates')"
     page.until(f"Math.abs({head}.getBoundingClientRect().top - 60) < 60", "on top")
@@ -287,6 +286,18 @@ def prints(page):
     assert page.run("document.querySelectorAll('.plot').length") >= 5
 
 
+def reads_cells(page):
+    page.run("document.querySelector('.view.heat').focus()")
+    page.browser.key("ArrowRight")
+    page.browser.key("ArrowRight")
+    page.browser.key("ArrowUp")
+    page.until(
+        "document.getElementById('said').textContent.includes('6 s')", "second of the middle"
+    )
+    said = page.run("document.getElementById('said').textContent")
+    assert said == "factor: 0.8, noise [rad/s]: middle, 6 s"
+
+
 # What is checked, and the function of the page without which it must fail.
 FEATURES = {
     sorts: "sortRows",
@@ -299,6 +310,7 @@ FEATURES = {
     switches_windows: "rangesOf",
     reads_off: "showTip",
     reads_by_keyboard: "onKey",
+    reads_cells: "moveCell",
     picks: "openPick",
     copies: "copyText",
     copies_where_the_clipboard_is_refused: "copyText",
@@ -328,6 +340,9 @@ def opened(chromium, tmp_path, monkeypatch):
         if page.run("localStorage.length"):
             page.run("localStorage.clear()")
             page.open()
+        end = time.monotonic() + 5  # what is dead need not draw
+        while time.monotonic() < end and not page.run("!!document.querySelector('.view.heat')"):
+            time.sleep(0.03)
         return page
 
     return make
@@ -405,11 +420,23 @@ def test_axe_finds_nothing_serious(opened, width, scheme):
     assert serious(page, Path(found.origin).with_name("axe.min.js")) == []
 
 
+def test_axe_would_find_it(opened):
+    found = importlib.util.find_spec("axe_core_python")
+    if found is None:
+        pytest.skip("axe-core-python is not installed")
+    page = opened()
+    page.run("document.documentElement.style.setProperty('--muted', '#bbb'); 1")
+    page.run("document.querySelector('button.theme').removeAttribute('aria-label'); 1")
+    page.run("document.querySelector('button.theme').textContent = ''; 1")
+    words = " ".join(serious(page, Path(found.origin).with_name("axe.min.js")))
+    assert "color-contrast" in words and "button-name" in words
+
+
 def serious(page, axe: Path) -> list[str]:
     """What axe-core calls serious or critical, in words."""
     page.run(axe.read_text(encoding="utf-8") + ";1")
     page.run("""axe.run().then(r => window.found = r.violations
       .filter(v => ['serious', 'critical'].includes(v.impact))
-      .map(v => v.id + ': ' + v.nodes.slice(0, 3).map(n => n.html.slice(0, 120)).join(' · '))); 1""")
+      .map(v => v.id + ': ' + v.nodes.slice(0, 3).map(n => n.html.slice(0, 99)).join(' · '))); 1""")
     page.until("Boolean(window.found)", "axe-core", seconds=30)
     return page.run("window.found")

@@ -37,11 +37,11 @@ function drawNow(place) {
   draw?.();
 }
 
-/** Draw again what has been drawn; what is still far off is drawn when it comes near. */
-function redrawFigures(names = [...Figures.keys()]) {
-  for (const name of names) {
-    const figure = Figures.get(name);
-    if (figure && !waiting.has(figure.place)) figure.draw();
+/** Draw all again, each when it comes near: a long page has a hundred. */
+function redrawFigures() {
+  for (const figure of Figures.values()) {
+    watcher.unobserve(figure.place); // who is near already is told so again
+    whenNear(figure.place, figure.draw);
   }
 }
 

@@ -50,6 +50,7 @@ function onUp(reader, event) {
   if (from !== null && Math.abs(px - from) > 6) return zoomBetween(reader, from, px);
   const hit = nearest(reader.view, px, py);
   if (hit && hit.line.pick && hit.distance < 14) openPick(hit.line.pick);
+  else if (hit) showTip(reader, hit); // a finger does not hover
 }
 
 function showBrush(reader, px) {
@@ -138,7 +139,7 @@ function tipRows(chart, hit) {
       el("b", { text: digits(line.y[i]) }), el("small", { text: ends(line, i) })),
   );
   const more = hit.line.pick ? [el("small", { text: "click to open" })] : [];
-  return [el("div", { class: "where", symbols: `${chart.x}: ${digits(at)}` }), ...rows, ...more];
+  return [el("div", { class: "where", symbols: `${chart.x}: ${sayX(chart, at)}` }), ...rows, ...more];
 }
 
 const ends = (line, i) => (line.low ? ` ${digits(line.low[i], 3)} … ${digits(line.high[i], 3)}` : "");
@@ -213,7 +214,7 @@ function setCursor(reader, index) {
   const hit = hitAt(panel, line, index, 0, 0, false);
   if (hit) showTip(reader, hit);
   const name = line.label || line.who || line.role;
-  say(`${name}, ${panel.panel.y}: ${digits(line.y[index])}${ends(line, index)} at ${digits(line.x[index])}`);
+  say(`${name}, ${panel.panel.y}: ${digits(line.y[index])}${ends(line, index)} at ${sayX(reader.figure.chart, line.x[index])}`);
 }
 
 function zoomAround(reader, factor) {
