@@ -1,5 +1,5 @@
 """
-Covariances in rows of vector registers: over a sample, through a measurement, and mixed.
+Covariances in rows of vector registers: over a sample, through a measurement, mixed, and roots.
 
 P is that of ξ = [θ; x], p parameters and n states, m = p + n of them: (m, w) with w from `padded`;
 what pads a row is zero. In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its
@@ -71,3 +71,21 @@ def merge(share: float, P: Array, other: Array, apart: Array) -> None:
     e = np.zeros(P.shape[1])
     e[: len(apart)] = np.sqrt(share * (1 - share)) * apart
     P[:] = (1 - share) * P + share * other + np.outer(e[: len(P)], e)
+
+
+def triangularize_columns(A: Array, R: Array) -> None:
+    """
+    Write the transposed Cholesky factor R, upper triangular, of A Aᵀ (Householder).
+
+    As `flexaxis.estimators.recursion.square_root.triangularize` does of Aᵀ.
+
+    Parameters
+    ----------
+    A : (c, r) array
+        Columns of what is triangularised, as rows; r a multiple of four.
+    R : (c, c) array
+        What is below the diagonal is left as it is.
+    """
+    root = np.linalg.qr(A.T)[1]
+    above = np.triu_indices(len(R))
+    R[above] = (root * np.where(np.diag(root) < 0, -1.0, 1.0)[:, None])[above]

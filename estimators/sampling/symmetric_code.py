@@ -5,7 +5,13 @@ from numba import types
 from numba.extending import intrinsic, overload
 
 from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, LANE, Lanes
-from flexaxis.estimators.sampling.symmetric import carry, look, merge, padded
+from flexaxis.estimators.sampling.symmetric import (
+    carry,
+    look,
+    merge,
+    padded,
+    triangularize_columns,
+)
 
 
 class Rows(Lanes):
@@ -59,6 +65,11 @@ class Rows(Lanes):
         )
         two = add(low, high)
         return add(*(self.builder.extract_element(two, LANE(i)) for i in range(2)))
+
+    def root(self, a: ir.Value) -> ir.Value:
+        """Return √a."""
+        function = self.builder.module.declare_intrinsic("llvm.sqrt", [DOUBLE])
+        return self.builder.call(function, [a])
 
     def less(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
         """Return c − a·b."""
@@ -130,10 +141,7 @@ def _merge(typing_context, share, P, other, apart):
         rows = Rows(context, builder, m)
         P, other, apart = (rows.data(signature.args[i], arguments[i]) for i in (1, 2, 3))
         rest = builder.fsub(DOUBLE(1.0), arguments[0])
-        root = builder.call(
-            builder.module.declare_intrinsic("llvm.sqrt", [DOUBLE]),
-            [builder.fmul(arguments[0], rest)],
-        )
+        root = rows.root(builder.fmul(arguments[0], rest))
         share, rest, root = map(rows.splat, (arguments[0], rest, root))
         e = rows.product(root, rows.read(apart))
         for a in range(m):
@@ -143,6 +151,55 @@ def _merge(typing_context, share, P, other, apart):
         return context.get_dummy_value()
 
     return types.void(share, P, other, apart), emit
+
+
+@intrinsic
+def _triangularize(typing_context, A, R):
+    columns, length = A.shape
+
+    def emit(context, builder, signature, arguments):
+        rows = Rows(context, builder, length)
+        A, R = map(rows.data, signature.args, arguments)
+        rest = [rows.load(A, c) for c in range(columns)]
+        for j in range(columns):
+            v, rest = rest[0], rest[1:]
+            v = tuple(_without(builder, part, j - c * rows.part) for c, part in enumerate(v))
+            norm, above, scale = _reflection(rows, v, j)
+            rows.write(R, j * columns + j, norm)
+            v = rows.insert(v, above, j)
+            sign = builder.select(
+                builder.fcmp_ordered("<", above, DOUBLE(0.0)), *map(DOUBLE, (1.0, -1.0))
+            )
+            for c, other in enumerate(rest):
+                factor = rows.splat(builder.fmul(rows.dot(v, other), scale))
+                rest[c] = rows.fused(factor, v, other)
+                value = builder.fmul(sign, rows.pick(rest[c], j))
+                rows.write(R, j * columns + j + 1 + c, value)
+        return context.get_dummy_value()
+
+    return types.void(A, R), emit
+
+
+def _without(builder, vector, count):
+    """Return a vector with its first elements, so many, set to zero."""
+    nothing = ir.Constant(vector.type, [0.0] * vector.type.count)
+    lanes = [vector.type.count if i < count else i for i in range(vector.type.count)]
+    return builder.shuffle_vector(
+        vector, nothing, ir.Constant(ir.VectorType(LANE, len(lanes)), lanes)
+    )
+
+
+def _reflection(rows, v, j):
+    """Return |v|, and of the reflection that leaves its element j only, that and −2/|.|²."""
+    builder = rows.builder
+    square, first = rows.dot(v, v), rows.pick(v, j)
+    norm = rows.root(square)
+    minus = builder.fcmp_ordered(">", first, DOUBLE(0.0))
+    alpha = builder.select(minus, builder.fneg(norm), norm)
+    above = builder.fsub(first, alpha)
+    scale = builder.fdiv(DOUBLE(1.0), builder.fmul(alpha, above))
+    nothing = builder.fcmp_ordered("<=", square, DOUBLE(0.0))
+    return norm, above, builder.select(nothing, DOUBLE(0.0), scale)
 
 
 @overload(look)
@@ -165,5 +222,13 @@ def _compiled_carry(X, Ph, root, P, gain):
 def _compiled_merge(share, P, other, apart):
     def compiled(share, P, other, apart):
         _merge(share, P, other, apart)  # type: ignore[call-arg]
+
+    return compiled
+
+
+@overload(triangularize_columns)
+def _compiled_triangularize(A, R):
+    def compiled(A, R):
+        _triangularize(A, R)  # type: ignore[call-arg]
 
     return compiled

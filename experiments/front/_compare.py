@@ -14,7 +14,7 @@ from flexaxis._table import html_table, text_table
 from flexaxis._working import working
 from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.comparison_report import COLUMNS, cells, ordered
+from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.pairs import parse_margins
 from flexaxis.experiments.gate.words import headline, knobs, meaning
 from flexaxis.experiments.results.results import needed

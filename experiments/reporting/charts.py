@@ -117,6 +117,8 @@ class Chart:
     windows : sequence of (str, float, float)
         Named ranges of x to switch between; the first is shown first, and beside the last one
         where there is room.
+    x_from : str
+        Where x counts days: the date that is 0, as ISO 8601 has it; the axis then has dates.
     name : str
         Of its place in the page; by its title where empty. No two charts of a page have the same.
     """
@@ -129,6 +131,7 @@ class Chart:
     spans: Sequence[tuple[float, float, str]] = ()
     windows: Sequence[tuple[str, float, float]] = ()
     x_log: bool = False
+    x_from: str = ""
     name: str = ""
 
     def __post_init__(self) -> None:

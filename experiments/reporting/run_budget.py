@@ -71,8 +71,6 @@ def _left(count: int, all_of_them: int, size: float, folder: str) -> str:
     if count == all_of_them:
         return ""
     line = shlex.join(["flexaxis", "report", folder, "--size", str(math.ceil(1.1 * size / 1e6))])
-    what = "none can" if count == 0 else f"{count} can" + (
-        ", the worst and the median of an estimator first" if count > 1 else ""
-    )  # fmt: skip
-    said = f"Of {all_of_them} single runs {what} be opened here, for the size of this file."
-    return f"{said} All of them: {line}"
+    first = ", the worst and the median of each estimator first" if count > 1 else ""
+    said = f"{count} of {all_of_them} single runs can be opened here{first}"
+    return f"{said}, for the size of this file. All of them: {line}"

@@ -19,7 +19,7 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.floating]
 Row = Mapping[str, Any]
 
-PANEL = 1000  # steps to which a panel's height is rounded: a screen draws some 200 points of it
+PANEL = 500  # steps to which a panel's height is rounded: a screen draws some 200 points of it
 RAMP = 600  # changes of the truth from which on every tenth sample of it will do
 BOUNDS = (
     ("lag_bound", "bound, all θ unknown"),
@@ -143,7 +143,7 @@ def _line(curve: Curve, parameter: str, shown: tuple[float, float]) -> Line:
 
 
 def rounded(values: Array, shown: tuple[float, float]) -> Array:
-    """Return values rounded to a fifth of a point of a panel; far outside of it, at its edge.
+    """Return values rounded to two fifths of a point of a panel; far outside of it, at its edge.
 
     Noise that no screen can show would be most of the page.
 

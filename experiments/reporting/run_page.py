@@ -206,6 +206,8 @@ def _further(run: Run) -> list[dict[str, Any]]:
         return []
     study = Results.load(run.pooled.folder).study
     known = [stored_scenario(s, source="study.json") for s in study["tradeoff"]["scenarios"]]
+    place = {estimator: i for i, estimator in enumerate(run.order)}
+    points = sorted(swept["points"], key=lambda p: (place[p["estimator"]], p["std"] or 0.0))
     return [
         {
             "name": s.name,
@@ -213,7 +215,7 @@ def _further(run: Run) -> list[dict[str, Any]]:
             "card": s.card,
             "faults": in_a_line(s),
             "toml": s.to_toml(),
-            "points": [p for p in swept["points"] if p["scenario"] == s.name],
+            "points": [p for p in points if p["scenario"] == s.name],
         }
         for s in known
         if s.name not in run.scenarios

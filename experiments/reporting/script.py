@@ -13,6 +13,7 @@ PARTS = (
     "data",
     "state",
     "scales",
+    "dates",
     "look",
     "draw",
     "chart",

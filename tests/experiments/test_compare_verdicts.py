@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate.comparison_report import cells, markdown, row_command, worst, write
+from flexaxis.experiments.gate.comparison_report import markdown, write
+from flexaxis.experiments.gate.comparison_rows import cells, row_command, worst
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
 from flexaxis.experiments.gate.verdicts import by_metric, judge

@@ -34,6 +34,9 @@ function freeId(wanted) {
 /** Everyone on the page, in the order of the looks. */
 const everyone = () => Object.keys(looks);
 
+/** What the page calls them: its lines may be of measurements and models. */
+const called = () => document.body.dataset.called ?? "Estimators";
+
 function whoMenu() {
   if (everyone().length < 2) return null;
   const boxes = everyone().map((who) =>
@@ -44,7 +47,7 @@ function whoMenu() {
   const set = (text, members) =>
     el("button", { type: "button", class: "small", text, onclick: () => State.setList("hide", members()) });
   return menu(
-    "Estimators", "Estimators shown", el("div", { class: "pair" }, set("All", () => []), set("None", everyone)), ...boxes,
+    called(), `${called()} shown`, el("div", { class: "pair" }, set("All", () => []), set("None", everyone)), ...boxes,
   );
 }
 
@@ -71,8 +74,8 @@ function showParts() {
   const select = document.getElementById("group-choice");
   if (select) select.value = group;
   const count = everyone().filter(hidden).length;
-  const summary = document.querySelector('.bar summary[aria-label^="Estimators"]');
-  if (summary) summary.textContent = count ? `Estimators (${count} hidden)` : "Estimators";
+  const summary = document.querySelector(`.bar summary[aria-label^="${called()}"]`);
+  if (summary) summary.textContent = count ? `${called()} (${count} hidden)` : called();
 }
 
 const THEMES = { "": "Dark", dark: "Light", light: "As system" };

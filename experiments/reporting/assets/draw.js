@@ -2,6 +2,7 @@
 
 const FONT = 12;
 const PANEL = { alone: 330, several: 165, gap: 26 };
+const MANY_POINTS = 150; // from which on markers would be a blot, and are dots
 const EDGE = { top: 22, right: 14, bottom: 40, left: 62 };
 
 /**
@@ -16,6 +17,7 @@ function drawView(chart, range, width, name) {
     role: "img", "aria-label": described(chart, range),
   });
   const x = scale(range, [EDGE.left, width - EDGE.right], chart.x_log);
+  if (chart.x_from) x.ticks = datedTicks(chart, x);
   const panels = chart.panels.map((panel, i) => {
     const top = EDGE.top + i * (height + PANEL.gap);
     return drawPanel(picture, { chart, panel, x, top, bottom: top + height, id: `${name}-${i}` });
@@ -27,7 +29,7 @@ function drawView(chart, range, width, name) {
 
 const described = (chart, [from, to]) =>
   `${chart.title}: ${chart.panels.map((p) => p.y).join(", ")} over ${chart.x}, ` +
-  `${digits(from)} to ${digits(to)}. The same values stand in the tables and can be saved.`;
+  `${sayX(chart, from)} to ${sayX(chart, to)}. The same values stand in the tables and can be saved.`;
 
 function drawPanel(picture, { chart, panel, x, top, bottom, id }) {
   const lines = panel.lines.filter((line) => !hidden(line.who));
@@ -142,24 +144,41 @@ function drawMarkers(group, line, look, x, y) {
   const phase = ((looks[line.who].place * 7) % 9) / 9;
   for (let n = 0; n < 4; n++) {
     const target = x.from(x.begin + ((n + phase) / 4) * (x.end - x.begin));
-    const i = nearestIndex(line.x, target);
-    if (i >= 0 && Math.abs(x.to(line.x[i]) - x.to(target)) < 20 && Number.isFinite(line.y[i]))
-      group.append(markerAt(look, x.to(line.x[i]), y.to(line.y[i]), { class: "sparse" }));
+    const at = y.to(valueAt(line, target));
+    if (Number.isFinite(at)) group.append(markerAt(look, x.to(target), at, { class: "sparse" }));
   }
 }
 
+/** What a line has at a value of x between its points; NaN beyond them. */
+function valueAt(line, x) {
+  let i = 0;
+  while (i < line.x.length && !(line.x[i] > x)) i++;
+  if (i === 0 || i === line.x.length) return NaN;
+  if (line.kind === "steps") return line.y[i - 1];
+  const share = (x - line.x[i - 1]) / (line.x[i] - line.x[i - 1]);
+  return line.y[i - 1] + share * (line.y[i] - line.y[i - 1]);
+}
+
 function drawPoints(group, line, look, x, y) {
-  const whisker = (a, b, c, d) =>
-    svg("path", { class: "whisker", stroke: look.colour, d: `M${a.toFixed(1)},${b.toFixed(1)}L${c.toFixed(1)},${d.toFixed(1)}` });
+  const finite = (...values) => values.every((v) => v !== undefined && Number.isFinite(v));
+  const whiskers = [], shown = [];
   for (let i = 0; i < line.x.length; i++) {
     const [px, py] = [x.to(line.x[i]), y.to(line.y[i])];
-    if (!Number.isFinite(px) || !Number.isFinite(py)) continue;
-    if (line.low && Number.isFinite(line.low[i]) && Number.isFinite(line.high[i]))
-      group.append(whisker(px, y.to(line.low[i]), px, y.to(line.high[i])));
-    if (line.x_low && Number.isFinite(line.x_low[i]) && Number.isFinite(line.x_high[i]))
-      group.append(whisker(x.to(line.x_low[i]), py, x.to(line.x_high[i]), py));
-    group.append(markerAt(look, px, py));
+    if (!finite(px, py)) continue;
+    shown.push([px, py]);
+    if (finite(line.low?.[i], line.high?.[i])) whiskers.push([px, y.to(line.low[i]), px, y.to(line.high[i])]);
+    if (finite(line.x_low?.[i], line.x_high?.[i])) whiskers.push([x.to(line.x_low[i]), py, x.to(line.x_high[i]), py]);
   }
+  const many = shown.length > MANY_POINTS;
+  if (whiskers.length) group.append(svg("path", {
+    class: "whisker", stroke: look.colour, opacity: many ? 0.4 : null,
+    d: whiskers.map((w) => w.map((v) => v.toFixed(1))).map(([a, b, c, d]) => `M${a},${b}L${c},${d}`).join(""),
+  }));
+  if (many) group.append(svg("path", {
+    stroke: look.colour, "stroke-width": 3, "stroke-linecap": "round",
+    d: shown.map(([px, py]) => `M${px.toFixed(1)},${py.toFixed(1)}h0`).join(""),
+  }));
+  else group.append(...shown.map(([px, py]) => markerAt(look, px, py)));
 }
 
 /** Indices of consecutive points that are there, with one beyond each end of the view. */

@@ -10,7 +10,7 @@ function readable(figure, view) {
   const label = `${figure.chart.title}. ${HELP}`;
   const box = el("div", { class: "view", tabindex: "0", role: "application", "aria-label": label }, view.svg, tip);
   const reader = {
-    figure, view, box, tip, cursor: null, panel: 0, line: 0, drag: null,
+    figure, view, box, tip, cursor: null, line: figure.chosen ?? 0, drag: null,
     rule: svg("path", { class: "rule" }), brush: svg("rect", { class: "brush" }),
   };
   view.svg.append(reader.brush, reader.rule);
@@ -50,6 +50,7 @@ function onUp(reader, event) {
   if (from !== null && Math.abs(px - from) > 6) return zoomBetween(reader, from, px);
   const hit = nearest(reader.view, px, py);
   if (hit && hit.line.pick && hit.distance < 14) openPick(hit.line.pick);
+  else if (hit) showTip(reader, hit); // a finger does not hover
 }
 
 function showBrush(reader, px) {
@@ -138,7 +139,7 @@ function tipRows(chart, hit) {
       el("b", { text: digits(line.y[i]) }), el("small", { text: ends(line, i) })),
   );
   const more = hit.line.pick ? [el("small", { text: "click to open" })] : [];
-  return [el("div", { class: "where", symbols: `${chart.x}: ${digits(at)}` }), ...rows, ...more];
+  return [el("div", { class: "where", symbols: `${chart.x}: ${sayX(chart, at)}` }), ...rows, ...more];
 }
 
 const ends = (line, i) => (line.low ? ` ${digits(line.low[i], 3)} … ${digits(line.high[i], 3)}` : "");
@@ -181,7 +182,8 @@ function onKey(reader, event) {
 const curves = (view) => view.panels.flatMap((panel) => panel.lines.map((line) => ({ panel, line })));
 
 function step(reader, way) {
-  const { line } = reader.cursor ?? curves(reader.view)[0] ?? {};
+  const all = curves(reader.view);
+  const { line } = reader.cursor ?? all[Math.min(reader.line, all.length - 1)] ?? {};
   if (!line) return;
   const { x } = reader.view;
   const count = line.x.length;
@@ -208,10 +210,11 @@ function setCursor(reader, index) {
   reader.line = Math.min(reader.line, all.length - 1);
   const { panel, line } = all[reader.line];
   reader.cursor = { line, index };
+  reader.figure.chosen = reader.line; // drawn anew, the same curve is read on
   const hit = hitAt(panel, line, index, 0, 0, false);
   if (hit) showTip(reader, hit);
   const name = line.label || line.who || line.role;
-  say(`${name}, ${panel.panel.y}: ${digits(line.y[index])}${ends(line, index)} at ${digits(line.x[index])}`);
+  say(`${name}, ${panel.panel.y}: ${digits(line.y[index])}${ends(line, index)} at ${sayX(reader.figure.chart, line.x[index])}`);
 }
 
 function zoomAround(reader, factor) {
