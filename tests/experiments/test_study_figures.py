@@ -19,8 +19,8 @@ def pooled(method, factor, **changes):
     lag = (factor or 1.0) / 10
     row = {
         "method": method, "who": method, "estimator": method, "fault[0].factor": factor,
-        "start": 1.0, "parameter": "f_m", "changed": True, "cases": 4, "lag": lag, "lag_bound": 0.05,
-        "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
+        "start": 1.0, "parameter": "f_m", "changed": True, "cases": 4, "lag": lag,
+        "lag_bound": 0.05, "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
     }  # fmt: skip
     return row | changes
 
