@@ -212,7 +212,8 @@ def test_a_comparison_end_to_end(short, tmp_path):
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
     page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
     text = page.read_text(encoding="utf-8")
-    assert "<svg" in text and "src=" not in text and "my folder/short.toml" in text
+    assert '<figure class="chart" id="worst">' in text and " src=" not in text
+    assert "my folder/short.toml" in text
     assert f"candidate: {fast}" in text  # the legend
     assert "| short | std f_m |" in (tmp_path / "verdict.md").read_text(encoding="utf-8")
     focus = worst(found)
@@ -241,20 +242,6 @@ def test_another_noise_on_the_same_run(short, tmp_path):
         # 1600 samples: a correlation of 4/√1600 would be four standard deviations
         assert abs(np.corrcoef(noises)[0, 1]) < 0.1
         assert noises.std(axis=1) == pytest.approx([0.1, 0.1], rel=0.1)
-
-
-def test_the_legend_names_both_where_they_estimate_different_parameters(short):
-    from flexaxis.experiments.reporting.figures import trajectories
-    from flexaxis.experiments.scoring.curves import Curve
-
-    def curve(side, *names):
-        flat = np.ones((3, len(names)))
-        return Curve("short", side, names, np.arange(3.0), flat, flat, flat, flat)
-
-    sides = [curve("base", "k_T", "f_m"), curve("candidate", "f_m")]  # k_T has the first panel
-    figure = trajectories(sides, short, labels={"base": "base: a", "candidate": "candidate: b"})
-    texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == ["base: a", "truth", "candidate: b"]
 
 
 def test_who_does_not_estimate_what_changes_is_not_better():
