@@ -38,7 +38,7 @@ bench: $(VENV)/.core
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q $(PARALLEL)
 
-test-slow: $(VENV)/.test
+test-slow: $(VENV)/.test $(VENV)/.docs
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "slow or not slow"
 
 test-browser: $(VENV)/.browser
@@ -77,7 +77,7 @@ site: $(VENV)/.docs
 $(VENV)/.core: EXTRA :=
 $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
-$(VENV)/.browser: EXTRA := [test]
+$(VENV)/.browser: EXTRA := [test,docs]
 $(VENV)/.docs: EXTRA := [docs]
 $(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"

@@ -25,7 +25,8 @@ SIGNS = (
     + "".join(map(chr, [*range(0x1D434, 0x1D468), 0x210E, *range(0x1D6E2, 0x1D71C)]))
     + "".join(map(chr, range(0x391, 0x3CA)))
 )  # fmt: skip
-STYLE = """@font-face {{ font-family: "Site Math"; src: url("data:font/woff;base64,{}"); }}
+STYLE = """/* The font: a part of STIX Two Math, SIL Open Font License 1.1, as said in it. */
+@font-face {{ font-family: "Site Math"; src: url("data:font/woff;base64,{}"); }}
 math {{ font-family: "Site Math", math; }}
 """
 
@@ -68,7 +69,7 @@ def _write_style(app: Any, error: Exception | None) -> None:
 def _font() -> bytes:
     """Return the font with the signs of formulas only, and the larger ones that these grow to."""
     whole = Path(ziamath.__file__).with_name("fonts") / "STIXTwoMath-Regular.ttf"
-    options = subset.Options(layout_features=["*"], flavor="woff")
+    options = subset.Options(layout_features=["*"], flavor="woff", name_IDs=["*"])
     font = subset.load_font(str(whole), options)
     cutter = subset.Subsetter(options)
     cutter.populate(text=SIGNS)

@@ -100,6 +100,13 @@ def name_of(path: str) -> str:
     return f"{folder}/{stem}" if folder else stem
 
 
+def line_of(path: str) -> str:
+    """Return the line of a page in the navigation: its name, of a notebook with for whom it is."""
+    name = name_of(path)
+    whom = f"{Path(path).stem}s"
+    return f"Notebook for {whom} <{name}>" if path.endswith(".ipynb") else name
+
+
 def present(path: str) -> bool:
     """Return whether there is such a page: those that others still write may lack."""
     return path.startswith("made/") or path not in EXPECTED or (ROOT / path).exists()

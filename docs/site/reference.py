@@ -82,8 +82,7 @@ VERBS = ("look", "run", "judge", "teach")
 
 def _help(sub: argparse.ArgumentParser) -> str:
     """Return the help of a command as 96 columns show it, whatever terminal builds the site."""
-    formatter = sub.formatter_class
-    sub.formatter_class = lambda prog: formatter(prog, width=96)  # type: ignore[assignment,return-value]
+    sub.formatter_class = partial(argparse.RawDescriptionHelpFormatter, width=96)
     return sub.format_help()
 
 
@@ -159,6 +158,8 @@ def score_page() -> str:
         "The table `SCORES`, from which rows, summaries, reports and exports are made. Why they "
         "are as they are: [Scores](../scores.md).",
     ]
+    rows = [[f"[`{s.name}`](#{s.name})", s.unit or "", s.better or ""] for s in SCORES.values()]
+    parts += [table(["score", "unit", "better"], rows)]
     for score in SCORES.values():
         parts += [f"## {score.name}", score.words, table(["", ""], _facts(score))]
     return "\n\n".join(parts) + "\n"

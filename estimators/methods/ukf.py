@@ -15,11 +15,11 @@ from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
 from flexaxis.estimators.recursion.joint import state_covariance
 from flexaxis.estimators.recursion.level import level
-from flexaxis.estimators.recursion.records import Record, joined, record
+from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
 from flexaxis.estimators.recursion.sigma_points import ukf_loop
 from flexaxis.estimators.recursion.square_root import triangular_root
 from flexaxis.estimators.sampling.pattern import Pattern, split
-from flexaxis.estimators.sampling.plan import plan
+from flexaxis.estimators.sampling.symmetric import padded
 
 Array = NDArray[np.float64]
 
@@ -93,72 +93,66 @@ def joint_ukf(
     pattern, _ = split(design.model)
     known, level_start = level(design)
     tuning = joined(_tuning(design, pattern, spread, v0), known)
-    start = _start(design, pattern, spread, state_covariance(design, x0_covariance))
+    start = _start(design, pattern, tuning, state_covariance(design, x0_covariance))
     return CompiledFilter(
-        ukf_loop, tuning, joined(start, level_start), design, partial(_read, pattern.p)
+        ukf_loop(pattern), tuning, joined(start, level_start), design, partial(_read, pattern.p)
     )
 
 
 def _tuning(design: Design, pattern: Pattern, spread: float, v0: float) -> Record:
-    _, coefficients = split(design.model)
-    order, substeps = plan(design.model, design.lower, design.upper, design.period)
-    row, column, _ = np.array(pattern.entries).T
-    entry, *exponents = np.array(pattern.terms).T
-    m = pattern.p + pattern.n
-    weights = np.full(2 * m, 1 / (2 * spread**2 * m))
-    return record(
-        row=row,
-        column=column,
-        entry=entry,  # that a term c·Πθ^e is part of
-        exponent=np.array(exponents).T,
-        coefficient=coefficients * _held(design, pattern, substeps)[entry],
-        # 0 for states that are zero when a sample begins
-        keep=np.array([float(state not in pattern.reset) for state in range(pattern.n)]),
-        reach=spread * np.sqrt(m),  # of the sigma points, in standard deviations
-        mean=np.r_[1 - 1 / spread**2, weights],  # weights w
-        root=np.sqrt(np.r_[v0, weights]),  # √v
-        walk=np.linalg.cholesky(design.drift).T,  # upper square root of W
-        order=order,
-        substeps=substeps,
-        m=m,  # sizes known only when it runs: else the compiler unrolls every loop
-        p=pattern.p,
-        lower=design.lower,
-        upper=design.upper,
-        ceiling=design.theta0**2,  # of the variance of θ
+    lanes, _ = on_lanes(design, pattern)
+    n, p, m = pattern.n, pattern.p, pattern.p + pattern.n
+    weight = 1 / (2 * spread**2 * m)  # of each point but the first
+    # √v of the mean and of all pairs beside it in x, of their differences, of points apart in θ
+    roots = np.sqrt(np.r_[v0 + 2 * n * weight, np.full(n, 2 * weight), np.full(2 * p, weight)])
+    width = padded(1 + n + 2 * p)
+    return joined(
+        lanes,
+        record(
+            reach=spread * np.sqrt(m),  # of the sigma points, in standard deviations
+            weight=weight,
+            scale=_filled(roots, width),
+            # 1 for points, 0 for differences of points
+            whole=_filled(np.r_[1.0, np.zeros(n), np.ones(2 * p)], width),
+            lower=design.lower,
+            upper=design.upper,
+            ceiling=design.theta0**2,  # of the variance of θ
+        ),
     )
 
 
-def _held(design: Design, pattern: Pattern, substeps: int) -> Array:
-    """Return T/s for the entries of A and B, and 1 for those of C, (entries,)."""
-    row = np.array(pattern.entries)[:, 0]
-    return np.where(row < pattern.n, design.period / substeps, 1.0)
+def _filled(values: Array, width: int) -> Array:
+    """Return values with zeros behind them."""
+    return np.pad(values, (0, width - len(values)))
 
 
-def _start(design: Design, pattern: Pattern, spread: float, covariance: Array) -> Record:
+def _start(design: Design, pattern: Pattern, tuning: Record, covariance: Array) -> Record:
     p, n, m = pattern.p, pattern.n, pattern.p + pattern.n
-    row, column, _ = np.array(pattern.entries).T
     S = np.zeros((m, m))
     S[:p, :p], S[p:, p:] = np.linalg.cholesky(design.P0).T, triangular_root(covariance)
     xi = np.concatenate([design.theta0, design.x0, [0.0]])
-    reach = spread * np.sqrt(m) * S
-    points = np.zeros((m + 1, 2 * m + 1))
-    points[:m] = (xi[:m] + np.vstack([np.zeros(m), reach, -reach])).T
-    inside = np.clip(points[:p].T, design.lower, design.upper)
-    points[m] = [
-        design.model.blocks(theta)[0, n, :n] @ x
-        for theta, x in zip(inside, points[p:m].T, strict=True)
-    ]
-    _, substeps = plan(design.model, design.lower, design.upper, design.period)
-    entries = design.model.blocks(design.theta0)[0, row, column]
+    width, reach = padded(1 + n + 2 * p), tuning["reach"][0] * S
+    theta = np.tile(design.theta0[:, None], width)
+    theta[:, 1 + n : 1 + n + 2 * p] += np.vstack([reach[:p, :p], -reach[:p, :p]]).T
+    inside = np.clip(theta.T, design.lower, design.upper)
+    X = np.zeros((n + 1, width))
+    X[:n, : 1 + n] = np.vstack([design.x0, reach[p:, p:]]).T
+    X[:n, 1 + n : 1 + n + 2 * p] = design.x0[:, None]
+    X[n] = [design.model.blocks(at)[0, n, :n] @ x for at, x in zip(inside, X[:n].T, strict=True)]
+    array = np.zeros((1 + m, padded(2 + n + 3 * p)))
+    deviation = (theta - design.theta0[:, None]) * tuning["scale"][0]
+    array[1 : 1 + p, :width] = deviation
+    array[1 : 1 + p, 1 + n + 2 * p : 1 + n + 3 * p] = np.linalg.cholesky(design.drift)
+    lanes = on_lanes(design, pattern)[1]
     return record(
         xi=xi,  # θ, x and, last, what y is expected to be
         S=S,  # P = SᵀS, upper triangular
-        # [A B; C 0] at each sigma point
-        M=np.outer(entries * _held(design, pattern, substeps), np.ones(2 * m + 1)),
-        points=points,  # side by side: θ, x and y of each
-        power=np.zeros((n + 1, 2 * m + 1)),
-        next=np.zeros((n + 1, 2 * m + 1)),
-        array=np.zeros((2 * m + p + 2, 1 + m)),
+        theta=inside.T,  # of the points, side by side
+        M=np.tile(lanes["M"][0, :, :1], width),  # [A B; C 0] at each
+        X=X,  # x and y of each
+        inputs=np.zeros(width),
+        array=array,  # columns side by side: y, θ and x
+        upper=np.zeros((1 + m, 1 + m)),
     )
 
 
@@ -201,7 +195,6 @@ ENTRIES = (
         unscented,
         knob="walk",
         default=WALK,
-        look=("#117733", "s"),
         rank=8,
     ),
 )

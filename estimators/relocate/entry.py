@@ -161,7 +161,6 @@ ENTRIES = (
         relocate,
         knob="forgetting",
         default=0.995,
-        look=("#882255", "*"),
         rank=30,
     ),
     Entry(
@@ -170,7 +169,6 @@ ENTRIES = (
         relocate_friction,
         knob="walk",
         default=WALK,
-        look=("#FF9DA7", "P"),
         rank=31,
         laws=True,
     ),

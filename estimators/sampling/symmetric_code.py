@@ -5,7 +5,13 @@ from numba import types
 from numba.extending import intrinsic, overload
 
 from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, LANE, Lanes
-from flexaxis.estimators.sampling.symmetric import carry, look, merge, padded
+from flexaxis.estimators.sampling.symmetric import (
+    carry,
+    look,
+    merge,
+    padded,
+    triangularize_columns,
+)
 
 
 class Rows(Lanes):
@@ -60,6 +66,11 @@ class Rows(Lanes):
         two = add(low, high)
         return add(*(self.builder.extract_element(two, LANE(i)) for i in range(2)))
 
+    def root(self, a: ir.Value) -> ir.Value:
+        """Return √a."""
+        function = self.builder.module.declare_intrinsic("llvm.sqrt", [DOUBLE])
+        return self.builder.call(function, [a])
+
     def less(self, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
         """Return c − a·b."""
         build = self.builder
@@ -89,16 +100,15 @@ def _look(typing_context, X, P, Ph):
 
 
 @intrinsic
-def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
-    (high, lanes), (m,) = X.shape, gain.shape
-    n, p = high - 1, m - high + 1
+def _carry(typing_context, X, Ph, root, W, P, gain):  # noqa: PLR0917
+    (high, lanes), (p, _), (m,) = X.shape, W.shape, gain.shape
 
     def emit(context, builder, signature, arguments):
         rows = Rows(context, builder, m)
-        X, Ph, P, gain = (rows.data(signature.args[i], arguments[i]) for i in (0, 1, 3, 4))
+        X, Ph, W, P, gain = (rows.data(signature.args[i], arguments[i]) for i in (0, 1, 3, 4, 5))
         root = arguments[2]
-        h = rows.behind(X, n, lanes)
-        G = [rows.behind(X, i, lanes) for i in range(n)]
+        h = rows.behind(X, high - 1, lanes)
+        G = [rows.behind(X, i, lanes) for i in range(m - p)]
         old = [rows.load(P, a) for a in range(m)]
         GP = [rows.times([rows.pick(g, q) for q in range(m)], old) for g in G]
         k = [builder.fmul(root, rows.scalar(Ph, INDEX(a))) for a in range(p)]
@@ -108,7 +118,7 @@ def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
 
         def moved(a, b):
             if a < p:
-                return rows.pick(old[a], b)
+                return builder.fadd(rows.pick(old[a], b), rows.scalar(W, INDEX(a * p + b)))
             return rows.pick(GP[a - p], b) if b < p else rows.dot(GP[a - p], G[b - p])
 
         for a in range(m):
@@ -119,7 +129,7 @@ def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
                     rows.write(P, b * rows.parts * rows.part + a, value)
         return context.get_dummy_value()
 
-    return types.void(X, Ph, root, P, gain), emit
+    return types.void(X, Ph, root, W, P, gain), emit
 
 
 @intrinsic
@@ -130,10 +140,7 @@ def _merge(typing_context, share, P, other, apart):
         rows = Rows(context, builder, m)
         P, other, apart = (rows.data(signature.args[i], arguments[i]) for i in (1, 2, 3))
         rest = builder.fsub(DOUBLE(1.0), arguments[0])
-        root = builder.call(
-            builder.module.declare_intrinsic("llvm.sqrt", [DOUBLE]),
-            [builder.fmul(arguments[0], rest)],
-        )
+        root = rows.root(builder.fmul(arguments[0], rest))
         share, rest, root = map(rows.splat, (arguments[0], rest, root))
         e = rows.product(root, rows.read(apart))
         for a in range(m):
@@ -145,6 +152,55 @@ def _merge(typing_context, share, P, other, apart):
     return types.void(share, P, other, apart), emit
 
 
+@intrinsic
+def _triangularize(typing_context, A, R):
+    columns, length = A.shape
+
+    def emit(context, builder, signature, arguments):
+        rows = Rows(context, builder, length)
+        A, R = map(rows.data, signature.args, arguments)
+        rest = [rows.load(A, c) for c in range(columns)]
+        for j in range(columns):
+            v, rest = rest[0], rest[1:]
+            v = tuple(_without(builder, part, j - c * rows.part) for c, part in enumerate(v))
+            norm, above, scale = _reflection(rows, v, j)
+            rows.write(R, j * columns + j, norm)
+            v = rows.insert(v, above, j)
+            sign = builder.select(
+                builder.fcmp_ordered("<", above, DOUBLE(0.0)), *map(DOUBLE, (1.0, -1.0))
+            )
+            for c, other in enumerate(rest):
+                factor = rows.splat(builder.fmul(rows.dot(v, other), scale))
+                rest[c] = rows.fused(factor, v, other)
+                value = builder.fmul(sign, rows.pick(rest[c], j))
+                rows.write(R, j * columns + j + 1 + c, value)
+        return context.get_dummy_value()
+
+    return types.void(A, R), emit
+
+
+def _without(builder, vector, count):
+    """Return a vector with its first elements, so many, set to zero."""
+    nothing = ir.Constant(vector.type, [0.0] * vector.type.count)
+    lanes = [vector.type.count if i < count else i for i in range(vector.type.count)]
+    return builder.shuffle_vector(
+        vector, nothing, ir.Constant(ir.VectorType(LANE, len(lanes)), lanes)
+    )
+
+
+def _reflection(rows, v, j):
+    """Return |v|, and of the reflection that leaves its element j only, that and −2/|.|²."""
+    builder = rows.builder
+    square, first = rows.dot(v, v), rows.pick(v, j)
+    norm = rows.root(square)
+    minus = builder.fcmp_ordered(">", first, DOUBLE(0.0))
+    alpha = builder.select(minus, builder.fneg(norm), norm)
+    above = builder.fsub(first, alpha)
+    scale = builder.fdiv(DOUBLE(1.0), builder.fmul(alpha, above))
+    nothing = builder.fcmp_ordered("<=", square, DOUBLE(0.0))
+    return norm, above, builder.select(nothing, DOUBLE(0.0), scale)
+
+
 @overload(look)
 def _compiled_look(X, P, Ph):
     def compiled(X, P, Ph):
@@ -154,9 +210,9 @@ def _compiled_look(X, P, Ph):
 
 
 @overload(carry)
-def _compiled_carry(X, Ph, root, P, gain):
-    def compiled(X, Ph, root, P, gain):
-        _carry(X, Ph, root, P, gain)  # type: ignore[call-arg]
+def _compiled_carry(X, Ph, root, W, P, gain):  # noqa: PLR0917
+    def compiled(X, Ph, root, W, P, gain):  # noqa: PLR0917
+        _carry(X, Ph, root, W, P, gain)  # type: ignore[call-arg]
 
     return compiled
 
@@ -165,5 +221,13 @@ def _compiled_carry(X, Ph, root, P, gain):
 def _compiled_merge(share, P, other, apart):
     def compiled(share, P, other, apart):
         _merge(share, P, other, apart)  # type: ignore[call-arg]
+
+    return compiled
+
+
+@overload(triangularize_columns)
+def _compiled_triangularize(A, R):
+    def compiled(A, R):
+        _triangularize(A, R)  # type: ignore[call-arg]
 
     return compiled

@@ -111,7 +111,7 @@ def own_of(
     faults = [s for s in board.faults if s.name in settings]
     calm = [s for s in board.nuisances if s.name in settings]
     lines = {s.name: {label: dict(settings[s.name])} for s in faults}
-    found = again(faults, lines, board.seeds, bench) if faults else None
+    found = again(faults, lines, board.seeds, bench) if faults else []
     as_set, lost, runs = [], 0, 0
     for scenario in [*faults, *calm]:
         text = next((t for t, turn in settings[scenario.name].items() if turn == 1), estimator)
@@ -120,7 +120,7 @@ def own_of(
         runs += len(each)
         if scenario in calm:
             as_set.append(_as_set(scenario, label, each))
-    return Own(found.at_excess if found else [], as_set, lost, runs)
+    return Own(found, as_set, lost, runs)
 
 
 def _as_set(scenario: Scenario, label: str, runs: Runs) -> Row:

@@ -133,6 +133,11 @@ def compare(
     margins : mapping of str to float, optional
         Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
 
+    Returns
+    -------
+    Comparison
+        The verdict, and a line a scenario and score.
+
     Raises
     ------
     FlexaxisError

@@ -6,7 +6,6 @@ burn-in is shaded. Pages have charts of their own (`charts`); these are for note
 
 from __future__ import annotations
 
-import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,33 +14,27 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.reporting import looks
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
-# The registry has the look of each estimator: colours distinct also for the colour-blind (after
-# Okabe and Ito, and after Tol), one hue a family, and a marker. Others get a pair by their name.
-_ROLES = {"base": ("#0072B2", "o"), "candidate": ("#D55E00", "o")}
-_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LONGEST = 40  # characters of a name in a legend
 
 
 def colour(estimator: str) -> str:
-    """Return the colour of an estimator, the same in every figure."""
-    return _look(estimator)[0]
+    """Return the colour of an estimator, the same in every figure; see `looks`."""
+    return looks.look(estimator).light
 
 
 def marker(estimator: str) -> str:
     """Return the marker of an estimator, the same in every figure of points."""
-    return _look(estimator)[1]
+    return looks.look(estimator).marker
 
 
-def _look(estimator: str) -> tuple[str, str]:
-    known = REGISTRY[estimator].look if estimator in REGISTRY else _ROLES.get(estimator)
-    if known is not None:
-        return known
-    digest = hashlib.sha256(estimator.encode()).digest()
-    return _PALETTE[digest[0] % len(_PALETTE)], "osD^v<>PX"[digest[1] % 9]
+def dash(estimator: str) -> Any:
+    """Return the line style of an estimator, as matplotlib takes it."""
+    lengths = [float(part) for part in looks.look(estimator).dash.split()]
+    return (0, lengths) if lengths else "-"
 
 
 def symbol(name: str) -> str:

@@ -27,6 +27,8 @@ from numpy.typing import NDArray
 SHORT = 48  # numbers: a list of them is smaller than an array with its description
 LEVELS = 65_000  # of 16-bit integers; the rest is for gaps
 FINE = 2000  # levels that the middle 90 % of the values must have, or they are kept as floats
+ON_GRID = 1e-3  # of its step, by which a value on a grid may be off
+LEVEL = 7  # of deflating: the highest takes eight times as long for 2 % less
 DIGITS = 6  # significant, of numbers in a list: a screen has 2000 points
 
 
@@ -42,7 +44,7 @@ def packed(content: Any) -> str:
     heap = _Heap()
     text = json.dumps(heap.plain(content), ensure_ascii=False, separators=(",", ":")).encode()
     block = struct.pack("<I", len(text)) + text + b"".join(heap.parts)
-    return base64.b64encode(zlib.compress(block, 9)).decode()
+    return base64.b64encode(zlib.compress(block, LEVEL)).decode()
 
 
 class _Heap:
@@ -71,16 +73,18 @@ class _Heap:
             return [self._array(row) for row in values]
         if len(values) <= SHORT:
             return [_number(v) for v in values]
-        step = (values[-1] - values[0]) / (len(values) - 1)
-        even = values[0] + step * np.arange(len(values))
-        if np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
-            return {"array": ["even", 0, len(values), values[0], step]}
+        if np.isfinite(values).all():
+            step = (values[-1] - values[0]) / (len(values) - 1)
+            even = values[0] + step * np.arange(len(values))
+            if np.allclose(values, even, rtol=0, atol=1e-6 * abs(step)):
+                return {"array": ["even", 0, len(values), values[0], step]}
         finite = values[np.isfinite(values)]
         low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
-        step = (high - low) / LEVELS
+        grid = _grid(finite)
+        step = grid or (high - low) / LEVELS
         middle = np.subtract(*np.percentile(finite, (95, 5))) if finite.size else 0.0
         # A burst takes the whole range and would leave the rest in a few levels.
-        if step == 0 or middle < FINE * step:
+        if step == 0 or (middle < FINE * step and not grid):
             return self._kept("f4", values.astype("<f4"), 0.0, 1.0)
         level = np.full(len(values), -32768)
         level[np.isfinite(values)] = np.rint((finite - low) / step) - LEVELS // 2
@@ -98,6 +102,23 @@ class _Heap:
             self.parts.append(raw)
             self._size += len(raw)
         return {"array": [kind, self._places[raw], len(values), float(low), float(step)]}
+
+
+def _grid(values: NDArray[np.float64]) -> float:
+    """Return the step of values that were rounded to one, 0 where there is none.
+
+    Their differences then are small numbers, and deflate to half.
+    """
+    there = np.unique(values)
+    if len(there) < 2:
+        return 0.0
+    least = float(np.diff(there).min())
+    span = float(there[-1] - there[0])
+    for step in (least, least / 2, least / 3):
+        places = (there - there[0]) / step
+        if span / step < LEVELS and abs(places - np.rint(places)).max() < ON_GRID:
+            return step
+    return 0.0
 
 
 def _said(value: Any) -> list[tuple[str, Any]]:

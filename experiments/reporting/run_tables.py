@@ -47,6 +47,11 @@ class Cell:
     text: str
     within: str = ""
 
+    @property
+    def sorted_by(self) -> str:
+        """The value for sorting and saving, with six digits."""
+        return f"{self.value:.6g}" if isinstance(self.value, float) else str(self.value)
+
 
 FIRST = ("lag", "over_bound", "t10", "std", "bias", "score", "diverged", "false_alarms")
 """What is seen without asking where something changes, in this order."""

@@ -22,13 +22,17 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}
 <div class="scroll"><table class="numbers live" id="scores" data-name="scores">
 <tr><th>estimator</th><th>group</th><th data-term="lag">lag [s]</th><th data-more>seeds</th></tr>
 {% for who, group, lag in rows %}
-<tr data-who="{{ who }}" data-group="{{ group }}"><td>{{ who|look }}{{ who }}</td><td class="text">{{ group }}</td><td data-value="{{ "" if lag is none else lag }}">{{ lag|number }}</td><td>8</td></tr>
+<tr data-who="{{ who }}" data-group="{{ group }}"><td>{{ who|look }}{{ who }}</td>
+<td class="text">{{ group }}</td>
+<td data-value="{{ "" if lag is none else lag }}">{{ lag|number }}</td><td>8</td></tr>
 {% endfor %}
 </table></div>
 <h3>Wide</h3>
 <div class="scroll"><table class="numbers live" id="wide" data-name="wide">
-<tr><th>row</th>{% for i in range(14) %}<th>column {{ i }} [s]</th>{% endfor %}</tr>
-{% for n in range(7) %}<tr><td>row {{ n }}</td>{% for i in range(14) %}<td>{{ n * i / 7 }}</td>{% endfor %}</tr>
+<tr><th>row</th>{% for i in range(20) %}<th>column {{ i }} [s]</th>{% endfor %}</tr>
+{% for n in range(7) %}
+<tr><td>row {{ "abcdefg"[n] }}</td>
+{% for i in range(20) %}<td>{{ (n * i / 7)|number }}</td>{% endfor %}</tr>
 {% endfor %}
 </table></div>
 {% for chart in charts %}

@@ -6,7 +6,6 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import BRISTLES, N1, real_axis
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.relocate.entry import relocate_friction
 from flexaxis.estimators.relocate.finding import LOST, interval_of
 from flexaxis.estimators.relocate.follow import angle_of, follow, turn
@@ -286,16 +285,6 @@ def test_a_law_that_is_identified_is_tracked_behind_the_others():
 def test_what_starts_at_zero_cannot_be_identified(name):
     with pytest.raises(EstimatorError, match=f"^{name} = 0 gives its changes no scale: give the"):
         relocate_friction(N1 | {name: 0.0}, T, identify=("k_T", name))
-
-
-def test_every_estimator_has_a_colour_and_marker_of_its_own():
-    looks = [entry.look for entry in REGISTRY.values() if entry.look is not None]
-    assert len(set(looks)) == len(looks)
-    friction = [entry.look[0] for name, entry in REGISTRY.items() if "friction" in name]
-    colours = [look[0] for look in looks]
-    for colour in set(friction):
-        if colour != REGISTRY["imm-friction"].look[0]:
-            assert colours.count(colour) == 1
 
 
 @pytest.mark.slow

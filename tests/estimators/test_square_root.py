@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from flexaxis.estimators.recursion.records import record
 from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
+from flexaxis.estimators.sampling.compiler import compiled
+from flexaxis.estimators.sampling.symmetric import triangularize_columns
 
 RNG = np.random.default_rng(0)
 
@@ -31,3 +34,26 @@ def test_cholesky_and_substitution():
     np.testing.assert_allclose(np.tril(L), np.linalg.cholesky(A), rtol=1e-12)
     forward(L, X)
     np.testing.assert_allclose(np.linalg.cholesky(A) @ X, B, rtol=1e-12)
+
+
+@compiled
+def triangularized(states):
+    triangularize_columns(states[0]["A"], states[0]["R"])
+
+
+def test_columns_side_by_side_are_triangularized_as_numpy_does():
+    A = np.zeros((5, 12))
+    A[:, :11] = RNG.standard_normal((5, 11))
+    state, plain = record(A=A, R=np.zeros((5, 5))), np.zeros((5, 5))
+    triangularized(state)
+    triangularize_columns(A, plain)
+    np.testing.assert_allclose(state["R"][0], np.linalg.cholesky(A @ A.T).T, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(plain, state["R"][0], rtol=1e-12, atol=1e-14)
+
+
+def test_columns_side_by_side_may_be_singular():
+    A = np.zeros((5, 12))
+    A[0] = A[3] = RNG.standard_normal(12)
+    state = record(A=A, R=np.zeros((5, 5)))
+    triangularized(state)
+    np.testing.assert_allclose(state["R"][0].T @ state["R"][0], A @ A.T, atol=1e-14)

@@ -37,11 +37,11 @@ function drawNow(place) {
   draw?.();
 }
 
-/** Draw again what has been drawn; what is still far off is drawn when it comes near. */
-function redrawFigures(names = [...Figures.keys()]) {
-  for (const name of names) {
-    const figure = Figures.get(name);
-    if (figure && !waiting.has(figure.place)) figure.draw();
+/** Draw all again, each when it comes near: a long page has a hundred. */
+function redrawFigures() {
+  for (const figure of Figures.values()) {
+    watcher.unobserve(figure.place); // who is near already is told so again
+    whenNear(figure.place, figure.draw);
   }
 }
 
@@ -56,7 +56,7 @@ function drawFigure(figure) {
   figure.views = shown.map((range, i) =>
     drawView(figure.chart, range.ends, width, `${figure.name}-${i}`),
   );
-  figure.frame.replaceChildren(...figure.views.map((view) => readable(figure, view)));
+  replaceKeepingFocus(figure.frame, figure.views.map((view) => readable(figure, view)));
   figure.frame.style.minHeight = "";
 }
 
@@ -130,7 +130,7 @@ const roleItem = (line, text) =>
 /** Make the curves of one estimator stand out; of none, all as before. */
 function highlight(figure, who) {
   for (const part of figure.frame.querySelectorAll(".line, .band")) {
-    part.classList.toggle("far", Boolean(who) && part.dataset.who !== who);
+    part.classList.toggle("far", Boolean(who && part.dataset.who) && part.dataset.who !== who);
     part.classList.toggle("near", Boolean(who) && part.dataset.who === who);
   }
 }

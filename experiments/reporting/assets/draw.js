@@ -144,10 +144,19 @@ function drawMarkers(group, line, look, x, y) {
   const phase = ((looks[line.who].place * 7) % 9) / 9;
   for (let n = 0; n < 4; n++) {
     const target = x.from(x.begin + ((n + phase) / 4) * (x.end - x.begin));
-    const i = nearestIndex(line.x, target);
-    if (i >= 0 && Math.abs(x.to(line.x[i]) - x.to(target)) < 20 && Number.isFinite(line.y[i]))
-      group.append(markerAt(look, x.to(line.x[i]), y.to(line.y[i]), { class: "sparse" }));
+    const at = y.to(valueAt(line, target));
+    if (Number.isFinite(at)) group.append(markerAt(look, x.to(target), at, { class: "sparse" }));
   }
+}
+
+/** What a line has at a value of x between its points; NaN beyond them. */
+function valueAt(line, x) {
+  let i = 0;
+  while (i < line.x.length && !(line.x[i] > x)) i++;
+  if (i === 0 || i === line.x.length) return NaN;
+  if (line.kind === "steps") return line.y[i - 1];
+  const share = (x - line.x[i - 1]) / (line.x[i] - line.x[i - 1]);
+  return line.y[i - 1] + share * (line.y[i] - line.y[i - 1]);
 }
 
 function drawPoints(group, line, look, x, y) {

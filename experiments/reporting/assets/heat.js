@@ -65,9 +65,13 @@ function heatBox(figure, panel, tone, width) {
     picture.append(...cellAt(left + i * cell.w, 22 + (chart.ys.length - 1 - j) * cell.h, cell, value, tone(value)));
   }));
   heatAxes(picture, chart, { left, cell, width, height });
-  const box = el("div", { class: "view heat" }, picture, tip);
-  box.addEventListener("pointermove", (event) => readCell(event, { chart, panel, picture, tip, left, cell, width }));
+  const label = `${chart.title}, ${title}. Arrow keys read off cells.`;
+  const box = el("div", { class: "view heat", tabindex: "0", role: "application", "aria-label": label }, picture, tip);
+  const reader = { chart, panel, picture, tip, left, cell, width, i: 0, j: -1 };
+  box.addEventListener("pointermove", (event) => readCell(reader, event));
   box.addEventListener("pointerleave", () => (tip.hidden = true));
+  box.addEventListener("blur", () => (tip.hidden = true));
+  box.addEventListener("keydown", (event) => moveCell(reader, event));
   return box;
 }
 
@@ -97,18 +101,40 @@ function heatAxes(picture, chart, { left, cell, width, height }) {
   );
 }
 
-function readCell(event, { chart, panel, picture, tip, left, cell, width }) {
+/** Read off the cell below the pointer. */
+function readCell(reader, event) {
+  const { chart, picture, left, cell, width } = reader;
   const box = picture.getBoundingClientRect();
   const k = width / box.width;
-  const i = Math.floor(((event.clientX - box.left) * k - left) / cell.w);
-  const j = chart.ys.length - 1 - Math.floor(((event.clientY - box.top) * k - 22) / cell.h);
+  reader.i = Math.floor(((event.clientX - box.left) * k - left) / cell.w);
+  reader.j = chart.ys.length - 1 - Math.floor(((event.clientY - box.top) * k - 22) / cell.h);
+  showCell(reader);
+}
+
+const MOVES = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+/** Go to the next cell by keyboard, and say what is there. */
+function moveCell(reader, event) {
+  const move = MOVES[event.key];
+  if (!move) return;
+  event.preventDefault();
+  const { chart } = reader;
+  const first = reader.j < 0;
+  reader.i = first ? 0 : Math.min(Math.max(reader.i + move[0], 0), chart.xs.length - 1);
+  reader.j = first ? 0 : Math.min(Math.max(reader.j + move[1], 0), chart.ys.length - 1);
+  showCell(reader);
+  say([...reader.tip.children].map((line) => line.textContent).join(", "));
+}
+
+function showCell({ chart, panel, picture, tip, left, cell, width, i, j }) {
   const value = panel.values[j]?.[i];
-  tip.hidden = value === undefined || value === null || i < 0;
+  tip.hidden = value === undefined || i < 0;
   if (tip.hidden) return;
   tip.replaceChildren(
     el("div", { symbols: `${chart.x}: ${nameOf(chart.xs[i])}` }), el("div", { symbols: `${chart.y}: ${nameOf(chart.ys[j])}` }),
     el("b", { text: `${digits(value)} ${chart.unit ?? ""}` }),
   );
-  tip.style.left = `${Math.min(event.clientX - box.left + 12, box.width - 150)}px`;
-  tip.style.top = `${event.clientY - box.top + 14}px`;
+  const k = picture.getBoundingClientRect().width / width;
+  tip.style.left = `${Math.max(0, Math.min((left + (i + 0.6) * cell.w) * k, width * k - 170))}px`;
+  tip.style.top = `${(26 + (chart.ys.length - j) * cell.h) * k}px`;
 }

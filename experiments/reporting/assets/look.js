@@ -47,13 +47,13 @@ function swatch(line) {
   const marked = Boolean(looks[line.who]) || line.kind === "points" || line.kind === "both";
   return svg(
     "svg",
-    { class: "swatch", viewBox: "0 0 34 12", width: 34, height: 12, "aria-hidden": "true" },
+    { class: "swatch", viewBox: "0 0 30 12", width: 30, height: 12, "aria-hidden": "true" },
     line.kind === "points" && !looks[line.who]
       ? null
       : svg("path", {
-          d: "M1,6H33", stroke: look.colour, "stroke-width": 2, "stroke-dasharray": look.dash || null,
+          d: "M1,6H29", stroke: look.colour, "stroke-width": 2, "stroke-dasharray": look.dash || null,
         }),
-    marked ? markerAt(look, 17, 6) : null,
+    marked ? markerAt(look, 15, 6) : null,
   );
 }
 

@@ -10,7 +10,7 @@ function readable(figure, view) {
   const label = `${figure.chart.title}. ${HELP}`;
   const box = el("div", { class: "view", tabindex: "0", role: "application", "aria-label": label }, view.svg, tip);
   const reader = {
-    figure, view, box, tip, cursor: null, panel: 0, line: 0, drag: null,
+    figure, view, box, tip, cursor: null, line: figure.chosen ?? 0, drag: null,
     rule: svg("path", { class: "rule" }), brush: svg("rect", { class: "brush" }),
   };
   view.svg.append(reader.brush, reader.rule);
@@ -50,6 +50,7 @@ function onUp(reader, event) {
   if (from !== null && Math.abs(px - from) > 6) return zoomBetween(reader, from, px);
   const hit = nearest(reader.view, px, py);
   if (hit && hit.line.pick && hit.distance < 14) openPick(hit.line.pick);
+  else if (hit) showTip(reader, hit); // a finger does not hover
 }
 
 function showBrush(reader, px) {
@@ -181,7 +182,8 @@ function onKey(reader, event) {
 const curves = (view) => view.panels.flatMap((panel) => panel.lines.map((line) => ({ panel, line })));
 
 function step(reader, way) {
-  const { line } = reader.cursor ?? curves(reader.view)[0] ?? {};
+  const all = curves(reader.view);
+  const { line } = reader.cursor ?? all[Math.min(reader.line, all.length - 1)] ?? {};
   if (!line) return;
   const { x } = reader.view;
   const count = line.x.length;
@@ -208,6 +210,7 @@ function setCursor(reader, index) {
   reader.line = Math.min(reader.line, all.length - 1);
   const { panel, line } = all[reader.line];
   reader.cursor = { line, index };
+  reader.figure.chosen = reader.line; // drawn anew, the same curve is read on
   const hit = hitAt(panel, line, index, 0, 0, false);
   if (hit) showTip(reader, hit);
   const name = line.label || line.who || line.role;

@@ -7,7 +7,7 @@ function showChanges(keys) {
     showParts();
     redrawFigures();
     for (const live of Tables.values()) showTable(live);
-  } else redrawFigures(charts);
+  } else charts.forEach((name) => Figures.has(name) && Figures.get(name).draw());
   for (const id of keys.filter((key) => /^(sort|find|all)\./.test(key)).map((key) => key.replace(/^\w+\./, "")))
     if (Tables.has(id)) showTable(Tables.get(id));
   if (keys.includes("pick")) showPick();

@@ -42,13 +42,14 @@ function reachable(scroll, name) {
 function setUpHead(live, cell, column) {
   cell.setAttribute("scope", "col");
   if (cell.hasAttribute("data-fixed") || !cell.textContent.trim()) return;
-  const button = el("button", { type: "button", class: "sort" });
+  const button = el("button", { type: "button", class: "sort", onclick: () => nextOrder(live, column) });
+  // Of a head with a link in it only the mark is pressed: no control lies inside another.
+  if (cell.querySelector("a, button")) button.setAttribute("aria-label", `Sort by ${headText(cell)}`);
+  else button.append(...cell.childNodes);
   if (cell.dataset.term) {
     button.dataset.term = cell.dataset.term;
     delete cell.dataset.term;
   }
-  button.append(...cell.childNodes);
-  button.addEventListener("click", () => nextOrder(live, column));
   cell.append(button);
 }
 
