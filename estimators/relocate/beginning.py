@@ -27,9 +27,9 @@ from flexaxis.estimators.recursion.seen import (
     seen,
 )
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.fit import normal_equations
 from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.normal import normal_equations
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.fit import normal_equations
+from flexaxis.estimators.relocate.normal import normal_equations
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
