@@ -6,10 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
+from flexaxis.estimators.relocate.work import CALL, Work, of_sample, samples_of
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
+from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
+
+START = 16  # samples that take as long as to begin
 
 
 class Sums(NamedTuple):
@@ -128,3 +132,32 @@ def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, 
     add(sums, u, y, present, colour, 0, len(u))
     misfit = finish(sums, variance)
     return misfit, sums.H, sums.g
+
+
+def summing(  # noqa: PLR0917
+    terms: Terms,
+    theta: Array,
+    x: Array,
+    u: Array,
+    y: Array,
+    present: NDArray[np.bool_],
+    epsilon: Array,
+    colour: Array,
+    variance: float,
+    active: NDArray[np.int64],
+    *,
+    grain: float,
+) -> Work[tuple[float, Array, Array]]:
+    """Do as `normal_equations`, in pieces of so many operations."""
+    cost = of_sample(terms, 1 + len(active))
+    samples = samples_of(grain, cost)
+    if samples >= len(u):
+        yield CALL + cost * (START + len(u))
+        given = x, u, y, present, epsilon, colour, variance, active
+        return normal_equations(terms, theta, *given)  # type: ignore[no-any-return]
+    yield CALL + START * cost
+    sums = begun(terms, theta, active, x, epsilon, len(colour))
+    for first in range(0, len(u), samples):
+        yield CALL + cost * min(samples, len(u) - first)
+        add(sums, u, y, present, colour, first, min(first + samples, len(u)))
+    return finish(sums, variance), sums.H, sums.g
