@@ -43,8 +43,8 @@ class Thinning:
             "are drawn sample by sample at the fault": self.near,
             "are drawn over time": self.drawn,
         }
-        limits = [f"the first {n} {what}" for what, n in parts.items() if n < ALL]
-        return f"In the order of the ranking, {', '.join(limits)}." if limits else ""
+        limits = [f"only the first {n} {what}" for what, n in parts.items() if n < ALL]
+        return f"In the order of the ranking, {' and '.join(limits)}." if limits else ""
 
 
 Made = Callable[[Sequence[Any], str, Thinning], str]
