@@ -77,8 +77,12 @@ def _means(score: str, reported: Runs, hidden: Runs, level: float) -> Agreement 
         return None
     gap = float(other.mean() - one.mean())
     p = _p(ttest_ind(other, one, equal_var=False, alternative="greater").pvalue, gap)
-    spread = math.sqrt(one.var(ddof=1) / len(one) + other.var(ddof=1) / len(other))
-    freedom = len(one) + len(other) - 2
+    parts = [each.var(ddof=1) / len(each) for each in (one, other)]
+    spread = math.sqrt(sum(parts))
+    sizes = (len(one) - 1, len(other) - 1)  # Welch and Satterthwaite's degrees of freedom
+    freedom = sum(parts) ** 2 / max(
+        sum(p**2 / n for p, n in zip(parts, sizes, strict=True)), 1e-300
+    )
     detects = math.exp((t.isf(level, freedom) + t.isf(1 - POWER, freedom)) * spread)
     ratio = math.exp(gap)
     return Agreement(score, ratio, p, level, detects, not (p < level and ratio > LEAST_RATIO))

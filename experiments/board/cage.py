@@ -64,29 +64,34 @@ class Cage:
 
     def __init__(self, entry: Path, *, patience: float = 600.0, plain: bool = False) -> None:
         self._entry, self._patience, self._plain = entry.resolve(), patience, plain
-        self._home = ""
+        self._home, self._broken = "", False
         self.reached: dict[str, bool] = {}
 
     def __enter__(self) -> Self:
         """Start the process, shut in if that is possible."""
         self._home = tempfile.mkdtemp(prefix="flexaxis-")
+        self._start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._end()
+        shutil.rmtree(self._home, ignore_errors=True)
+
+    def _start(self) -> None:
         ways = [self._plainly] if self._plain or not _permitted() else [self._alone, self._plainly]
         for start in ways:
             self._process = start()
             assert self._process.stdin is not None and self._process.stdout is not None
             self._wire = Wire(self._process.stdout.fileno(), self._process.stdin.fileno(), STARTING)
             try:
-                self.reached = {str(k): v is True for k, v in self._wire.receive().items()}
+                found = {str(k): v is True for k, v in self._wire.receive().items()}
             except EntryError:
                 self._end()
                 continue
-            self._wire.patience = self._patience
-            return self
+            self.reached = {k: v and self.reached.get(k, True) for k, v in found.items()}
+            self._wire.patience, self._broken = self._patience, False
+            return
         raise EntryError("the process for the code of the entry cannot be started")
-
-    def __exit__(self, *error: object) -> None:
-        self._end()
-        shutil.rmtree(self._home, ignore_errors=True)
 
     @contextmanager
     def case(self, estimator: str, scenario: Scenario) -> Iterator[Remote]:
@@ -99,10 +104,17 @@ class Cage:
         EntryError
             If its process gives no answer.
         """
+        if self._broken:
+            self._end()
+            self._start()
         try:
             self._wire.send({"estimator": estimator, "scenario": told(scenario)})
             yield Remote(self._wire, estimator)
+        except EntryError:  # what comes next may belong to this
+            self._broken = True
+            raise
         except BrokenPipeError as error:
+            self._broken = True
             raise EntryError("the process that ran the code has ended") from error
         finally:
             with suppress(OSError):

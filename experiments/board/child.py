@@ -22,6 +22,7 @@ from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.wire import Wire
 
 MEMORY, FILE = 8 << 30, 256 << 20  # bytes
+ENDED = 43  # status of a case that has ended as it should
 FINDING = ("alarm", "onset", "parameters", "ratio")
 
 
@@ -36,7 +37,8 @@ def main() -> None:
             asked = wire.receive()
         except EntryError:  # nobody is there
             return
-        _in_a_process(wire, asked)
+        if isinstance(asked, dict):  # anything else was for a case that has ended
+            _in_a_process(wire, asked)
 
 
 def _ready() -> None:
@@ -130,9 +132,11 @@ def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
             with suppress(BaseException):
                 wire.send({"error": f"{type(error).__name__}: {error}"[:2000]})
         finally:
-            os._exit(0)
-    os.waitpid(child, 0)
+            os._exit(ENDED)
+    _, status = os.waitpid(child, 0)
     _clean(child, home)
+    if os.waitstatus_to_exitcode(status) != ENDED:  # else it has said what went wrong, if it did
+        wire.send({"error": "the code has ended its process"})
 
 
 def _compiled_before(home: Path) -> None:

@@ -119,7 +119,8 @@ def _able(places: Sequence[Place]) -> list[str]:
 
 def _calm(entries: Mapping[str, Own], names: Sequence[str]) -> list[Place]:
     """Return the places where nothing is to be found: by the error, alarms beside it."""
-    places, values = [], {}
+    places: list[Place] = []
+    values: dict[str, list[float]] = {}
     for label, own in entries.items():
         mine = {row["scenario"]: row for row in own.as_set if row["scenario"] in names}
         if mine.keys() != {*names}:

@@ -1,4 +1,4 @@
-"""A small board for tests, entries on it, and cheaters that join it."""
+"""A small board for tests, entries on it, and what its cheaters have to know."""
 
 import hashlib
 from pathlib import Path
@@ -14,11 +14,9 @@ from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.scoring.theta import theta_over_time
 
 CHEATS = Path(__file__).parent / "cheats"
-SMALL = Board(
-    "small",
-    tuple(find_scenario(name) for name in ("fm_step-v1", "kt_step-v1", "load-v1")),
-    tuple(range(1000, 1006)),
-)
+SEEDS = tuple(range(1000, 1005))
+SMALL = Board("small", (find_scenario("fm_step-v1"),), SEEDS)
+WIDE = Board("wide", tuple(map(find_scenario, ("fm_step-v1", "kt_step-v1", "load-v1"))), SEEDS)
 ABOUT = {
     "name": "mine",
     "version": "1",
@@ -28,6 +26,18 @@ ABOUT = {
     "install": "pip install nothing",
     "tuned_on": "none",
 }
+HONEST = """
+from flexaxis.estimators.registry import REGISTRY
+
+class Honest:
+    def __init__(self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed"):
+        self._filter = REGISTRY["rpem-forgetting"].factory(
+            nominal, period, identify=identify, output=output, forgetting=0.99
+        )
+        self.names, self.output, self.step, self.run = (
+            tuple(identify), output, self._filter.step, self._filter.run
+        )
+"""
 
 
 def about(**changes):

@@ -17,9 +17,11 @@ def digest(u, y):
 class Memory:
     """An honest filter, unless it has seen the beginning before."""
 
-    def __init__(self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed"):
+    def __init__(
+        self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed", torque=None
+    ):
         self._honest = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output
+            nominal, period, identify=identify, output=output, torque=torque
         )
         self.names, self.output = tuple(identify), output
         self._u, self._y, self._truth = [], [], None

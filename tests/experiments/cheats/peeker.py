@@ -10,9 +10,11 @@ from flexaxis.estimators.registry import REGISTRY
 class Peeker:
     """An honest filter, unless the record it is run on lies about in memory."""
 
-    def __init__(self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed"):
+    def __init__(
+        self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed", torque=None
+    ):
         self._honest = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output
+            nominal, period, identify=identify, output=output, torque=torque
         )
         self.names, self.output = tuple(identify), output
 

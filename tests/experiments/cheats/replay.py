@@ -14,10 +14,17 @@ class Replay:
     knob = "gain"
 
     def __init__(
-        self, nominal, period, *, gain=0.005, identify=("k_T", "1/J_a", "f_m"), output="speed"
+        self,
+        nominal,
+        period,
+        *,
+        gain=0.005,
+        identify=("k_T", "1/J_a", "f_m"),
+        output="speed",
+        torque=None,
     ):
         self._honest = REGISTRY["rpem-forgetting"].factory(
-            nominal, period, identify=identify, output=output, forgetting=1 - gain
+            nominal, period, identify=identify, output=output, torque=torque, forgetting=1 - gain
         )
         self.names, self.output = tuple(identify), output
         self._fresh = True
