@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import chdir
+from contextlib import chdir, contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -96,7 +97,7 @@ def _of_log(
             remark = "names code: --run-code runs it"
         else:
             try:
-                with chdir(entry.folder):
+                with chdir(entry.folder), _nothing_compiled():
                     spec = parse(entry.estimator)
                     tracked = track(first, axis, spec, identify=identify, start=START)
                 last = dict(zip(tracked.names, tracked.last.tolist(), strict=True))
@@ -104,6 +105,16 @@ def _of_log(
             except (EstimatorError, FlexaxisError) as problem:
                 remark = str(problem)
         yield LogScore(entry.about.name, entry.label, name, error, nominal, remark)
+
+
+@contextmanager
+def _nothing_compiled() -> Iterator[None]:
+    """Keep Python from writing into an entry what it compiles."""
+    usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = usual
 
 
 def error_of(record: Record, axis: Axis) -> float:
