@@ -131,7 +131,7 @@ def with_values(axis: Axis, theta: Mapping[str, float]) -> Axis:
         name.removeprefix("1/"): 1 / value if name.startswith("1/") else value
         for name, value in theta.items()
     }
-    return replace(axis, model=replace(axis.model, nominal={**axis.model.nominal, **values}))
+    return axis.having(values)
 
 
 def _theta(axis: Axis, names: Sequence[str]) -> dict[str, float]:
