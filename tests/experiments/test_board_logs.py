@@ -52,7 +52,7 @@ def test_who_follows_the_first_part_predicts_the_rest(tmp_path):
     (tmp_path / "code" / "mine.py").write_text(HONEST)
     taken = [entry(tmp_path, name) for name in ("ekf", "frozen", "code/mine.py:Honest")]
     ekf, frozen, own = log_scores(taken, tmp_path)
-    assert ekf.leads and ekf.error < 0.25 * ekf.nominal and not frozen.leads
+    assert ekf.leads and ekf.error < 0.5 * ekf.nominal and not frozen.leads
     assert frozen.error == pytest.approx(frozen.nominal)  # whoever does nothing stays 20 % off
     assert own.error is None and own.remark == "names code: --run-code runs it"
     assert not list(tmp_path.rglob("__pycache__"))
