@@ -21,7 +21,7 @@ import gallery
 import links
 import reference
 import sources
-from pages import ROOT, line_of, labs, name_of, sections, unplaced
+from pages import ROOT, labs, line_of, name_of, sections, unplaced
 from sphinx.cmd.build import main as sphinx
 from staging import Staged
 

@@ -123,8 +123,9 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     look(state)
     used = judge(tuning, state, y[k], valid[k], state["X"][-1, 0], state["spread"])
     correct(tuning, state, used, state["noise"])
-    start_sample(state["X"], len(state["X"]) - 1, estimates.shape[1])
-    for i in range(estimates.shape[1]):
+    p = estimates.shape[1]
+    start_sample(state["X"], len(state["gain"]) - p, p)
+    for i in range(p):
         estimates[k, i] = state["theta"][i]
     show(state, trace[k])
     return False

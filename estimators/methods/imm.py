@@ -154,7 +154,8 @@ def imm_loop(pattern: Pattern) -> Compiled:
 @inlined
 def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     """Do with a sample what `flexaxis.estimators.recursion.loop.sample_loop` asks for."""
-    n, p = len(states[0]["X"]) - 1, estimates.shape[1]
+    p = estimates.shape[1]
+    n = len(states[0]["gain"]) - p
     used = look_together(tunings[0], states, y[k], valid[k])
     noise = states[0]["noise"]
     for j in range(len(states)):

@@ -23,11 +23,10 @@ from flexaxis.estimators.offline.structure import (
     with_laws,
 )
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
-from flexaxis.estimators.recursion.joint import state_covariance, with_state
+from flexaxis.estimators.recursion.joint import state_covariance
 from flexaxis.estimators.recursion.modal import Modes
 from flexaxis.estimators.recursion.seen import AS_ABSENT, AS_TOLD
 from flexaxis.estimators.recursion.tracker import Tracker
-from flexaxis.estimators.sampling.pattern import split
 
 WALK = 7e-4  # 1/√s, of θ over its scale: 1 % in a minute, about what warming does
 JUMP = 0.22  # of θ over its scale, of a jump: faults are of 10 to 50 %
@@ -134,7 +133,7 @@ def imm_friction(
     suspects = _names("suspects", suspects, (*may, *SUSPECTS))
     which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
-    W = np.zeros(with_state(split(design.model)[0]).p)
+    W = np.zeros(len(names))
     W[: len(tracked)] = walk**2 * period
     modes = Modes(
         which=tuple(names.index(name) for name in which),

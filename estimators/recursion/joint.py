@@ -110,18 +110,15 @@ def correct(tuning, state, y, noise):
     S = hᵀPh + R, K = F P h/S, ξ ← ξ⁺ + K (y − y⁺), P ← F P Fᵀ + W − K S Kᵀ.
     """
     P, X, gain, theta = state["P"], state["X"], state["gain"], state["theta"]
-    n, p = len(X) - 1, len(tuning["lower"])
+    p = len(tuning["lower"])
     measured = not np.isnan(y)
     root = 1.0 / np.sqrt(state["spread"] + noise) if measured else 0.0
-    carry(X, state["Ph"], root, P, gain)
-    for i in range(p):
-        for j in range(p):
-            P[i, j] += tuning["drift"][i, j]
+    carry(X, state["Ph"], root, tuning["drift"], P, gain)
     if measured:
         innovation = (y - X[-1, 0]) * root
         for i in range(p):
             theta[i] += gain[i] * innovation
-        for i in range(n):
+        for i in range(len(gain) - p):
             X[i, 0] += gain[p + i] * innovation
     bound(P, tuning["ceiling"])
     project(theta, tuning["lower"], tuning["upper"])

@@ -9,6 +9,7 @@ from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.level import level
 from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
 from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.sampling.symmetric import padded
 
 Array = NDArray[np.float64]
 
@@ -22,8 +23,8 @@ class Modes:
     ----------
     which : tuple of int
         The parameters that jump, each in a mode of its own.
-    walk : (m,) array
-        What the variances of ξ = [θ; x] gain in every sample, in every mode.
+    walk : (p,) array
+        What the variances of θ gain in every sample, in every mode.
     jump : (modes−1,) array
         What that of a parameter gains in every sample of its mode besides.
     rate : (modes−1,) array
@@ -69,10 +70,12 @@ def modal_records(
     C = blocks[:, -1, :-1]
     X[:n, 1 + p : 1 + m] = np.eye(n)
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
-    P = np.zeros((J, m, m))
-    P[:, :p, :p], P[:, p:, p:] = design.P0, covariance
+    P = np.zeros((J, m, padded(m)))
+    P[:, :p, :p], P[:, p:, p:m] = design.P0, covariance
+    walk = np.zeros((p, p))
+    walk[np.diag_indices(p)] = modes.walk
     chain = record(
-        walk=modes.walk,
+        walk=walk,
         jump=modes.jump,
         which=np.array(modes.which),
         quiet=1 - float(np.sum(modes.rate)) * period,
@@ -95,16 +98,14 @@ def modal_records(
         echo=np.array([0.0, 1.0, np.nan]),
     )
     work = record(
-        Ph=np.zeros((J, m)),
+        Ph=np.zeros(m),
         spread=np.zeros(J),
         shift=np.zeros(J),
-        GP=np.zeros((n, m)),
-        GT=np.zeros((m, n)),
         moved=np.zeros(n),
         gain=np.zeros(m),
-        parted=np.zeros((J, m)),
-        row=np.zeros((J, m)),
-        share=np.zeros((J, J)),
+        apart=np.zeros(m),
+        mixed=np.zeros(m),
+        mixed_P=np.zeros(P.shape[1:]),
     )
     watched = record(
         ring=np.zeros((round(REMEMBERED / period), q + q * q + 1)),

@@ -15,28 +15,23 @@ import numpy as np
 
 from flexaxis.estimators.recursion.modes import LEAST
 from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.sampling.symmetric import carry, look, merge
 
 LOUDEST = 0.95  # correlation of innovations that follow each other, at most
 
 
 @inlined
 def foresee(state):
-    """Write P_j h, hᵀP_j h and hᵀδ_j; return mean and variance of ŷ over the mixture."""
-    P, X, Ph, delta = state["P"], state["X"], state["Ph"], state["delta"]
+    """Write hᵀP_j h and hᵀδ_j; return mean and variance of ŷ over the mixture."""
+    X, delta = state["X"], state["delta"]
     spread, shift, weight = state["spread"], state["shift"], state["predicted"]
     modes, m = len(delta), len(state["gain"])
     mean, variance = 0.0, 0.0
     for j in range(modes):
-        shift[j], spread[j] = 0.0, 0.0
-        for a in range(m):
-            Ph[j, a] = 0.0
+        spread[j] = look(X, state["P"][j], state["Ph"])
+        shift[j] = 0.0
         for b in range(m):
-            h = X[-1, 1 + b]
-            shift[j] += h * delta[j, b]
-            for a in range(m):
-                Ph[j, a] += h * P[j, b, a]
-        for a in range(m):
-            spread[j] += X[-1, 1 + a] * Ph[j, a]
+            shift[j] += X[-1, 1 + b] * delta[j, b]
         mean += weight[j] * shift[j]
     for j in range(modes):
         variance += weight[j] * (spread[j] + (shift[j] - mean) ** 2)
@@ -44,81 +39,36 @@ def foresee(state):
 
 
 @inlined
-def transit(tuning, state):
-    """Take δ_j and P_j of every mode over the last sample; a measurement comes later."""
-    P, X, GT = state["P"], state["X"], state["GT"]
-    walk, jump, which = tuning["walk"], tuning["jump"], tuning["which"]
-    for b in range(len(GT)):
-        for i in range(len(state["moved"])):
-            GT[b, i] = X[i, 1 + b]
-    for j in range(len(P)):
-        times_G(state, j)
-        transport_all(state, j)
-        for i in range(len(GT)):
-            P[j, i, i] += walk[i]
+def transit(tuning, state, y, noise):
+    """Take δ_j and P_j of every mode over the last sample, and through y unless that is NaN."""
+    X, P, gain, which = state["X"], state["P"], state["gain"], tuning["which"]
+    measured = not np.isnan(y)
+    for j in range(len(state["P"])):
+        look(X, P[j], state["Ph"])
+        root = 1.0 / np.sqrt(state["spread"][j] + noise) if measured else 0.0
+        carry(X, state["Ph"], root, tuning["walk"], P[j], gain)
         if j > 0:
-            P[j, which[j - 1], which[j - 1]] += jump[j - 1]
+            P[j, which[j - 1], which[j - 1]] += tuning["jump"][j - 1]
+        move(state, j)
+        if measured:
+            innovation = (y - X[-1, 0] - state["shift"][j]) * root
+            state["logarithm"][j] = np.log(root) - 0.5 * innovation**2
+            for a in range(len(gain)):
+                state["delta"][j, a] += gain[a] * innovation
 
 
 @inlined
-def times_G(state, j):
-    """Write G P_j, and G δ_j."""
-    P, GP, GT = state["P"], state["GP"], state["GT"]
-    delta, moved = state["delta"], state["moved"]
-    GP[:] = 0.0
-    moved[:] = 0.0
-    for b in range(len(GT)):
+def move(state, j):
+    """δ_j ← F δ_j."""
+    X, delta, moved = state["X"], state["delta"], state["moved"]
+    p = len(state["gain"]) - len(moved)
+    for i in range(len(moved)):
+        moved[i] = 0.0
+    for b in range(len(state["gain"])):
         for i in range(len(moved)):
-            moved[i] += GT[b, i] * delta[j, b]
-            if GT[b, i] != 0.0:
-                for a in range(len(GT)):
-                    GP[i, a] += GT[b, i] * P[j, b, a]
-
-
-@inlined
-def transport_all(state, j):
-    """P_j ← F P_j Fᵀ and δ_j ← F δ_j with F = [I 0; G], given G P_j and G δ_j."""
-    P, GP, GT, delta = state["P"], state["GP"], state["GT"], state["delta"]
-    n, m = len(state["moved"]), len(GT)
-    p = m - n
-    for i in range(n):
-        delta[j, p + i] = state["moved"][i]
-        for a in range(n):
-            P[j, p + i, p + a] = 0.0
-        for b in range(m):
-            for a in range(n):
-                P[j, p + i, p + a] += GP[i, b] * GT[b, a]
-        for a in range(p):
-            P[j, p + i, a] = P[j, a, p + i] = GP[i, a]
-    for i in range(n):  # exactly symmetric, or rounding would make it less so with every sample
-        for a in range(i):
-            P[j, p + a, p + i] = P[j, p + i, p + a]
-
-
-@inlined
-def learn_from(state, y, noise):
-    """Take δ_j and P_j of every mode through a measurement; keep its log Λ_j."""
-    P, X, Ph, delta = state["P"], state["X"], state["Ph"], state["delta"]
-    gain = state["gain"]
-    modes, m = len(delta), len(state["gain"])
-    n = len(state["moved"])
-    p = m - n
-    for j in range(modes):
-        S = state["spread"][j] + noise
-        innovation = y - X[-1, 0] - state["shift"][j]
-        state["logarithm"][j] = -0.5 * (np.log(S) + innovation**2 / S)
-        root = 1.0 / np.sqrt(S)
-        for a in range(p):
-            gain[a] = Ph[j, a] * root
-        for i in range(n):
-            gain[p + i] = 0.0
-        for b in range(m):
-            for i in range(n):
-                gain[p + i] += state["GT"][b, i] * (Ph[j, b] * root)
-        for a in range(m):
-            delta[j, a] += gain[a] * (root * innovation)
-            for b in range(m):
-                P[j, a, b] -= gain[a] * gain[b]
+            moved[i] += X[i, 1 + b] * delta[j, b]
+    for i in range(len(moved)):
+        delta[j, p + i] = moved[i]
 
 
 @inlined
@@ -154,56 +104,45 @@ def weigh_all(state, repeated):
 
 @inlined
 def mix_all(tuning, state):
-    """Give every mode the δ⁰ and P⁰ from which it goes on."""
-    shares(tuning, state)
-    P, delta, share = state["P"], state["delta"], state["share"]
-    parted, row = state["parted"], state["row"]
-    modes, m = len(delta), len(state["gain"])
-    parted[:] = delta
-    delta[:] = 0.0
-    for j in range(modes):
-        for i in range(modes):
-            if share[j, i] != 0.0:
-                for a in range(m):
-                    delta[j, a] += share[j, i] * parted[i, a]
-    for a in range(m):
-        for j in range(modes):  # rows of the mixed covariances, in the place of the old ones
-            mixed_row(state, j, a)
-        for j in range(modes):
-            for b in range(m):
-                P[j, a, b] = row[j, b]
+    """
+    Give every mode the δ⁰ and P⁰ from which it goes on: c_j = Σ_i Π_ij μ_i, μ_i|j = Π_ij μ_i/c_j.
+
+    Two at a time, which is the same. From a jump a mode goes to quiet only, and to a jump from
+    quiet only; what quiet becomes is kept beside it until the others no more need what it was.
+    """
+    P, delta, weight = state["P"], state["delta"], state["probability"]
+    mixed, mixed_P, predicted = state["mixed"], state["mixed_P"], state["predicted"]
+    stay, total = tuning["stay"], tuning["quiet"] * weight[0]
+    put(delta[0], P[0], mixed, mixed_P)
+    for j in range(1, len(weight)):
+        share = (1.0 - stay) * weight[j]
+        total += share
+        join(state, mixed, mixed_P, j, share / total)
+    for j in range(1, len(weight)):
+        share = tuning["come"][j - 1] * weight[0]
+        predicted[j] = share + stay * weight[j]
+        join(state, delta[j], P[j], 0, share / predicted[j])
+    predicted[0] = total
+    put(mixed, mixed_P, delta[0], P[0])
 
 
 @inlined
-def shares(tuning, state):
-    """Write c_j = Σ_i Π_ij μ_i, and μ_i|j = Π_ij μ_i/c_j; from a jump a mode goes to quiet only."""
-    weight, predicted, share = state["probability"], state["predicted"], state["share"]
-    quiet, stay, come = tuning["quiet"], tuning["stay"], tuning["come"]
-    predicted[0] = quiet * weight[0]
-    for j in range(1, len(weight)):
-        predicted[0] += (1.0 - stay) * weight[j]
-        predicted[j] = come[j - 1] * weight[0] + stay * weight[j]
-    for j in range(len(weight)):
-        share[0, j] = (quiet if j == 0 else 1.0 - stay) * weight[j] / predicted[0]
-    for j in range(1, len(weight)):
-        share[j, 0] = come[j - 1] * weight[0] / predicted[j]
-        share[j, j] = stay * weight[j] / predicted[j]
+def join(state, mean, P, j, share):
+    """Take mean and covariance to those of a mixture with mode j, of weight ``share``."""
+    apart = state["apart"]
+    for a in range(len(apart)):
+        apart[a] = mean[a] - state["delta"][j, a]
+        mean[a] -= share * apart[a]
+    merge(share, P, state["P"][j], apart)
 
 
 @inlined
-def mixed_row(state, j, a):
-    """Write row a of P⁰_j beside the old ones."""
-    P, delta, share = state["P"], state["delta"], state["share"]
-    parted, row = state["parted"], state["row"]
-    m = len(state["gain"])
-    for b in range(m):
-        row[j, b] = 0.0
-    for i in range(len(share)):
-        if share[j, i] != 0.0:
-            apart = parted[i, a] - delta[j, a]
-            for b in range(m):
-                other = parted[i, b] - delta[j, b]
-                row[j, b] += share[j, i] * (P[i, a, b] + apart * other)
+def put(mean, P, other, other_P):
+    """Write mean and covariance in another place."""
+    for a in range(P.shape[0]):
+        other[a] = mean[a]
+        for b in range(P.shape[1]):
+            other_P[a, b] = P[a, b]
 
 
 @inlined

@@ -20,7 +20,6 @@ from flexaxis.estimators.recursion.records import Record, joined
 from flexaxis.estimators.recursion.seen import seen
 from flexaxis.estimators.recursion.shared import (
     foresee,
-    learn_from,
     mix_all,
     recentre,
     repetition,
@@ -295,12 +294,11 @@ def _take(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     tuning, state = tunings[0], states[0]
     mean, variance = foresee(state)
     used = judge(tuning, state, y[k], valid[k], mean, variance)
-    transit(tuning, state)
+    transit(tuning, state, used, state["noise"])
     repeated = repetition(tuning, state, used, variance + state["noise"])
     if np.isnan(used):
         state["probability"][:] = state["predicted"]
     else:
-        learn_from(state, used, state["noise"])
         weigh_all(state, repeated)
     mix_all(tuning, state)
     recentre(tuning, state)

@@ -3,10 +3,12 @@ Covariances in rows of vector registers: over a sample, through a measurement, m
 
 P is that of ξ = [θ; x], p parameters and n states, m = p + n of them: (m, w) with w from `padded`;
 what pads a row is zero. In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its
-block θθ stays as it is. X (n+1, ≥ 1+m) has G behind its first lane, and in its last row h, the
-derivative of the output. What is symmetric stays so to the last bit. These functions say what is
-done; `flexaxis.estimators.sampling.symmetric_code` has their twins for the compiler, straight-line
-code for sizes that it takes from the shapes of X and of the last argument but P.
+block θθ only gains W. X (> n, ≥ 1+m) has G behind its first lane, rows of no account below it, and
+in its last row h, the derivative of the output. What is symmetric stays so to the last bit.
+
+These functions say what is done; `flexaxis.estimators.sampling.symmetric_code` has their twins for
+the compiler, straight-line code for sizes that it takes from the shapes of X, of W and of what is
+of length m.
 """
 
 import numpy as np
@@ -35,9 +37,11 @@ def look(X: Array, P: Array, Ph: Array) -> float:
     return float(h @ Ph)
 
 
-def carry(X: Array, Ph: Array, root: float, P: Array, gain: Array) -> None:
+def carry(  # noqa: PLR0917
+    X: Array, Ph: Array, root: float, W: Array, P: Array, gain: Array
+) -> None:
     """
-    Take P over a sample and through its measurement: P ← F P Fᵀ − k kᵀ, k = F P h·root.
+    Take P over a sample and through its measurement: P ← F P Fᵀ + W − k kᵀ, k = F P h·root.
 
     Parameters
     ----------
@@ -45,14 +49,17 @@ def carry(X: Array, Ph: Array, root: float, P: Array, gain: Array) -> None:
         As for `look`.
     root : float
         1/√S of the innovation; 0 where there is no measurement.
+    W : (p, p) array
+        What the covariance of θ gains.
     gain : (m,) array
         k, written.
     """
-    m, n = len(gain), len(X) - 1
+    m, p = len(gain), len(W)
     F = np.eye(m)
-    F[m - n :] = X[:n, 1 : 1 + m]
+    F[p:] = X[: m - p, 1 : 1 + m]
     gain[:] = F @ Ph * root
     moved = F @ P[:, :m] @ F.T
+    moved[:p, :p] += W
     P[:, :m] = np.tril(moved) + np.tril(moved, -1).T - np.outer(gain, gain)
 
 

@@ -100,16 +100,15 @@ def _look(typing_context, X, P, Ph):
 
 
 @intrinsic
-def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
-    (high, lanes), (m,) = X.shape, gain.shape
-    n, p = high - 1, m - high + 1
+def _carry(typing_context, X, Ph, root, W, P, gain):  # noqa: PLR0917
+    (high, lanes), (p, _), (m,) = X.shape, W.shape, gain.shape
 
     def emit(context, builder, signature, arguments):
         rows = Rows(context, builder, m)
-        X, Ph, P, gain = (rows.data(signature.args[i], arguments[i]) for i in (0, 1, 3, 4))
+        X, Ph, W, P, gain = (rows.data(signature.args[i], arguments[i]) for i in (0, 1, 3, 4, 5))
         root = arguments[2]
-        h = rows.behind(X, n, lanes)
-        G = [rows.behind(X, i, lanes) for i in range(n)]
+        h = rows.behind(X, high - 1, lanes)
+        G = [rows.behind(X, i, lanes) for i in range(m - p)]
         old = [rows.load(P, a) for a in range(m)]
         GP = [rows.times([rows.pick(g, q) for q in range(m)], old) for g in G]
         k = [builder.fmul(root, rows.scalar(Ph, INDEX(a))) for a in range(p)]
@@ -119,7 +118,7 @@ def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
 
         def moved(a, b):
             if a < p:
-                return rows.pick(old[a], b)
+                return builder.fadd(rows.pick(old[a], b), rows.scalar(W, INDEX(a * p + b)))
             return rows.pick(GP[a - p], b) if b < p else rows.dot(GP[a - p], G[b - p])
 
         for a in range(m):
@@ -130,7 +129,7 @@ def _carry(typing_context, X, Ph, root, P, gain):  # noqa: PLR0917
                     rows.write(P, b * rows.parts * rows.part + a, value)
         return context.get_dummy_value()
 
-    return types.void(X, Ph, root, P, gain), emit
+    return types.void(X, Ph, root, W, P, gain), emit
 
 
 @intrinsic
@@ -211,9 +210,9 @@ def _compiled_look(X, P, Ph):
 
 
 @overload(carry)
-def _compiled_carry(X, Ph, root, P, gain):
-    def compiled(X, Ph, root, P, gain):
-        _carry(X, Ph, root, P, gain)  # type: ignore[call-arg]
+def _compiled_carry(X, Ph, root, W, P, gain):  # noqa: PLR0917
+    def compiled(X, Ph, root, W, P, gain):  # noqa: PLR0917
+        _carry(X, Ph, root, W, P, gain)  # type: ignore[call-arg]
 
     return compiled
 

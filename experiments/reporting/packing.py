@@ -28,6 +28,7 @@ SHORT = 48  # numbers: a list of them is smaller than an array with its descript
 LEVELS = 65_000  # of 16-bit integers; the rest is for gaps
 FINE = 2000  # levels that the middle 90 % of the values must have, or they are kept as floats
 ON_GRID = 1e-3  # of its step, by which a value on a grid may be off
+LEVEL = 7  # of deflating: the highest takes eight times as long for 2 % less
 DIGITS = 6  # significant, of numbers in a list: a screen has 2000 points
 
 
@@ -43,7 +44,7 @@ def packed(content: Any) -> str:
     heap = _Heap()
     text = json.dumps(heap.plain(content), ensure_ascii=False, separators=(",", ":")).encode()
     block = struct.pack("<I", len(text)) + text + b"".join(heap.parts)
-    return base64.b64encode(zlib.compress(block, 9)).decode()
+    return base64.b64encode(zlib.compress(block, LEVEL)).decode()
 
 
 class _Heap:

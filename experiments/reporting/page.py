@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from html import unescape
 from importlib.resources import files
@@ -23,23 +22,10 @@ from flexaxis.experiments.reporting.packing import packed
 
 if TYPE_CHECKING:
     from jinja2 import Environment
-    from matplotlib.figure import Figure
 
 DATA = "<!-- the data of this page -->"  # what is escaped cannot read so
 # A letter with an index that is no part of a longer word; as in assets/dom.js.
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9]{1,3})(?![\w-])")
-
-
-@dataclass(frozen=True)
-class Shown:
-    """A figure as it stands in a page: under a title, with what there is to know of it below.
-
-    The pages of runs and of studies each go through a list of functions that yield such.
-    """
-
-    title: str
-    words: str
-    figure: Figure
 
 
 class Charted(dict[str, Any]):
@@ -79,13 +65,6 @@ def render(template: str, content: Mapping[str, Any]) -> str:
 def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
     """Return charts as a template takes them: `id`, `title`, `words`, and `html` to put inside."""
     return [Charted(chart) for chart in charts]
-
-
-def shown(figures: Iterable[Shown]) -> list[dict[str, str]]:
-    """Return figures as a template takes them: `title`, `words`, and `svg` to put inside."""
-    from flexaxis.experiments.reporting.figures import svg
-
-    return [{"title": f.title, "words": f.words, "svg": svg(f.figure)} for f in figures]
 
 
 def symbols(text: str) -> Markup:

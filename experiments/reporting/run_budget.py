@@ -10,8 +10,48 @@ from typing import Any
 
 SMALL, LARGE = 3.0, 12.0  # MB: of a report of a few scenarios, and of the whole catalogue
 FEW = 12  # scenarios
+AT_ONCE = 500  # runs of which there is no need to learn how much one takes, if all have room
 PROBES = 24  # runs that are tried to learn how much one takes
+CURVES = 0.85  # of the room that all but the single runs may take before curves are thinned
 TRIES = 6
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """What is left out of the curves over time, of the estimators after so many of the ranking.
+
+    Attributes
+    ----------
+    bands : int
+        How many have a band about their median.
+    near : int
+        How many are drawn sample by sample at the fault.
+    drawn : int
+        How many are drawn at all.
+    """
+
+    bands: int = 1000
+    near: int = 1000
+    drawn: int = 1000
+
+    @property
+    def words(self) -> str:
+        """What that means for who looks at it; empty where nothing is left out."""
+        first = "Of the curves over time, those after the first {} of the ranking have {}."
+        parts = [
+            "no band" if self.bands < FULL.bands else "",
+            "every tenth sample only" if self.near < FULL.near else "",
+        ]
+        told = " and ".join(filter(None, parts))
+        if self.drawn < FULL.drawn:
+            return f"Curves over time are drawn of the first {self.drawn} of the ranking."
+        return first.format(self.bands, told) if told else ""
+
+
+Made = Callable[[Sequence[Any], str, Thinning], str]
+FULL = Thinning()
+THINNINGS = (FULL, Thinning(bands=9), Thinning(bands=9, near=9), Thinning(bands=9, near=9, drawn=9))
+"""What is tried one after the other; nine are shown unless others are asked for."""
 
 
 @dataclass(frozen=True)
@@ -33,28 +73,38 @@ class Budget:
         return cls(1e6 * (default if size is None else size))
 
     def fitted(
-        self, wanted: Sequence[Any], made: Callable[[Sequence[Any], str], str], *, folder: str
+        self,
+        wanted: Sequence[Any],
+        made: Callable[[Sequence[Any], str, Thinning], str],
+        folder: str,
     ) -> str:
         """Return a page with as many of the things that are wanted as there is room for.
+
+        Curves come first: they are thinned where they alone would take most of the room.
 
         Parameters
         ----------
         wanted : sequence
             The more important ones first.
         made : callable
-            ``made(chosen, left)``: the page with some of them, and a sentence on the others.
+            ``made(chosen, left, thinning)``: the page with some of them, and what is left out.
         folder : str
             Of the run, for the line that gives all of them.
         """
-        bare = _size(made([], ""))
-        if not wanted:
-            return made([], "")
-        probes = wanted[:: -(-len(wanted) // PROBES)]
-        each = max(1.0, (_size(made(probes, "")) - bare) / len(probes))
+        if len(wanted) <= AT_ONCE and _size(page := made(wanted, "", FULL)) <= self.most:
+            return page
+        for thinning in THINNINGS:
+            bare = _size(made([], "", thinning))
+            if bare <= CURVES * self.most:
+                break
+        probes = wanted[:: -(-len(wanted) // PROBES)] if wanted else []
+        each = max(1.0, (_size(made(probes, "", thinning)) - bare) / max(1, len(probes)))
         count = min(len(wanted), max(0, int((self.most - bare) / each)))
         for _ in range(TRIES):
-            said = _left(count, len(wanted), bare + each * len(wanted), folder)
-            page = made(wanted[:count], said)
+            left = f"{thinning.words} {_left(count, len(wanted))}".strip()
+            if left:
+                left += f" All of it: {_line(folder, bare + each * len(wanted), thinning)}"
+            page = made(wanted[:count], left, thinning)
             over = _size(page) - self.most
             if over <= 0 or count == 0:
                 break
@@ -66,11 +116,15 @@ def _size(page: str) -> int:
     return len(page.encode())
 
 
-def _left(count: int, all_of_them: int, size: float, folder: str) -> str:
-    """Return what is left out, and the line that gives it."""
+def _left(count: int, all_of_them: int) -> str:
+    """Return what is left out of single runs."""
     if count == all_of_them:
         return ""
-    line = shlex.join(["flexaxis", "report", folder, "--size", str(math.ceil(1.1 * size / 1e6))])
     first = ", the worst and the median of each estimator first" if count > 1 else ""
-    said = f"{count} of {all_of_them} single runs can be opened here{first}"
-    return f"{said}, for the size of this file. All of them: {line}"
+    return f"{count} of {all_of_them} single runs can be opened{first}, for the size of this file."
+
+
+def _line(folder: str, size: float, thinning: Thinning) -> str:
+    """Return the line that gives all, with a size [MB] that is enough for it."""
+    most = size if thinning is FULL else 2 * size  # a thinned curve is half of one at least
+    return shlex.join(["flexaxis", "report", folder, "--size", str(math.ceil(1.1 * most / 1e6))])

@@ -1,8 +1,7 @@
-"""The charts of a run: trajectories with the time at the fault, single runs, speed over noise."""
+"""The charts of a run over time: every estimator on a scenario, whole and at the fault."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,23 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
-from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.reporting.run_budget import FULL, Thinning
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Curve, near_fault
 from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.floating]
-Row = Mapping[str, Any]
 
 PANEL = 500  # steps to which a panel's height is rounded: a screen draws some 200 points of it
 RAMP = 600  # changes of the truth from which on every tenth sample of it will do
-BOUNDS = (
-    ("lag_bound", "bound, all θ unknown"),
-    ("lag_bound_single", "bound, only this θ unknown"),
-)
 
 
-def trajectories(curves: Sequence[Curve], scenario: Scenario, *, name: str) -> Chart:
+def trajectories(
+    curves: Sequence[Curve], scenario: Scenario, thinning: Thinning = FULL, *, name: str
+) -> Chart:
     """Return the estimates of all estimators over time on one scenario, a panel a parameter.
 
     Parameters
@@ -35,14 +31,21 @@ def trajectories(curves: Sequence[Curve], scenario: Scenario, *, name: str) -> C
     curves : sequence of Curve
         Those of the scenario; the first nine set what is shown of the axes.
     scenario : Scenario
+    thinning : Thinning
+        What is left out of the later ones.
     name : str
         Of its place in the page.
     """
     panels = []
-    for parameter in dict.fromkeys(n for curve in curves for n in curve.names):
-        mine = [c for c in curves if parameter in c.names]
+    kept = [
+        curve if i < thinning.near else replace(curve, near=None)
+        for i, curve in enumerate(curves[: thinning.drawn])
+    ]
+    bands = {curve.estimator for curve in kept[: thinning.bands]}
+    for parameter in dict.fromkeys(n for curve in kept for n in curve.names):
+        mine = [c for c in kept if parameter in c.names]
         shown = limits([_part(c, parameter) for c in mine[:9]], truth(scenario, parameter)[1])
-        lines = [_line(curve, parameter, shown) for curve in mine]
+        lines = [_line(c, parameter, shown, band=c.estimator in bands) for c in mine]
         panels.append(_panel(parameter, [truth_line(scenario, parameter), *lines], shown))
     return Chart(
         name=name,
@@ -131,8 +134,10 @@ def spliced(whole: Sequence[Array], near: Sequence[Array] | None = None) -> Any:
     )
 
 
-def _line(curve: Curve, parameter: str, shown: tuple[float, float]) -> Line:
+def _line(curve: Curve, parameter: str, shown: tuple[float, float], *, band: bool) -> Line:
     time, low, median, high = _part(curve, parameter)
+    if not band:
+        return Line(who=curve.estimator, x=time, y=rounded(median, shown))
     return Line(
         who=curve.estimator,
         x=time,
@@ -180,114 +185,3 @@ def limits(parts: Iterable[Sequence[Array]], truths: Array) -> tuple[float, floa
         high = min(max(high, float(np.percentile(drawn, 99.5))), high + 2 * room)
     margin = 0.08 * (high - low) + 0.005
     return low - margin, high + margin
-
-
-def tradeoff(points: Sequence[Row], order: Sequence[str], *, name: str = "tradeoff") -> Chart:
-    """Return lag over noise, a line an estimator over its knob, a panel a fault.
-
-    Parameters
-    ----------
-    points : sequence of mapping
-        As in `flexaxis.experiments.studies.sweep.Sweep`.
-    order : sequence of str
-        Estimators, the best first.
-    name : str
-    """
-    faults = list(dict.fromkeys((p["scenario"], p["parameter"]) for p in points))
-    scale = {fault: _reference_std(points, fault) for fault in faults}
-    known = all(scale.values())
-    panels = []
-    for fault in faults:
-        mine = [p for p in points if (p["scenario"], p["parameter"]) == fault]
-        unit = (scale[fault] or 1.0) if known else 1.0
-        lines = [line for each in order if (line := _knob(mine, each, unit))]
-        title = f"{fault[0]}: {fault[1]}"
-        panels.append(
-            Panel(title=title, y="lag [s]", y_log=True, lines=[*lines, *_bounds(mine, lines)])
-        )
-    return Chart(
-        name=name,
-        title="Speed against noise",
-        words="Nearer to the lower left is better. A line is an estimator whose knob is turned "
-        "from slow and quiet to quick and noisy; whiskers are 95 % intervals over seeds. Dotted: "
-        "the lags that the Cramér–Rao bounds allow."
-        + (" The table is read off at the vertical line." if known else ""),
-        x=f"std before the fault / that of {ranking.REFERENCE}" if known
-        else "std before the fault [% of nominal]",
-        panels=panels,
-        marks=[(1.0, "equal noise")] if known else [],
-        x_log=True,
-    )  # fmt: skip
-
-
-def _reference_std(points: Sequence[Row], fault: tuple[str, str]) -> float | None:
-    """Return what the reference has at its default, by which the noise of others is measured."""
-    mine = (p for p in points if (p["scenario"], p["parameter"]) == fault and p["factor"] == 1.0)
-    found = next((p["std"] for p in mine if p["estimator"] == ranking.REFERENCE), None)
-    return float(found) if found else None
-
-
-def _knob(points: Sequence[Row], estimator: str, unit: float) -> Line | None:
-    mine = [p for p in points if p["estimator"] == estimator and p["std"] and p["lag"]]
-    if not mine:
-        return None
-    return _points(estimator, sorted(mine, key=lambda p: p["std"]), unit, kind="both")
-
-
-def _points(who: str, mine: Sequence[Row], unit: float, *, kind: Any, **more: Any) -> Line:
-    def ends(key: str) -> tuple[Array, Array]:
-        sides = [p.get(f"{key}_interval") or (p[key], p[key]) for p in mine]
-        return tuple(np.array([[math.nan if e is None else e for e in s] for s in sides]).T)
-
-    x_low, x_high = ends("std")
-    low, high = ends("lag")
-    x, y = np.array([[p["std"] / unit, p["lag"]] for p in mine]).T
-    sides: dict[str, Any] = {
-        "x_low": x_low / unit,
-        "x_high": x_high / unit,
-        "low": low,
-        "high": high,
-    }
-    return Line(who=who, x=x, y=y, kind=kind, **sides, **more)
-
-
-def _bounds(points: Sequence[Row], lines: Sequence[Line]) -> list[Line]:
-    """Return the bounds as horizontal lines over what is drawn."""
-    ends = np.array([[line.x.min(), line.x.max()] for line in lines] or [[0.1, 10.0]])
-    x = np.array([ends[:, 0].min(), ends[:, 1].max()])
-    found = []
-    for key, label in BOUNDS:
-        bound = next((p[key] for p in points if p.get(key)), None)
-        if bound:
-            found.append(Line(x=x, y=np.full(2, bound), role="bound", label=label))
-    return found
-
-
-def as_set(rows: Sequence[Row], order: Sequence[str], *, name: str = "tradeoff") -> Chart | None:
-    """Return lag over noise at the one setting that each was run at, a point a fault.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Pooled rows; those without a lag are left out.
-    order : sequence of str
-    name : str
-    """
-    mine = [r for r in rows if r["changed"] and r["lag"] is not None and r["std"]]
-    lines = [
-        _points(who, own, 1.0, kind="points")
-        for who in order
-        if (own := [r for r in mine if r["estimator"] == who])
-    ]
-    if not lines:
-        return None
-    return Chart(
-        name=name,
-        title="Speed against noise",
-        words="Nearer to the lower left is better; a point is an estimator as it is set, on one "
-        "fault. `flexaxis tradeoff` draws the whole curve of each knob, with the bounds. Whiskers "
-        "are 95 % intervals over seeds.",
-        x="std before the fault [% of nominal]",
-        panels=[Panel(y="lag [s]", y_log=True, lines=lines)],
-        x_log=True,
-    )

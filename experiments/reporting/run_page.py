@@ -14,10 +14,11 @@ from flexaxis.experiments.reporting import (
     run_ecdf,
     run_first,
     run_seeds,
+    run_speed,
     run_tables,
 )
 from flexaxis.experiments.reporting.charts import Chart, Picks
-from flexaxis.experiments.reporting.run_budget import Budget
+from flexaxis.experiments.reporting.run_budget import Budget, Thinning
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.scoring import mismatch, ranking
@@ -81,12 +82,17 @@ def render(results: Pooled, *, size: float | None = None) -> str:
     """
     run = Run.of(results)
     budget = Budget.of(size, scenarios=len(run.scenarios))
-    content, drawn = _content(run), _trajectories(run)
+    content = _content(run)
+    drawn: dict[Thinning, dict[str, Chart]] = {}
 
-    def made(chosen: Sequence[run_seeds.Single], said: str) -> str:
-        return page.render(TEMPLATE, content | _singles(run, drawn, chosen) | {"left": said})
+    def made(chosen: Sequence[run_seeds.Single], said: str, thinning: Thinning) -> str:
+        if thinning not in drawn:
+            drawn[thinning] = _trajectories(run, thinning)
+        return page.render(
+            TEMPLATE, content | _singles(run, drawn[thinning], chosen) | {"left": said}
+        )
 
-    return budget.fitted(list(run.singles.wanted()), made, folder=str(results.folder))
+    return budget.fitted(list(run.singles.wanted()), made, str(results.folder))
 
 
 def _content(run: Run) -> dict[str, Any]:
@@ -129,8 +135,8 @@ def speed_against_noise(run: Run) -> Iterator[Chart]:
     """Yield the curves over the knobs where they were swept, else a point an estimator."""
     swept, rows = run.summary.get("tradeoff"), run.summary["rows"]
     if swept and swept["points"]:
-        yield run_charts.tradeoff(swept["points"], run.order)
-    elif chart := run_charts.as_set(rows, run.order):
+        yield run_speed.tradeoff(swept["points"], run.order)
+    elif chart := run_speed.as_set(rows, run.order):
         yield chart
 
 
@@ -155,7 +161,7 @@ def _section(name: str, run: Run) -> dict[str, Any]:
     }
 
 
-def _trajectories(run: Run) -> dict[str, Chart]:
+def _trajectories(run: Run, thinning: Thinning) -> dict[str, Chart]:
     """Return the chart over time of each scenario that has one."""
     place = {estimator: i for i, estimator in enumerate(run.order)}
     curves: dict[str, list[Curve]] = {name: [] for name in run.scenarios}
@@ -165,6 +171,7 @@ def _trajectories(run: Run) -> dict[str, Chart]:
         name: run_charts.trajectories(
             sorted(own, key=lambda curve: place.get(curve.estimator, len(place))),
             run.scenarios[name],
+            thinning,
             name=f"curves-{name}",
         )
         for name, own in curves.items()

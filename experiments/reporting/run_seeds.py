@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -151,10 +152,16 @@ def command(run: Single, scenario: Scenario) -> str:
 
     A scenario that is not of the catalogue is named as a file: its definition is in the report.
     """
-    known = run.scenario in tomls("scenarios") and find_scenario(run.scenario).hash == scenario.hash
+    known = _frozen(run.scenario) == scenario.hash
     words = ["flexaxis", "run", run.scenario if known else f"{run.scenario}.toml"]
     words += ["--estimator", run.estimator, "--seeds", f"{run.seed}:{run.seed + 1}"]
     return shlex.join([*words, "-o", f"results/{run.scenario}-{run.seed}"])
+
+
+@cache
+def _frozen(name: str) -> str:
+    """Return the hash of a scenario of the catalogue, empty for what is none."""
+    return find_scenario(name).hash if name in tomls("scenarios") else ""
 
 
 def _scored(row: Row) -> str:

@@ -69,7 +69,7 @@ def render(results: Results) -> str:
         "cases": results.cases,
         "failed": len(failed),
         "failures": failures.in_words(failed[:10]),
-        "charts": page.charted(chart for each in FIGURES for chart in each(results, bins)),
+        "charts": page.charted(chart for each in CHARTS for chart in each(results, bins)),
     }
     return page.render("reporting/templates/study.html", content)
 
@@ -133,7 +133,7 @@ def _is_number(values: Sequence[Any]) -> bool:
     return axis_kind(values) == "number"
 
 
-FIGURES: Sequence[Callable[[Results, Bins], Iterator[Chart | Heat]]] = (
+CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart | Heat]]] = (
     over_each_axis,
     over_pairs_of_axes,
     what_was_found,

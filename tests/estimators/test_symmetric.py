@@ -16,7 +16,7 @@ def through(states, root, share):
     for k in range(len(states)):
         state = states[k]
         state["spread"] = look(state["X"], state["P"], state["Ph"])
-        carry(state["X"], state["Ph"], root, state["P"], state["gain"])
+        carry(state["X"], state["Ph"], root, state["W"], state["P"], state["gain"])
         merge(share, state["P"], state["other"], state["apart"])
 
 
@@ -27,12 +27,12 @@ def covariance(rng, m):
 
 def state_of(m, n):
     rng = np.random.default_rng(m)
-    X = np.zeros((n + 1, padded(1 + m)))
-    X[:, : 1 + m] = rng.standard_normal((n + 1, 1 + m))
+    X, p = np.zeros((n + 2, padded(1 + m))), m - n
+    X[:, : 1 + m] = rng.standard_normal((n + 2, 1 + m))  # one row is of no account
     P, other = covariance(rng, m), covariance(rng, m)
     return record(
-        X=X, P=P, other=other, apart=rng.standard_normal(m), Ph=np.zeros(m), gain=np.zeros(m),
-        spread=0.0,
+        X=X, W=covariance(rng, p)[:, :p], P=P, other=other, apart=rng.standard_normal(m),
+        Ph=np.zeros(m), gain=np.zeros(m), spread=0.0,
     )  # fmt: skip
 
 
@@ -52,13 +52,14 @@ def test_the_code_for_the_compiler_does_what_numpy_does(m, n):
 def test_a_measurement_is_that_of_the_textbook(m, n):
     """Predicted, then conditioned on y = hᵀξ + e before it moved, by the joint covariance."""
     state, R = state_of(m, n), 0.7
-    X, P = state["X"][0], state["P"][0, :, :m].copy()
+    X, P, p = state["X"][0], state["P"][0, :, :m].copy(), m - n
     F, h = np.eye(m), X[-1, 1 : 1 + m]
-    F[m - n :] = X[:n, 1 : 1 + m]
+    F[p:] = X[:n, 1 : 1 + m]
     cross, S = F @ P @ h, h @ P @ h + R
     through(state, 1 / np.sqrt(S), 0.0)
     np.testing.assert_allclose(state["spread"][0] + R, S)
     expected = F @ P @ F.T - np.outer(cross, cross) / S
+    expected[:p, :p] += state["W"][0]
     np.testing.assert_allclose(state["P"][0, :, :m], expected, rtol=1e-9, atol=1e-11)
 
 

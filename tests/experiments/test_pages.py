@@ -16,9 +16,12 @@ BASE = "reporting/templates/page.html"
 PAGES = sorted(
     path.relative_to(EXPERIMENTS).as_posix()
     for path in EXPERIMENTS.glob("*/templates/*.html")
-    if path.name not in ("page.html", "equations.html")
+    if path.name not in ("page.html", "equations.html", "table.html")
 )
-LOG = {"title": "t", "command": "c", "version": "1", "remarks": (), "tables": (), "figures": ()}
+LOG = {
+    "title": "t", "command": "c", "version": "1", "finding": ("ok", "f"), "remarks": (),
+    "tables": (), "charts": (),
+}  # fmt: skip
 
 
 def imported(path):
@@ -61,7 +64,8 @@ def test_every_class_has_a_style():
 
 
 @pytest.mark.parametrize(
-    ("module", "kind", "known"), [(run_page, "Chart", "CHARTS"), (study_page, "Shown", "FIGURES")]
+    ("module", "kind", "known"),
+    [(run_page, "Chart", "CHARTS"), (study_page, "Chart | Heat", "CHARTS")],
 )
 def test_every_figure_is_on_its_page(module, kind, known):
     made = [

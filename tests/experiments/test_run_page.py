@@ -11,6 +11,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import run_charts, run_first, run_page
+from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces, write_traces
@@ -186,14 +187,31 @@ def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
     assert len(small.encode()) <= 1e6 * size
     kept = set(page_data(small)["picks"])
     assert 0 < len(kept) < 18
-    assert f"{len(kept)} of 18 single runs can be opened here" in small
+    assert f"{len(kept)} of 18 single runs can be opened" in small
     assert set(re.findall(r'data-opens="([^"]*)"', small)) == kept
     # the worst of the best comes first
     worst = max(_lags(folder, "relocate").items(), key=lambda item: item[1])[0]
     assert f"short/relocate/{worst}" in kept
-    (line,) = re.findall(r"All of them: (flexaxis report [^<]*)</p>", small)
+    (line,) = re.findall(r"All of it: (flexaxis report [^<]*)</p>", small)
     assert main([*shlex.split(line)[1:], "-o", str(folder.parent / "all.html")]) == 0
     assert len(page_data((folder.parent / "all.html").read_text())["picks"]) == 18
+
+
+def test_where_curves_alone_are_too_much_the_later_ones_are_thinned(folder, short):
+    curves = pooled.load(folder).curves
+    chart = run_charts.trajectories(curves, short, Thinning(bands=1, near=1, drawn=2), name="x")
+    first, second = (line for line in chart.panels[0].lines if line.who)
+    assert [first.who, second.who] == [curve.estimator for curve in curves[:2]]
+    assert first.low is not None and len(first.x) > 300
+    assert second.low is None and len(second.x) == 160
+
+    def made(chosen, left, thinning):  # of 1000 bytes a band and curve, and 100 a run
+        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10), strict=True)}
+        return left.ljust(1000 * bands[thinning] + 100 * len(chosen), "x")
+
+    page = Budget(25_000).fitted(list(range(1000)), made, "out")
+    assert len(page) <= 25_000 and page.startswith(THINNINGS[2].words)
+    assert "All of it: flexaxis report out --size" in page
 
 
 def _lags(folder, estimator):

@@ -78,23 +78,25 @@ function showParts() {
   if (summary) summary.textContent = count ? `${called()} (${count} hidden)` : called();
 }
 
-const THEMES = { "": "Dark", dark: "Light", light: "As system" };
-
-/** Light, dark, or as the system has it; kept where the browser keeps things for files. */
+/** Light or dark: as the system has it, or the other, which is kept where the browser keeps it. */
 function themeButton() {
   const root = document.documentElement;
+  const system = window.matchMedia("(prefers-color-scheme: dark)");
+  const ofSystem = () => (system.matches ? "dark" : "light");
+  const other = () => ((root.dataset.theme || ofSystem()) === "dark" ? "light" : "dark");
   const button = el("button", { type: "button", class: "small theme" });
   const set = (theme) => {
     root.dataset.theme = theme;
-    button.textContent = THEMES[theme];
-    button.setAttribute("aria-label", `Colours: change to ${THEMES[theme].toLowerCase()}`);
+    button.textContent = other() === "dark" ? "Dark" : "Light";
+    button.setAttribute("aria-label", `Change to ${other()} colours`);
   };
   button.addEventListener("click", () => {
-    const next = { "": "dark", dark: "light", light: "" }[root.dataset.theme ?? ""];
-    set(next);
+    const next = other() === ofSystem() ? "" : other();
     kept("flexaxis-theme", next);
+    set(next);
   });
-  set(kept("flexaxis-theme") ?? "");
+  system.addEventListener("change", () => set(root.dataset.theme));
+  set(kept("flexaxis-theme"));
   return button;
 }
 
@@ -103,7 +105,7 @@ function kept(key, value) {
   try {
     if (value !== undefined) window.localStorage.setItem(key, value);
     const found = window.localStorage.getItem(key);
-    return found in THEMES ? found : "";
+    return found === "dark" || found === "light" ? found : "";
   } catch {
     return "";
   }
