@@ -35,7 +35,7 @@ def finished(work: Work[T]) -> T:
             return end.value
 
 
-def bill(work: Work[None]) -> Iterator[float]:
+def bill(work: Iterator[float]) -> Iterator[float]:
     """Do work to its end, at once, and return what its pieces would have taken, one by one."""
     return iter(list(work))
 
