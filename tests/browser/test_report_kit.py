@@ -417,6 +417,13 @@ def test_text_of_data_stays_text(opened):
     assert page.fragment().startswith("#hide=" + sample.HOSTILE)
 
 
+def test_a_browser_that_cannot_unpack_has_the_tables(opened):
+    page = opened(lambda text: text.replace("new DecompressionStream", "new NoSuchStream"))
+    assert "too old" in page.run("document.querySelector('[role=alert]').textContent")
+    page.click("#scores th:nth-child(3) button")
+    page.until(f"{NAMES}[0] === 'relocate'", "sorted all the same")
+
+
 def test_nothing_leaves_the_page(opened):
     page = opened()
     page.run("""window.refused = [];

@@ -169,3 +169,12 @@ def test_files_of_code_are_short():
         for body in re.findall(r"^(?:async )?function .*?^}", text, re.M | re.S):
             assert len(body.splitlines()) <= 60, body[:60]
         assert "innerHTML" not in text and "eval(" not in text, name
+
+
+def test_no_two_files_of_code_use_one_name():
+    """They are one script: a name declared twice would stop all of it."""
+    import re
+
+    names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", script.source(), re.M)
+    assert len(names) > 100
+    assert {name for name in names if names.count(name) > 1} == set()

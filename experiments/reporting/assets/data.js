@@ -1,9 +1,11 @@
 // The block of data in the page: as `reporting/packing.py` packs it.
 
+const EMPTY = { charts: {}, picks: {}, looks: {}, terms: {} };
+
 /** Return what the page was given: charts by name, picks, looks, terms. */
 async function unpacked() {
   const block = document.getElementById("page-data");
-  if (!block || !block.textContent.trim()) return { charts: {}, picks: {}, looks: {}, terms: {} };
+  if (!block || !block.textContent.trim()) return EMPTY;
   const packed = Uint8Array.from(atob(block.textContent.trim()), (c) => c.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const buffer = await new Response(stream).arrayBuffer();

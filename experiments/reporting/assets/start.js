@@ -41,6 +41,13 @@ function setUpResize() {
   });
 }
 
+/** Go on with tables alone where a browser is too old to unpack the rest. */
+function withoutCharts() {
+  const words = "This browser is too old to unpack the charts of this page; its tables are whole.";
+  document.querySelector("main").prepend(el("p", { class: "note", role: "alert", text: words }));
+  return EMPTY;
+}
+
 async function start() {
   document.body.append(el("p", { id: "said", class: "unseen", "aria-live": "polite" }));
   State.read();
@@ -50,7 +57,7 @@ async function start() {
   setUpPrint();
   setUpResize();
   document.addEventListener("click", closeMenus);
-  const given = await unpacked();
+  const given = await unpacked().catch(withoutCharts);
   ({ picks, looks, terms } = given);
   if (given.aside.length) State.first.set("hide", given.aside.map(encodeURIComponent).join("|"));
   fillSwatches();
