@@ -1,6 +1,6 @@
 // The block of data in the page: as `reporting/packing.py` packs it.
 
-const EMPTY = { charts: {}, picks: {}, looks: {}, terms: {} };
+const EMPTY = { charts: {}, picks: {}, looks: {}, terms: {}, aside: [] };
 
 /** Return what the page was given: charts by name, picks, looks, terms. */
 async function unpacked() {
