@@ -304,11 +304,11 @@ class Beginning:
             H += np.diag(deviation[active] ** -2)
             return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
-        tried = []
+        seen = []
         for theta in starts:
-            tried.append((yield from evaluate(theta)))
+            seen.append((yield from evaluate(theta)))
         descent = Descent(
-            min(tried, key=lambda one: one.square),
+            min(seen, key=lambda tried: tried.square),
             self.box,
             active,
             sizes=deviation[active],

@@ -199,9 +199,7 @@ class Relocate(RecursiveEstimator):
 
     @property
     def findings(self) -> tuple[Finding, ...]:  # noqa: D102
-        if self._pace is not None and self._pace.front is not None:
-            return self._pace.told
-        return tuple(self._judge.found)
+        return tuple(self._judge.found) if self._pace is None else self._pace.told
 
     @property
     def fixed_because(self) -> dict[str, str]:

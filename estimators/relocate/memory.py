@@ -271,7 +271,7 @@ class Memory:
         cost = WORD * (2 * packed.shape[1] + values["P"][0].size)
         samples = samples_of(grain, cost)
         for begin in range(0, len(packed), samples):
-            yield CALL + cost * samples
+            yield CALL + cost * min(samples, len(packed) - begin)
             part = slice(begin, begin + samples)
             packed[part] = carried.packed({name: of[part] for name, of in values.items()})
         yield CALL + WORD * len(packed) * 4 * self._heard.itemsize / 8

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, of_sum, samples_of
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
@@ -149,10 +149,10 @@ def summing(  # noqa: PLR0917
     grain: float,
 ) -> Work[tuple[float, Array, Array]]:
     """Do as `normal_equations`, in pieces of so many operations."""
-    cost = of_sample(terms, 1 + len(active))
+    cost = of_sum(terms, 1 + len(active))
     samples = samples_of(grain, cost)
-    if samples >= len(u):
-        yield CALL + cost * (START + len(u))
+    if grain == np.inf:
+        yield np.inf
         given = x, u, y, present, epsilon, colour, variance, active
         return normal_equations(terms, theta, *given)  # type: ignore[no-any-return]
     yield CALL + START * cost

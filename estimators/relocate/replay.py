@@ -147,7 +147,7 @@ def replaying(  # noqa: PLR0917
     p = rows - 1
     cost = of_sample(terms, rows) + 6 * p * p
     samples = samples_of(grain, cost)
-    yield START * cost + CALL
+    yield 2 * CALL + START * cost
     made = Replayed(
         np.empty((N, p)),
         np.empty((N, p, p)),
@@ -164,7 +164,7 @@ def replaying(  # noqa: PLR0917
     for first in range(0, N, samples):
         yield cost * min(samples, N - first)
         _replay(now, theta, u, *known, fading, gained, made, first, min(first + samples, N))
-    yield CALL + 4 * N * p * columns
+    yield 2 * CALL + 4 * N * p * columns
     moved = np.clip(made.theta, *box) - made.theta
     made.theta[:] += moved
     made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])

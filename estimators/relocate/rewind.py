@@ -62,7 +62,7 @@ class Rewind:
         free : container of int
             Suspects that are estimated now; all others are taken as known.
         """
-        yield CALL
+        yield 2 * CALL
         row, active = case.before.at(case.onset), case.active
         P, claim = row["P"].copy(), row["claim"].copy()
         n = self.terms.n

@@ -23,6 +23,7 @@ WORD = 0.25  # operations, as many as to move a number of eight bytes takes
 PAST = 5 * CALL  # operations, as many as reading the past of an alarm takes
 STEP = 2 * CALL  # operations, as many as a step without work takes
 LOOP = 4.0  # operations of the filter's loop over those of the model alone
+WHITE = 50.0  # operations, as many as to whiten one signal takes, and to sum it up
 LAW = 40.0  # operations of a law in a part of a sample, and of each of its derivatives
 
 
@@ -35,7 +36,7 @@ def finished(work: Work[T]) -> T:
             return end.value
 
 
-def bill(work: Work[None]) -> Iterator[float]:
+def bill(work: Iterator[float]) -> Iterator[float]:
     """Do work to its end, at once, and return what its pieces would have taken, one by one."""
     return iter(list(work))
 
@@ -48,6 +49,11 @@ def operations(deadline: float) -> float:
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
     return terms.steps * (2 * rows * (terms.n + 1) ** 2 + LAW * len(terms.kind) * rows)
+
+
+def of_sum(terms: Terms, rows: int) -> float:
+    """Return the operations of a sample of normal equations, whitened, of so many rows."""
+    return of_sample(terms, rows) + WHITE * rows
 
 
 def samples_of(grain: float, cost: float) -> int:
