@@ -105,6 +105,12 @@ def test_what_is_there_is_not_written_over(entry):
         entered(entry.folder, "rpem-forgetting")
 
 
+@pytest.mark.parametrize("control", ["oracle-reset", "frozen"])
+def test_controls_enter_no_board(control, tmp_path):
+    with pytest.raises(EntryError, match="is a control"):
+        entered(tmp_path / "entry", control)
+
+
 def test_a_whole_entry_holds(entry):
     found, verdict = of_form(entry.folder, SMALL)
     assert verdict.holds and not verdict.ran and len(verdict.checks) == 4
