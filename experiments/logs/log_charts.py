@@ -14,7 +14,7 @@ from flexaxis.experiments.logs.axis_file import output_of, usable
 from flexaxis.experiments.logs.doubts.sketch import LOG, line, points
 from flexaxis.experiments.logs.friction import linear_part
 from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.validate import Validation
+from flexaxis.experiments.logs.validate import Validation, liveliest
 from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
 from flexaxis.experiments.reporting.thinning import extremes
@@ -23,7 +23,6 @@ from flexaxis.sim.record import Record
 Array = NDArray[np.float64]
 
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
-PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
 
 
 def log_chart(record: Record) -> Chart:
@@ -142,7 +141,7 @@ def _of_response(dry: bool) -> str:
 
 def validation_chart(found: Validation) -> Chart:
     """Return the liveliest piece of a log with simulation and prediction over it, and errors."""
-    piece = _liveliest(found)
+    piece = liveliest(found)
     time, measured = found.time[piece], found.measured[piece]
     sides = {
         f"simulation from the torque alone, fit {found.simulation:.1f} %": found.simulated[piece],
@@ -165,16 +164,6 @@ def validation_chart(found: Validation) -> Chart:
             ),
         ],
     )
-
-
-def _liveliest(found: Validation) -> slice:
-    ok = found.ok
-    # a sine moves by its angular frequency times itself
-    rate = float(np.std(np.diff(found.predicted[ok])) / np.std(found.predicted[ok]))
-    length = int(np.clip(PERIODS * 2 * np.pi / rate, 20, len(found.time) // 2))
-    power = np.convolve(np.where(ok, found.measured, 0.0) ** 2, np.ones(length), "valid")
-    begin = int(np.argmax(power))
-    return slice(begin, begin + length)
 
 
 def gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:

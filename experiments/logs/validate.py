@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.colour import Colour, colourless
@@ -16,6 +17,9 @@ from flexaxis.experiments.logs.fits import Fits, contradictions, fits
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
+
+PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
+BLUE, ORANGE = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True)
@@ -95,3 +99,47 @@ def validate(record: Record, axis: Axis, own: Fits | None = None) -> Validation:
         theirs,
         () if own is None else contradictions(own, theirs),
     )
+
+
+def liveliest(found: Validation) -> slice:
+    """Return the samples of the piece of the log that moves most: about `PERIODS` periods."""
+    ok = found.ok
+    # a sine moves by its angular frequency times itself
+    rate = float(np.std(np.diff(found.predicted[ok])) / np.std(found.predicted[ok]))
+    length = int(np.clip(PERIODS * 2 * np.pi / rate, 20, len(found.time) // 2))
+    power = np.convolve(np.where(ok, found.measured, 0.0) ** 2, np.ones(length), "valid")
+    begin = int(np.argmax(power))
+    return slice(begin, begin + length)
+
+
+def validation_figure(found: Validation) -> Figure:
+    """Draw `liveliest` with simulation and prediction over it, and errors, for a notebook.
+
+    A page has a chart instead, `log_charts.validation_chart`.
+    """
+    time, piece = found.time, liveliest(found)
+    fig = Figure(figsize=(8.0, 5.0), layout="constrained")
+    upper, lower = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    upper.plot(time[piece], found.measured[piece], "k--", lw=1.0, label="log", zorder=3)
+    upper.plot(
+        time[piece],
+        found.simulated[piece],
+        color=ORANGE,
+        lw=1.3,
+        label=f"simulation from the torque alone, fit {found.simulation:.1f} %",
+    )
+    upper.plot(
+        time[piece],
+        found.predicted[piece],
+        color=BLUE,
+        lw=0.8,
+        label=f"prediction over one sample, fit {found.prediction:.1f} %",
+    )
+    for values, shade in ((found.simulated, ORANGE), (found.predicted, BLUE)):
+        lower.plot(time[piece], (found.measured - values)[piece], color=shade, lw=0.8)
+    upper.set_ylabel("speed [rad/s]")
+    lower.set(xlabel="time [s]", ylabel="error [rad/s]")
+    for ax in (upper, lower):
+        ax.grid(alpha=0.25)
+    upper.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0, 1), ncols=3)
+    return fig

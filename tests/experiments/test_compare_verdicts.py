@@ -1,7 +1,9 @@
 """Verdicts on made-up scores whose right answer is known; the sequential gate."""
 
 import json
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,9 @@ from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from page_text import charts_of
 
 
 def rows(scale=1.0, *, spread=0.005, seeds=8, seed=0, std=1.0, lost=(), parameter="f_m"):
@@ -214,7 +219,8 @@ def test_a_comparison_end_to_end(short, tmp_path):
     text = page.read_text(encoding="utf-8")
     assert '<figure class="chart" id="worst">' in text and " src=" not in text
     assert "my folder/short.toml" in text
-    assert f"candidate: {fast}" in text  # the legend
+    lines = charts_of(text)["worst"]["panels"][0]["lines"]
+    assert f"candidate: {fast}" in [line.get("who") for line in lines]  # the legend
     assert "| short | std f_m |" in (tmp_path / "verdict.md").read_text(encoding="utf-8")
     focus = worst(found)
     assert focus.verdict == "worse" and focus.worst_seed in range(6)
