@@ -17,7 +17,7 @@ export MKL_NUM_THREADS = 1
 # A process a core; the tests of one file stay in one process, for they share what is costly.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
 
-.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables notebooks clean
+.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables notebooks site clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
@@ -29,6 +29,7 @@ help:
 	@echo "make mutants    errors planted one at a time; each must be seen by a test (an hour)"
 	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
+	@echo "make site       the documentation as pages that need no network: results/site/index.html"
 	@echo "make clean      remove .venv, results and caches"
 
 bench: $(VENV)/.core
@@ -37,7 +38,7 @@ bench: $(VENV)/.core
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q $(PARALLEL)
 
-test-slow: $(VENV)/.test
+test-slow: $(VENV)/.test $(VENV)/.docs
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "slow or not slow"
 
 test-browser: $(VENV)/.browser
@@ -69,12 +70,16 @@ docs-tables: $(VENV)/.core
 notebooks: $(VENV)/.test
 	$(BIN)/python docs/notebooks/build.py
 
+site: $(VENV)/.docs
+	$(BIN)/python docs/site/build.py
+
 # The installed set is a stamp file each, remade when pyproject.toml changes.
 $(VENV)/.core: EXTRA :=
 $(VENV)/.test: EXTRA := [test]
 $(VENV)/.check: EXTRA := [check]
-$(VENV)/.browser: EXTRA := [test]
-$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser: pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.browser: EXTRA := [test,docs]
+$(VENV)/.docs: EXTRA := [docs]
+$(VENV)/.core $(VENV)/.test $(VENV)/.check $(VENV)/.browser $(VENV)/.docs: pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "flexaxis: installing into $(VENV) (a minute or two the first time)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".$(EXTRA)" || \
 	  { echo "flexaxis: installation failed; pip's message is above. A connection to a package index is needed once."; exit 1; }

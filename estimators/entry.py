@@ -34,10 +34,8 @@ class Entry:
     default : float or None
         Of the knob, on an axis for which it was not tuned; a forgetting factor for 5 ms, as
         which it stands for a time constant.
-    look : (colour, marker)
-        In every figure; see `flexaxis.experiments.reporting.figures`.
     rank : float
-        Place in lists.
+        Place in lists, and when looks are given out for a page.
     laws : bool
         Whether it can be asked to identify parameters of friction and other laws; who cannot is
         asked for the others.
@@ -48,7 +46,6 @@ class Entry:
     factory: Callable[..., "Estimator"]
     knob: str | None = None
     default: float | None = None
-    look: tuple[str, str] | None = None
     rank: float = 100.0
     laws: bool = False
 

@@ -77,6 +77,7 @@ WAY = (
     ("studies",),
     ("gate", "paper", "logs", "demo"),
     ("conformance",),
+    ("board",),
     ("commands", "front"),
 )
 

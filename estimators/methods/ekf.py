@@ -171,7 +171,6 @@ ENTRIES = (
         extended,
         knob="walk",
         default=WALK,
-        look=("#009E73", "o"),
         rank=7,
     ),
 )

@@ -88,8 +88,4 @@ def frozen(
     return Frozen(model_of(nominal), identify=identify, output=output)
 
 
-ENTRIES = (
-    Entry(
-        "frozen", "never moves: what doing nothing scores", frozen, look=("#7F7F7F", "o"), rank=99
-    ),
-)
+ENTRIES = (Entry("frozen", "never moves: what doing nothing scores", frozen, rank=99),)

@@ -239,7 +239,6 @@ ENTRIES = (
         imm,
         knob="walk",
         default=WALK,
-        look=("#66AA55", "D"),
         rank=9,
     ),
 )

@@ -251,7 +251,6 @@ ENTRIES = (
         imm_friction,
         knob="walk",
         default=WALK,
-        look=("#CC6677", "D"),
         rank=9.5,
         laws=True,
     ),

@@ -199,7 +199,6 @@ ENTRIES = (
         literal_forgetting,
         knob="forgetting",
         default=0.995,
-        look=("#0072B2", "x"),
         rank=6,
     ),
 )

@@ -228,7 +228,6 @@ ENTRIES = (
         horizon,
         knob="forgetting",
         default=0.995,
-        look=("#332288", "P"),
         rank=10,
     ),
 )

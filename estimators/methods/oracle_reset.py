@@ -124,7 +124,6 @@ ENTRIES = (
         oracle_reset,
         knob="forgetting",
         default=0.995,
-        look=("#999933", "d"),
         rank=98,
     ),
 )

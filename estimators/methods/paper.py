@@ -168,7 +168,6 @@ ENTRIES = (
         rpem_forgetting,
         knob="forgetting",
         default=0.995,
-        look=("#0072B2", "o"),
         rank=1,
     ),
     Entry(
@@ -177,7 +176,6 @@ ENTRIES = (
         rpem_drift,
         knob="scale",
         default=1.0,
-        look=("#D55E00", "o"),
         rank=2,
     ),
     Entry(
@@ -186,7 +184,6 @@ ENTRIES = (
         partial(rpem_forgetting, regularization=REGULARIZATION),
         knob="forgetting",
         default=0.995,
-        look=("#56B4E9", "s"),
         rank=3,
     ),
     Entry(
@@ -195,7 +192,6 @@ ENTRIES = (
         partial(rpem_drift, regularization=REGULARIZATION),
         knob="scale",
         default=1.0,
-        look=("#E69F00", "s"),
         rank=4,
     ),
     Entry(
@@ -204,7 +200,6 @@ ENTRIES = (
         rpem_corrected,
         knob="forgetting",
         default=0.995,
-        look=("#88CCEE", "D"),
         rank=5,
     ),
 )

@@ -111,8 +111,9 @@ class Rpem(CompiledFilter):
     covariance : (p, p) array
         Claimed covariance R̂ Σ of the estimate of a constant θ, with
         Σ ← (I − Kψᵀ) Σ (I − Kψᵀ)ᵀ + K Kᵀ, K = P(t|t) ψ, from Σ = P where P is set; P/2 in slow,
-        steady adaptation. R̂ is ``noise``² or a running mean of ε²/(1+ψᵀΣψ) with a memory of 2 s,
-        and one before the first measurement. It learns only while the axis is excited.
+        steady adaptation. R̂ is the square of ``noise`` or a running mean of ε²/(1+ψᵀΣψ) with a
+        memory of 2 s, and one before the first measurement. It learns only while the axis is
+        excited.
     epsilon : float
         Residual y − ŷ; NaN in a gap.
     prediction, innovation, innovation_variance, innovations

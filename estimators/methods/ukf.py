@@ -195,7 +195,6 @@ ENTRIES = (
         unscented,
         knob="walk",
         default=WALK,
-        look=("#117733", "s"),
         rank=8,
     ),
 )

@@ -176,7 +176,8 @@ def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
 
 
 def _told(args: argparse.Namespace, found: Comparison, path: Path, sources: dict[str, str]) -> int:
-    from flexaxis.experiments.gate.comparison_report import row_command, terminal_table, worst
+    from flexaxis.experiments.gate.comparison_report import terminal_table
+    from flexaxis.experiments.gate.comparison_rows import row_command, worst
     from flexaxis.experiments.gate.words import headline, knobs, meaning
     from flexaxis.experiments.reporting.terminal import show
 

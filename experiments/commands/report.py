@@ -20,6 +20,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
+    parser.add_argument(
+        "--size",
+        type=float,
+        metavar="MB",
+        help="how large the report of a run may be: what does not fit of single runs is left out "
+        "(default: 3, and 12 with more than twelve scenarios)",
+    )
     add_json(parser)
 
 
@@ -57,7 +64,7 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.running.files import write_text
 
     found = load(args.folder)
-    write_text(path, render(found))
+    write_text(path, render(found, size=args.size))
     if args.json:
         known = {key: value for key, value in found.summary.items() if key != "command"}
         return answer(args, known | {"made_by": found.summary["command"], "report": path})

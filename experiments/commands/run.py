@@ -65,13 +65,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
-    wanted, share = _wanted(args), options.shard(args)
+    work, share = wanted(args, args.names), options.shard(args)
     folder = args.output or Path("results") / Path(args.names[0]).stem
     spare(args.names, folder)
     with ExitStack() as stack:
         place = options.executor(args, stack)
-        about = f"{wanted.cases} case{'s'[: wanted.cases != 1]}"
-        working = options.working(args, about, wanted.cases, cache=not args.no_cache, place=place)
+        about = f"{work.cases} case{'s'[: work.cases != 1]}"
+        working = options.working(args, about, work.cases, cache=not args.no_cache, place=place)
         simulated = 0
 
         def landed(outcome: Any) -> None:
@@ -80,8 +80,8 @@ def main(args: argparse.Namespace) -> int:
 
         with working as (means, _):
             found = benchmark(
-                wanted, folder, means.also(landed), shard=share, resume=args.resume,
-                say=lambda text: _say(wanted, text),
+                work, folder, means.also(landed), shard=share, resume=args.resume,
+                say=lambda text: _say(work, text),
             )  # fmt: skip
     remark(f"{simulated} record{'s'[: simulated != 1]} simulated")
     if found is None:
@@ -89,36 +89,36 @@ def main(args: argparse.Namespace) -> int:
     return _told(args, folder, found)
 
 
-def _say(wanted: Any, text: str) -> None:
+def _say(work: Any, text: str) -> None:
     from flexaxis.experiments.running.told import remark
 
-    if wanted.cases > 2000:  # else it is a matter of a few seconds
+    if work.cases > 2000:  # else it is a matter of a few seconds
         remark(text)
 
 
-def _wanted(args: argparse.Namespace) -> Any:
-    """Return what is to be run."""
+def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
+    """Return what is to be run: the benchmark of some names, with `estimator` and `seeds`."""
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.studies.benchmark import Benchmark, command_line
 
-    chosen = select(args.names)
+    chosen = select(names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
     swept = list(dict.fromkeys([REFERENCE, *estimators]))
-    names = _readable(chosen, args.estimator or ())
-    title = " ".join(args.names)
+    readable = _readable(chosen, args.estimator or ())
+    title = " ".join(names)
     return Benchmark(
         study=Study(
             name=title,
-            scenarios=tuple(s for s in chosen.scenarios if s.name in names),
+            scenarios=tuple(s for s in chosen.scenarios if s.name in readable),
             estimators=tuple(estimators),
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
         command=command_line(options.whole(args)),
-        swept_scenarios=[s for s in chosen.swept_scenarios if s.name in names],
+        swept_scenarios=[s for s in chosen.swept_scenarios if s.name in readable],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
 

@@ -64,13 +64,16 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.forgetting import with_forgetting
     from flexaxis.experiments.logs.importing import import_any
+    from flexaxis.experiments.logs.log_page import write_page
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
         track,
     )
+    from flexaxis.experiments.logs.track_page import track_page
     from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
@@ -98,7 +101,16 @@ def main(args: argparse.Namespace) -> int:
         found = track(record, axis, spec, identify=names, start=args.start)
     save(found, path, estimator=spec.text)
     problems = problems_of(log.checks, met=met)
-    _write_page(found, record.period, report, args, (spec.text, problems))
+    page = track_page(
+        found,
+        record.period,
+        spec.text,
+        remarks=_in_words(found),
+        problems=problems,
+        log=args.log.name,
+        command=command_line(args.words),
+    )
+    write_page(page, report)
     status = 1 if found.changes or found.doubts else 0
     if args.json:
         return answer(args, _content(found) | {"estimates": path, "report": report}, status)
@@ -159,40 +171,3 @@ def _print(found: Tracked) -> None:
         table.add_row(name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
     Console().print(table)
     print("\n".join(f"{MARKS[kind]} {text}" for kind, text in _in_words(found)))
-
-
-def _write_page(
-    found: Tracked, period: float, path: Path, args: argparse.Namespace, said: tuple[str, list[str]]
-) -> None:
-    from flexaxis.experiments.logs.log_figures import estimates_figure, load_figure, residual_figure
-    from flexaxis.experiments.logs.log_page import LogPage, write_page
-    from flexaxis.experiments.studies.benchmark import command_line
-
-    estimator, problems = said
-    figures = [
-        (
-            "Estimates",
-            estimates_figure(found, estimator),
-            "Over nominal, with what the estimator claims as ±2σ; a thin line is a change.",
-        ),
-        (
-            "Residual",
-            residual_figure(found, period),
-            "Correlation of the whitened residual with its past: what the model leaves.",
-        ),
-    ]
-    if found.load is not None:
-        text = "Half a second from the middle of the log; the load encoder was hidden."
-        figures.append(("Load angle", load_figure(found), text))
-    rows = [
-        (name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
-        for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True)
-    ]
-    page = LogPage(
-        title=f"{estimator} on {args.log.name}",
-        command=command_line(args.words),
-        remarks=[*(("problem", f"the log: {text}") for text in problems), *_in_words(found)],
-        tables=[("Last estimates", ("parameter", "last", "nominal", "over nominal"), rows)],
-        figures=figures,
-    )
-    write_page(page, path)

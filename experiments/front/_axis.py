@@ -151,5 +151,26 @@ def make_axis(scenario: str | Scenario = "fm_step-v1", *, seed: int = 0, **chang
         Of the noise.
     **changes
         As for `simulate`.
+
+    Returns
+    -------
+    Axis
+        At rest, at its first sample.
+
+    Raises
+    ------
+    ScenarioError
+        If there is no such scenario or key, or a value is not allowed.
+    FlexaxisError
+        If the scenario delays the torque: hold your own back.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> axis = fx.make_axis(duration=2.0, **{"fault[0].at": 1.0})
+    >>> while not axis.done:
+    ...     sample = axis.step(-0.2 * axis.sample.speed + 0.1)
+    >>> round(sample.time, 3)
+    1.995
     """
     return Axis(changed(scenario, changes), seed=seed)

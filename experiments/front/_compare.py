@@ -14,7 +14,7 @@ from flexaxis._table import html_table, text_table
 from flexaxis._working import working
 from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.gate import gate
-from flexaxis.experiments.gate.comparison_report import COLUMNS, cells, ordered
+from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.pairs import parse_margins
 from flexaxis.experiments.gate.words import headline, knobs, meaning
 from flexaxis.experiments.results.results import needed
@@ -132,6 +132,11 @@ def compare(
         parameter that changes, or, where several do, equal excess prediction error.
     margins : mapping of str to float, optional
         Changes that do not matter, as shares: ``{"lag": 0.05}``; 2 % by default.
+
+    Returns
+    -------
+    Comparison
+        The verdict, and a line a scenario and score.
 
     Raises
     ------

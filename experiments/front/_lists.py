@@ -15,10 +15,20 @@ def scenarios(*, group: str = "", find: str = "") -> Names:
     find : str, optional
         Only those with this text in their name or in what is said of them.
 
+    Returns
+    -------
+    Names
+
     Raises
     ------
     FlexaxisError
         If there is no such group.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> tuple(fx.scenarios(group="nominal"))
+    ('n2_nominal-v1', 'paper_nominal-v1')
     """
     from flexaxis.experiments.catalogue.listing import scenario_lines
 

@@ -133,12 +133,24 @@ def simulate(scenario: str | Scenario, /, *, seed: int = 0, **changes: Any) -> R
     **changes
         Values by dotted key, as in a study: ``**{"fault[0].factor": 2, "duration": 12.0}``.
 
+    Returns
+    -------
+    Recording
+        Torque, angle and speed (N,) as measured, and the true parameters.
+
     Raises
     ------
     ScenarioError
         If there is no such scenario or key, or a value is not allowed.
     SimulationError
         If the axis becomes unstable.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> record = fx.simulate("fm_step-v1", seed=0, **{"duration": 2.0, "fault[0].at": 1.0})
+    >>> record.torque.shape, record.period
+    ((400,), 0.005)
     """
     from flexaxis.sim.simulate import simulate as run
 
@@ -155,6 +167,16 @@ def changed(scenario: str | Scenario, changes: Mapping[str, Any]) -> Scenario:
 
 def load(path: str | Path) -> Recording | Results:
     """Return what a path holds: the record of a file ``.nc``, the results of a folder.
+
+    Parameters
+    ----------
+    path : str or Path
+        A record, as `Recording.save` and ``flexaxis simulate`` write it; or the folder of
+        ``flexaxis run`` or ``flexaxis study``, or of `benchmark`.
+
+    Returns
+    -------
+    Recording or Results
 
     Raises
     ------

@@ -134,6 +134,11 @@ def benchmark(
     time_limit : float, optional
         How long code of your own may take for one run [s]; 600 by default.
 
+    Returns
+    -------
+    Results
+        A row a scenario, estimator, seed and parameter.
+
     Raises
     ------
     FlexaxisError, EstimatorError
@@ -166,6 +171,11 @@ def study(
         As for `benchmark`.
     run_code : bool
         Whether code that a file names may be run; what stands in a mapping is yours.
+
+    Returns
+    -------
+    Results
+        A row a case and parameter, with the value on each axis of the study.
 
     Raises
     ------

@@ -49,12 +49,25 @@ def estimate(
     time_limit : float, optional
         How long code of your own may take [s]; 600 by default.
 
+    Returns
+    -------
+    Estimate
+        With θ (N, p) of every sample.
+
     Raises
     ------
     EstimatorError
         If it cannot be made, or does not go with the record.
     RecordError
         If the record does not say its scenario, and none is given.
+
+    Examples
+    --------
+    >>> import flexaxis as fx
+    >>> record = fx.simulate("fm_step-v1", seed=0, **{"duration": 2.0, "fault[0].at": 1.0})
+    >>> found = fx.estimate(record, "rpem-forgetting", options={"forgetting": 0.99})
+    >>> found.names, found.theta.shape
+    (('k_T', '1/J_a', 'f_m'), (400, 3))
     """
     record = _loaded(record) if isinstance(record, str | Path) else record
     shown = record if isinstance(record, Recording) else Recording.of(record)

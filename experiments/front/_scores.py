@@ -34,6 +34,11 @@ def score(
     estimator, options
         As for `estimate`; needed for what is to be estimated first, and for that alone.
 
+    Returns
+    -------
+    Table
+        Scores of one run by their names, with their units.
+
     Raises
     ------
     RecordError

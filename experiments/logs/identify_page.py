@@ -1,138 +1,75 @@
-"""What is said of an identification: as text, as JSON, and as a page."""
+"""The page of an identification: estimates, the frequency response, another log."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from collections.abc import Sequence
 
 from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.log_figures import bode_figure
-from flexaxis.experiments.logs.log_page import LogPage
-from flexaxis.experiments.logs.validate import Validation, validation_figure
+from flexaxis.experiments.logs.identify_words import UNITS, facts, rows, warnings
+from flexaxis.experiments.logs.log_charts import bode_chart, validation_chart
+from flexaxis.experiments.logs.log_page import LogPage, Remark
+from flexaxis.experiments.logs.validate import Validation
+from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
-Row = tuple[str, float, float, float, float]
-UNITS = {"delay": " [s]", "offset": " [as the torque]"}  # of what is no parameter of a model
-
-
-def rows(found: Identification) -> list[Row]:
-    """Return name, estimate, and its standard deviations: the larger, of noise, over pieces."""
-    columns = (found.theta, found.deviations, found.noise_deviations, found.spread)
-    values = zip(found.names, *(column.tolist() for column in columns), strict=True)
-    more = [
-        ("delay", found.delay, found.delay_deviation),
-        ("offset", found.offset, found.offset_deviation),
-    ]
-    return [*values, *((name, value, sd, sd, sd) for name, value, sd in more)]
-
-
-def warnings(found: Identification, tried: Validation | None) -> list[str]:
-    """Return what speaks against it, on both logs."""
-    return [*found.warnings, *(() if tried is None else tried.warnings)]
-
-
-def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
-    """Return it as JSON has it."""
-    told: dict[str, Any] = {
-        "estimates": {
-            name: {"value": v, "sd": sd, "sd_noise": noise, "sd_pieces": pieces}
-            for name, v, sd, noise, pieces in rows(found)
-        },
-        "fit": found.fit,
-        "friction": found.friction,
-        "compared": [
-            {"law": t.name, "against": t.against, "taken": t.taken} | vars(t.comparison)
-            for t in found.tried
-        ],
-        "condition": found.verdict.condition,
-        "identifiability": found.verdict.weakest,
-        "residual": {
-            "std": found.axis.noise,
-            "correlation": found.verdict.correlation,
-            "noise_order": len(found.axis.whitening) - 1,
-        },
-        "warnings": warnings(found, tried),
-        "remarks": list(found.remarks),
-    }
-    if tried is not None:
-        told["validation"] = {"simulation": tried.simulation, "prediction": tried.prediction}
-    return told
-
-
-def _facts(found: Identification, tried: Validation | None) -> list[tuple[str, str]]:
-    facts = [
-        ("law of friction", found.friction),
-        ("fit of a simulation from the torque alone", f"{found.fit:.1f} %"),
-        ("order of the noise model", str(len(found.axis.whitening) - 1)),
-        ("correlation of white residuals", f"{found.verdict.correlation:.3f}"),
-        ("condition", f"{found.verdict.condition:.3g}"),
-        ("identifiability", found.verdict.weakest),
-    ]
-    if tried is not None:
-        facts += [
-            ("on the other log, fit of a simulation", f"{tried.simulation:.1f} %"),
-            ("on the other log, fit of a prediction over one sample", f"{tried.prediction:.1f} %"),
-        ]
-    return facts
-
-
-def print_identification(found: Identification, tried: Validation | None) -> None:
-    """Print it."""
-    table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
-    for name, value, sd, *_ in rows(found):
-        share = f"{100 * sd / abs(value):.2g}" if abs(value) > sd else ""
-        deviation = f"{sd:.2g}" if sd else ""  # none of what stands at a bound, or was told
-        table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", deviation, share)
-    console = Console()
-    console.print(table)
-    for name, text in _facts(found, tried):
-        print(f"{name}: {text}")
-    for text in found.remarks:
-        print(f"- {text}")
-    for text in warnings(found, tried):
-        console.print(f"! {text}", style="yellow", markup=False, soft_wrap=True)
+TOLD = 3  # estimates in the sentence that the page begins with
+COLUMNS = (
+    Column("parameter", kind="text"),
+    Column("estimate [SI]"),
+    Column("standard deviation [SI]"),
+    Column("of the value [%]"),
+    Column("of noise alone [SI]", more=True),
+    Column("over pieces [SI]", more=True),
+)
 
 
 def identification_page(
     found: Identification, period: float, tried: Validation | None, title: str, command: str
 ) -> LogPage:
     """Return the page of it."""
-    estimates = [
-        (name + UNITS.get(name, ""), f"{value:.5g}", f"{sd:.2g}", f"{noise:.2g}", f"{pieces:.2g}")
-        for name, value, sd, noise, pieces in rows(found)
-    ]
-    figures = []
-    if found.response is not None:
-        text = (
-            "Dots: what the log shows without a model. Where the line leaves them, the model does "
-            "not describe the axis."
-        )
-        if found.axis.model.laws:
-            text += (
-                " The dry friction that was found was taken off the torque before, as a level that "
-                "changes sign with the speed. That is rough where the axis hardly moves: dots of "
-                "low frequencies rest on it, and say less of the linear part than the others."
-            )
-        figures.append(("Frequency response", bode_figure(found, period), text))
-    if tried is not None:
-        text = (
-            "The liveliest piece of the log that was not used. The simulation is given the torque "
-            "alone, the prediction the motion up to the sample before as well."
-        )
-        figures.append(("On another log", validation_figure(tried), text))
-    head = ("parameter", "estimate (SI)", "standard deviation", "of noise alone", "over pieces")
+    charts: list[Chart] = [] if found.response is None else [bode_chart(found, period)]
+    charts += [] if tried is None else [validation_chart(tried)]
+    against = warnings(found, tried)
     return LogPage(
         title=title,
         command=command,
+        finding=_finding(found, against),
         remarks=[
-            *(("problem", text) for text in warnings(found, tried)),
+            *(("problem", text) for text in against),
             *(("ok", text) for text in found.remarks),
         ],
+        charts=charts,
         tables=[
-            ("Estimates", head, estimates),
-            ("How far to trust them", ("", ""), _facts(found, tried)),
+            Table("Estimates", COLUMNS, [_row(*row) for row in rows(found)]),
+            texts("How far to trust them", ("what", "here"), facts(found, tried)),
         ],
-        figures=figures,
     )
+
+
+def _finding(found: Identification, against: Sequence[str]) -> Remark:
+    """Return what was identified, how well, and how many doubts there are, in a sentence."""
+    sure = [
+        (sd / abs(value), f"{name} = {value:.4g} ± {sd:.1g}")
+        for name, value, sd, *_ in rows(found)
+        if sd and name in found.names and value
+    ]
+    best = [text for _, text in sorted(sure)]
+    told = ", ".join(best[:TOLD]) + (f" and {len(best) - TOLD} more" if len(best) > TOLD else "")
+    known = f"; surest: {told}" if told else ""
+    text = f"The model simulates {found.fit:.1f} % of the log from its torque alone{known}."
+    if against:
+        count = "One thing speaks" if len(against) == 1 else f"{len(against)} things speak"
+        return "problem", f"{text} {count} against it, first: {against[0].rstrip('.')}."
+    return "ok", text
+
+
+def _row(name: str, *values: float) -> Row:
+    value, sd, noise, pieces = values
+    share = 100 * sd / abs(value) if abs(value) > sd else None
+    return Row([
+        Cell(name + UNITS.get(name, ""), name),
+        Cell(f"{value:.5g}", value),
+        Cell(f"{sd:.2g}" if sd else "–", sd or ""),
+        Cell(f"{share:.2g}" if share else "–", share or ""),
+        *(Cell(f"{v:.2g}", v) for v in (noise, pieces)),
+    ])  # fmt: skip

@@ -1,19 +1,27 @@
-"""The page of an import: what to doubt first, each with what to type and a figure."""
+"""The page of an import: what to doubt first, each with what to type and a chart."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-
-from matplotlib.figure import Figure
 
 from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.log_figures import doubt_figure, log_figure, visibility_figure
-from flexaxis.experiments.logs.log_page import LogPage
+from flexaxis.experiments.logs.log_charts import log_chart, spectrum_chart, visibility_map
+from flexaxis.experiments.logs.log_page import LogPage, Remark
 from flexaxis.experiments.logs.visibility import Seen
+from flexaxis.experiments.reporting.charts import Chart, Heat
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
 ORDER = {"problem": 0, "note": 1, "ok": 2}
+COLUMNS = (
+    Column("what was looked at", kind="text"),
+    Column("measured", kind="text"),
+    Column("verdict", kind="text"),
+    Column("in words", kind="text"),
+    Column("what to type", kind="command"),
+)
 
 
 def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: str) -> LogPage:
@@ -32,41 +40,61 @@ def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: s
     return LogPage(
         title=f"Import of {log.name}",
         command=command,
+        finding=_finding(doubts),
         remarks=[(c.verdict, _remark(c)) for c in doubts if c.verdict != "ok"],
-        tables=_tables(found.checks, seen),
-        figures=_figures(found, doubts, seen),
+        charts=list(_charts(found, doubts, seen)),
+        tables=_tables(doubts, seen),
     )
 
 
+def _finding(doubts: Sequence[Doubt]) -> Remark:
+    """Return what comes of all looks, in a sentence."""
+    bad, known = (
+        [doubt.name for doubt in doubts if doubt.verdict == verdict]
+        for verdict in ("problem", "note")
+    )
+    if bad:
+        return "problem", f"As it is, this log spoils estimates: {', '.join(bad)}."
+    if known:
+        return "note", f"Nothing spoils estimates from this log; to be known: {', '.join(known)}."
+    return "ok", f"Nothing speaks against this log, in {len(doubts)} looks at it."
+
+
 def _remark(doubt: Doubt) -> str:
-    text = f"{doubt.name}: {doubt.text}"
-    return f"{text}. Type: {doubt.command}" if doubt.command else text
+    return f"{doubt.name}: {_sentence(doubt)}"
 
 
-def _tables(
-    checks: Sequence[Doubt], seen: Mapping[str, Seen]
-) -> list[tuple[str, Sequence[str], Sequence[Sequence[str]]]]:
-    head = ("", "measured", "", "", "what to type")
-    rows = [(c.name, c.measured, c.verdict, c.text, c.command) for c in checks]
-    tables: list[tuple[str, Sequence[str], Sequence[Sequence[str]]]] = [
-        ("Plausibility", head, rows)
-    ]
+def _sentence(doubt: Doubt) -> str:
+    return f"{doubt.text}. Type: {doubt.command}" if doubt.command else doubt.text
+
+
+def _tables(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> list[Table]:
+    rows = [
+        Row([
+            Cell(c.name),
+            Cell(c.measured, c.value),
+            Cell(c.verdict),
+            Cell(c.text),
+            Cell(c.command),
+        ])
+        for c in checks
+    ]  # fmt: skip
+    tables = [Table("Plausibility", COLUMNS, rows)]
     if seen:
         lines = [(name, one.words) for name, one in seen.items()]
-        tables.append(("What the excitation can see", ("parameter", ""), lines))
+        head = ("parameter", "in words")
+        tables.append(texts("What the excitation tells of each parameter", head, lines))
     return tables
 
 
-def _figures(
+def _charts(
     found: Imported, doubts: Sequence[Doubt], seen: Mapping[str, Seen]
-) -> list[tuple[str, Figure, str]]:
-    figures = [
-        (f"Doubt: {doubt.name}", doubt_figure(doubt), _remark(doubt))
-        for doubt in doubts
-        if doubt.verdict != "ok" and doubt.draw is not None
-    ]
-    figures.append(("The log", log_figure(found.record), ""))
-    if seen:
-        text = "From the spectrum of the torque, about, by a linear model; orange is not seen."
-        figures.append(("What the excitation can see", visibility_figure(seen), text))
-    return figures
+) -> Iterator[Chart | Heat]:
+    for doubt in doubts:
+        if doubt.verdict != "ok" and doubt.draw is not None:
+            yield replace(doubt.draw(), title=f"Doubt: {doubt.name}", words=_sentence(doubt))
+    yield log_chart(found.record)
+    yield spectrum_chart(found.record)
+    chart = visibility_map(seen)
+    if chart.ys:
+        yield chart

@@ -1,4 +1,4 @@
-"""The HTML page of an import, an identification or a tracked record: tables and figures."""
+"""The HTML page of an import, an identification, a tracked record, or a trend."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
-from flexaxis.experiments.reporting.figures import svg
-from flexaxis.experiments.reporting.page import render
+from flexaxis.experiments.reporting.charts import Chart, Heat
+from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.running.files import write_text
+
+Remark = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -21,17 +22,21 @@ class LogPage:
     Attributes
     ----------
     title, command : str
+    finding : (kind, sentence)
+        What comes of it, in one sentence; the kind is ``"ok"``, ``"note"`` or ``"problem"``.
     remarks : sequence of (kind, text)
-        Kind is ``"ok"``, ``"note"`` or ``"problem"``.
-    tables : sequence of (heading, head, rows)
-    figures : sequence of (heading, figure, text)
+        What there is to say besides.
+    charts : sequence of Chart or Heat
+        The first one stands with the finding, the others behind the tables.
+    tables : sequence of Table
     """
 
     title: str
     command: str
-    remarks: Sequence[tuple[str, str]]
-    tables: Sequence[tuple[str, Sequence[str], Sequence[Sequence[str]]]]
-    figures: Sequence[tuple[str, Figure, str]]
+    finding: Remark
+    remarks: Sequence[Remark]
+    charts: Sequence[Chart | Heat]
+    tables: Sequence[Table]
 
 
 def write_page(page: LogPage, path: Path) -> None:
@@ -40,8 +45,22 @@ def write_page(page: LogPage, path: Path) -> None:
         "title": page.title,
         "command": page.command,
         "version": version("flexaxis"),
+        "finding": page.finding,
         "remarks": page.remarks,
         "tables": page.tables,
-        "figures": [(heading, svg(figure), text) for heading, figure, text in page.figures],
+        "charts": charted(page.charts),
     }
     write_text(path, render("logs/templates/log.html", content))
+
+
+def capital(text: str) -> str:
+    """Return a text as a sentence; a symbol such as f_c at its beginning stays as it is.
+
+    Examples
+    --------
+    >>> capital("no parameter changed"), capital("f_c has grown")
+    ('No parameter changed.', 'f_c has grown.')
+    """
+    first, *_ = text.split(" ", 1)
+    plain = first.isalpha() and first.islower()
+    return (text[:1].upper() + text[1:] if plain else text).rstrip(".") + "."

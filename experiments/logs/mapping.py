@@ -15,7 +15,7 @@ from flexaxis.experiments.logs.column_names import completed
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
 from flexaxis.sim.errors import did_you_mean
-from flexaxis.sim.reading import read_toml
+from flexaxis.sim.reading import GREATEST, read_toml
 
 Array = NDArray[np.float64]
 
@@ -195,6 +195,8 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         * (_factor(log, name, column, units[name]) * mapping.scale.get(name, 1))
         for name, column in given.items()
     }
+    for name, values in signals.items():
+        _check_size(f"{log.source}: column {given[name]!r}", values)
     joined = _joined(log, given, signals, columns, smooth=bool(mapping.smooth))
     if "time" not in signals:
         assert mapping.rate is not None  # checked above
@@ -215,6 +217,17 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         stated=frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys())),
         joined=joined,
     )
+
+
+def _check_size(what: str, values: Array) -> None:
+    """Refuse what no sum of squares can be made of; infinity is a sample that is missing."""
+    wrong = np.isfinite(values) & (abs(values) > GREATEST)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise LogError(
+            f"{what} is {values[k]:.3g} at sample {k}, which nothing measured can be: is the file "
+            "damaged, or of another format? Leave such samples empty"
+        )
 
 
 def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.covariates import Clock
 from flexaxis.experiments.logs.log_health import ailments
-from flexaxis.experiments.logs.log_page import LogPage, write_page
-from flexaxis.experiments.logs.trend_figures import logs_figure, overview_figure, parameter_figure
+from flexaxis.experiments.logs.log_page import LogPage, Remark, capital, write_page
+from flexaxis.experiments.logs.trend_charts import logs_chart, overview_chart, parameter_charts
 from flexaxis.experiments.logs.trend_words import log_remarks, remarks, sentences
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, Verdict
+from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
 Array = NDArray[np.float64]
-Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 WORDS = {
     CHANGED: "changed",
@@ -55,44 +56,49 @@ def write_trend(
     """
     good = [row for row in rows if not row["problem"]]
     first = datetime.fromisoformat(good[clock.order[0]]["date"]) if clock.dated else None
-    loud = sorted((v for v in found if v.kind != STEADY), key=lambda v: [*WORDS].index(v.kind))
-    figures = [
-        (
-            _heading(one),
-            parameter_figure(one, clock, covariates, first),
-            ". ".join(sentences(one, clock, [*covariates])) + ".",
-        )
-        for one in loud
-    ]
-    figures.append(
-        (
-            "All parameters",
-            overview_figure(found, clock, first),
-            "Over the value at the start and the mean of the covariates; bars are ±2σ of a log.",
-        )
-    )
-    ordered = [good[i] for i in clock.order]
-    figures.append(
-        (
-            "The logs",
-            logs_figure(ordered, clock, first),
-            "How well a simulation from the torque alone fits each, how late its torque acts, what "
-            "constant torque acts besides, and how much of what is left its own past predicts: 0 "
-            "if it is white noise, and more where the model leaves something out. Bars are ±2σ.",
-        )
-    )
-    tables: list[Table] = [
-        ("Parameters", _head(covariates), [_line(one, clock, good, covariates) for one in found])
-    ]
-    tables += _of_logs(rows)
+    said = remarks(found, clock, [*covariates], rows, false_alarms)
     page = LogPage(
         title=title,
         command=command,
-        remarks=remarks(found, clock, [*covariates], rows, false_alarms),
-        tables=tables,
-        figures=figures,
+        finding=_finding(found, clock, [*covariates], rows),
+        remarks=said,
+        charts=list(_charts(found, clock, covariates, good, first)),
+        tables=[_parameters(found, good, covariates), *_of_logs(rows)],
     )
     write_page(page, path)
+
+
+def _finding(
+    found: Sequence[Verdict], clock: Clock, covariates: Sequence[str], rows: Sequence[Any]
+) -> Remark:
+    """Return what changed, and how many logs are unlike the others, in a sentence."""
+    changed = [v for v in found if v.kind in {CHANGED, OPEN}]
+    told = "; ".join(sentences(v, clock, covariates)[0] for v in changed)
+    if changed:
+        return "problem", capital(told)
+    explained = [v for v in found if v.kind == EXPLAINED]
+    text = "; ".join(sentences(v, clock, covariates)[0] for v in explained)
+    text = capital(text or "no parameter changed")
+    return (
+        ("problem", f"{text} But not all logs are alike, see below.")
+        if ailments(rows)
+        else ("ok", text)
+    )
+
+
+def _charts(
+    found: Sequence[Verdict],
+    clock: Clock,
+    covariates: Mapping[str, Array],
+    good: Sequence[Mapping[str, Any]],
+    first: datetime | None,
+) -> Iterator[Chart]:
+    loud = sorted((v for v in found if v.kind != STEADY), key=lambda v: [*WORDS].index(v.kind))
+    for one in loud:
+        words = ". ".join(sentences(one, clock, [*covariates])) + "."
+        yield from parameter_charts(one, clock, covariates, first, title=_heading(one), words=words)
+    yield overview_chart(found, clock, first)
+    yield logs_chart([good[i] for i in clock.order], clock, first)
 
 
 def write_values(
@@ -102,24 +108,27 @@ def write_values(
     good = [row for row in rows if not row["problem"]]
     names = list(good[0]["estimates"])
     lines = [
-        [
-            str(row["log"]),
-            f"{row['fit']:.3g}",
-            *(
-                f"{row['estimates'][name]['value']:.5g} ± {row['estimates'][name]['sd']:.1g}"
-                for name in names
-            ),
-        ]
+        Row([
+            Cell(str(row["log"])),
+            Cell(f"{row['fit']:.3g}", row["fit"]),
+            *(_estimate(row["estimates"][name]) for name in names),
+        ])
         for row in good
-    ]
+    ]  # fmt: skip
+    columns = [Column("log", kind="text"), Column("fit [%]"), *map(Column, names)]
     page = LogPage(
         title=title,
         command=command,
-        remarks=[("problem", why), *log_remarks(rows)],
-        tables=[("Estimates (SI)", ["log", "fit [%]", *names], lines), *_of_logs(rows)],
-        figures=[],
+        finding=("problem", capital(why)),
+        remarks=log_remarks(rows),
+        charts=[],
+        tables=[Table("Estimates [SI]", columns, lines), *_of_logs(rows)],
     )
     write_page(page, path)
+
+
+def _estimate(told: Mapping[str, float]) -> Cell:
+    return Cell(f"{told['value']:.5g} ± {told['sd']:.1g}", told["value"])
 
 
 def _of_logs(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
@@ -131,11 +140,11 @@ def _of_logs(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
         for row in rows
         if row["problem"] and not row.get("unlike")
     ]
-    tables: list[Table] = []
+    tables = []
     if strange:
-        tables.append(("Logs that are not like the others", ("log", "what"), strange))
+        tables.append(texts("Logs that are not like the others", ("log", "what"), strange))
     if bad:
-        tables.append(("Logs that could not be used", ("log", "why"), bad))
+        tables.append(texts("Logs that could not be used", ("log", "why"), bad))
     return tables
 
 
@@ -143,31 +152,50 @@ def _heading(found: Verdict) -> str:
     return f"{found.name}: {WORDS[found.kind]}"
 
 
-def _head(covariates: Mapping[str, Array]) -> list[str]:
-    return [
-        "parameter", "verdict", "median (SI)", "± of a log [%]", "scatter between logs [%]",
-        "change [%]", *(f"{name} [%/unit]" for name in covariates),
-    ]  # fmt: skip
-
-
-def _line(
-    found: Verdict,
-    clock: Clock,
+def _parameters(
+    found: Sequence[Verdict],
     rows: Sequence[Mapping[str, Any]],
     covariates: Mapping[str, Array],
-) -> list[str]:
-    values = [row["estimates"][found.name]["value"] for row in rows]
-    changes = ", ".join(
-        f"{float(found.percent(c.size)):+.3g} ± {found.percent_deviation(c):.1g}"
-        for c in found.found.changes
-    )
-    slopes = zip(found.found.slopes, found.found.slope_deviations, strict=True)
-    return [
-        found.name,
-        WORDS[found.kind],
-        f"{np.median(values):.5g}",
-        f"{100 * np.median(found.series.deviation):.2g}",
-        f"{100 * found.found.scatter:.2g}",
-        changes or "–",
-        *(f"{100 * slope:+.3g} ± {100 * sd:.1g}" for slope, sd in slopes),
+) -> Table:
+    columns = [
+        Column("parameter", kind="text"),
+        Column("verdict", kind="text"),
+        Column("change [%]"),
+        *(Column(f"{name} [%/unit]") for name in covariates),
+        Column("median [SI]"),
+        Column("± of a log [%]"),
+        Column("scatter between logs [%]"),
     ]
+    lines = [_line(one, rows) for one in found]
+    return Table("Parameters", columns, lines)
+
+
+def _line(found: Verdict, rows: Sequence[Mapping[str, Any]]) -> Row:
+    median = float(np.median([row["estimates"][found.name]["value"] for row in rows]))
+    deviation, scatter = 100 * float(np.median(found.series.deviation)), 100 * found.found.scatter
+    slopes = zip(
+        (100 * found.found.slopes).tolist(),
+        (100 * found.found.slope_deviations).tolist(),
+        strict=True,
+    )
+    cells = [
+        Cell(found.name),
+        Cell(WORDS[found.kind]),
+        _changes(found),
+        *(Cell(f"{slope:+.3g} ± {sd:.1g}", slope) for slope, sd in slopes),
+        Cell(f"{median:.5g}", median),
+        Cell(f"{deviation:.2g}", deviation),
+        Cell(f"{scatter:.2g}", scatter),
+    ]
+    return Row(cells, kind="changed" if found.kind in {CHANGED, OPEN} else "")
+
+
+def _changes(found: Verdict) -> Cell:
+    """Return the sizes of all changes, to be sorted by the largest."""
+    sizes = [
+        (float(found.percent(c.size)), found.percent_deviation(c)) for c in found.found.changes
+    ]
+    if not sizes:
+        return Cell("–", "")
+    text = ", ".join(f"{size:+.3g} ± {sd:.1g}" for size, sd in sizes)
+    return Cell(text, max((size for size, _ in sizes), key=abs))

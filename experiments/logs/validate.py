@@ -18,8 +18,8 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
-PERIODS = 20  # of the motion, that the figure shows of the log: its liveliest piece
-BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
+PERIODS = 20  # of the motion, that is shown of a log: its liveliest piece
+BLUE, ORANGE = "#0072B2", "#D55E00"
 
 
 @dataclass(frozen=True)
@@ -101,15 +101,23 @@ def validate(record: Record, axis: Axis, own: Fits | None = None) -> Validation:
     )
 
 
-def validation_figure(found: Validation) -> Figure:
-    """Draw the liveliest piece of the log with simulation and prediction over it, and errors."""
-    time, ok = found.time, found.ok
+def liveliest(found: Validation) -> slice:
+    """Return the samples of the piece of the log that moves most: about `PERIODS` periods."""
+    ok = found.ok
     # a sine moves by its angular frequency times itself
     rate = float(np.std(np.diff(found.predicted[ok])) / np.std(found.predicted[ok]))
-    length = int(np.clip(PERIODS * 2 * np.pi / rate, 20, len(time) // 2))
+    length = int(np.clip(PERIODS * 2 * np.pi / rate, 20, len(found.time) // 2))
     power = np.convolve(np.where(ok, found.measured, 0.0) ** 2, np.ones(length), "valid")
     begin = int(np.argmax(power))
-    piece = slice(begin, begin + length)
+    return slice(begin, begin + length)
+
+
+def validation_figure(found: Validation) -> Figure:
+    """Draw `liveliest` with simulation and prediction over it, and errors, for a notebook.
+
+    A page has a chart instead, `log_charts.validation_chart`.
+    """
+    time, piece = found.time, liveliest(found)
     fig = Figure(figsize=(8.0, 5.0), layout="constrained")
     upper, lower = fig.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     upper.plot(time[piece], found.measured[piece], "k--", lw=1.0, label="log", zorder=3)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.paper.claims import Claim, Evidence, Measured
-from flexaxis.experiments.reporting import page
+from flexaxis.experiments.reporting import page, tables
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,10 +38,21 @@ def render(e: Evidence, claims: Sequence[Claim], figures: Mapping[str, str], com
         "nominal": e.data.scenario.nominal.as_dict(),
         "command": command,
         "versions": {name: version(name) for name in ("flexaxis", "mujoco", "numpy", "scipy")},
+        "table": _table(claims),
         "symbols": symbols,
         "written": in_words,
     }
     return page.render("paper/templates/paper.html", content)
+
+
+def _table(claims: Sequence[Claim]) -> tables.Table:
+    """Return all claims as a table that sorts, filters, and can be saved."""
+    heads = ("holds", "claim", "measured", "to hold", "source")
+    rows = [
+        ("✓" if c.holds else "✗", c.claim, in_words(c.measured), c.expected, c.source)
+        for c in claims
+    ]
+    return tables.texts("All claims", heads, rows)
 
 
 def _about(claims: Sequence[Claim], words: Sequence[str], but: str | None) -> list[Claim]:

@@ -1,14 +1,11 @@
-"""Figures: each function returns a matplotlib Figure.
+"""What figures drawn with matplotlib share: colours, symbols, marks, the trade-off.
 
-Truth is dashed black, an estimator has the same colour everywhere, bands are 10–90 % of the runs,
-a fault is a thin vertical line, burn-in is shaded. A lost run never squashes the others: the axes
-are those of the truth and the medians near it.
+Truth is dashed black, an estimator has the same colour everywhere, a fault is a thin vertical line,
+burn-in is shaded. Pages have charts of their own (`charts`); these are for notebooks and papers.
 """
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,34 +14,27 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.reporting import looks
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
-# The registry has the look of each estimator: colours distinct also for the colour-blind (after
-# Okabe and Ito, and after Tol), one hue a family, and a marker. Others get a pair by their name.
-_ROLES = {"base": ("#0072B2", "o"), "candidate": ("#D55E00", "o")}
-_PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LONGEST = 40  # characters of a name in a legend
 
 
 def colour(estimator: str) -> str:
-    """Return the colour of an estimator, the same in every figure."""
-    return _look(estimator)[0]
+    """Return the colour of an estimator, the same in every figure; see `looks`."""
+    return looks.look(estimator).light
 
 
 def marker(estimator: str) -> str:
     """Return the marker of an estimator, the same in every figure of points."""
-    return _look(estimator)[1]
+    return looks.look(estimator).marker
 
 
-def _look(estimator: str) -> tuple[str, str]:
-    known = REGISTRY[estimator].look if estimator in REGISTRY else _ROLES.get(estimator)
-    if known is not None:
-        return known
-    digest = hashlib.sha256(estimator.encode()).digest()
-    return _PALETTE[digest[0] % len(_PALETTE)], "osD^v<>PX"[digest[1] % 9]
+def dash(estimator: str) -> Any:
+    """Return the line style of an estimator, as matplotlib takes it."""
+    lengths = [float(part) for part in looks.look(estimator).dash.split()]
+    return (0, lengths) if lengths else "-"
 
 
 def symbol(name: str) -> str:
@@ -53,57 +43,6 @@ def symbol(name: str) -> str:
     letter, _, index = parameter.partition("_")
     text = f"{letter}_{index}" if index else letter
     return f"$1/{text}$" if exponent < 0 else f"${text}$"
-
-
-def trajectories(
-    curves: Sequence[Curve], scenario: Scenario, *, labels: Mapping[str, str] | None = None
-) -> Figure:
-    """Draw the estimates of all estimators over time on one scenario, a panel a parameter.
-
-    Parameters
-    ----------
-    curves : sequence of Curve
-        Those of the scenario.
-    scenario : Scenario
-        For faults, pauses and burn-in.
-    labels : mapping of str to str, optional
-        What the legend says instead of the name of an estimator.
-    """
-    names = list(dict.fromkeys(name for curve in curves for name in curve.names))
-    said = labels or {}
-    fig = Figure(figsize=(8.0, 1.2 + 1.55 * len(names)), layout="constrained")
-    axes = fig.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-    for ax, name in zip(axes, names, strict=True):
-        mine = [(curve, curve.names.index(name)) for curve in curves if name in curve.names]
-        for curve, i in mine:
-            shade = colour(curve.estimator)
-            ax.fill_between(
-                curve.time, curve.low[:, i], curve.high[:, i], color=shade, alpha=0.18, lw=0
-            )
-            label = said.get(curve.estimator, _shortened(curve.estimator))
-            ax.plot(curve.time, curve.median[:, i], color=shade, lw=1.3, label=label)
-        first, i = mine[0]
-        ax.plot(first.time, first.truth[:, i], "k--", lw=1.0, label="truth")
-        mark(ax, scenario)
-        ax.grid(alpha=0.25)
-        ax.set_ylim(*_limits(mine))
-        ax.set_ylabel(f"{symbol(name)} / nominal")
-    axes[-1].set_xlabel("time [s]")
-    axes[-1].set_xlim(0, scenario.duration)
-    # From all panels: an estimator need not be in the first one.
-    shown = {
-        text: line
-        for ax in axes
-        for line, text in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    fig.legend(
-        shown.values(),
-        shown.keys(),
-        loc="outside upper center",
-        ncols=4 if not labels else 1,
-        frameon=False,
-    )
-    return fig
 
 
 def mark(ax: Axes, scenario: Scenario) -> None:
@@ -116,36 +55,6 @@ def mark(ax: Axes, scenario: Scenario) -> None:
         )
     for event in scenario.events():
         ax.axvline(event.index * scenario.period, color="0.3", lw=0.8)
-
-
-def _limits(mine: Sequence[tuple[Curve, int]]) -> tuple[float, float]:
-    """Cover the truth and what lies near it, at most twice its range away."""
-    truth = np.concatenate([curve.truth[:, i] for curve, i in mine] + [[1.0]])
-    drawn = np.concatenate(
-        [side[:, i] for curve, i in mine for side in (curve.low, curve.median, curve.high)]
-    )
-    drawn = drawn[np.isfinite(drawn)]
-    low, high = truth.min(), truth.max()
-    # Most of what is drawn, but a burst or a run at its bound may not set the scale.
-    room = max(high - low, 0.04)
-    if drawn.size:
-        low = max(min(low, np.percentile(drawn, 0.5)), low - 2 * room)
-        high = min(max(high, np.percentile(drawn, 99.5)), high + 2 * room)
-    margin = 0.08 * (high - low) + 0.005
-    return low - margin, high + margin
-
-
-def speed_variance(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw lag against std of the changed parameter: the trade-off, one point an estimator.
-
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Pooled rows; those without a lag are left out.
-    """
-    fig = Figure(figsize=(8.0, 4.0), layout="constrained")
-    draw_speed_variance(fig.subplots(), rows)
-    return fig
 
 
 def draw_speed_variance(ax: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -205,14 +114,6 @@ def _legends(ax: Axes, estimators: Sequence[str], markers: Mapping[str, str]) ->
     figure = ax.get_figure()
     assert figure is not None
     figure.legend(handles=lines + points, loc="outside right upper", frameon=False, fontsize=8)
-
-
-def img(figure: Figure, *, dpi: int = 100) -> str:
-    """Return a figure as dots to put inside a page: smaller than `svg` where much is drawn."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-    text = base64.b64encode(buffer.getvalue()).decode()
-    return f'<img alt="" src="data:image/png;base64,{text}">'
 
 
 def svg(figure: Figure) -> str:

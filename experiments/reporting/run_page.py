@@ -1,205 +1,258 @@
-"""The HTML report of a run: one file, figures inside, readable without a network."""
+"""The HTML report of a run: one file that is readable, and can be played with, offline."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from flexaxis.experiments.catalogue.card import happens, in_a_line
-from flexaxis.experiments.reporting import failures, figures, page, tradeoff_figure
-from flexaxis.experiments.reporting.cells import number, pair, settled
-from flexaxis.experiments.reporting.page import Shown
+from flexaxis.experiments.reporting import (
+    failures,
+    page,
+    run_charts,
+    run_ecdf,
+    run_first,
+    run_seeds,
+    run_speed,
+    run_tables,
+)
+from flexaxis.experiments.reporting.charts import Chart, Picks
+from flexaxis.experiments.reporting.run_budget import Budget, Thinning
 from flexaxis.experiments.results.pooled import Pooled
-from flexaxis.experiments.scoring import mismatch, pools, ranking
+from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.scoring import mismatch, ranking
+from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
-from flexaxis.experiments.scoring.pooling import Curve
-from flexaxis.experiments.scoring.table import SCORES, label
+from flexaxis.experiments.scoring.tracks import track_of
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
-SHARP = 12  # scenarios up to which trajectories are drawn as lines and not as dots, for size
-DRAWN = 6  # estimators in a figure of trajectories: more cannot be told apart
-
-SPEED = "Speed against variance"
-CURVES = (
-    "A line is an estimator whose knob is turned from slow and quiet to quick and noisy; dashed: "
-    "the lag that the Cramér–Rao bound allows with all parameters unknown after the fault, dotted "
-    "with only this one."
-)
-POINTS = (
-    "One point is one setting of an estimator's knob; `flexaxis tradeoff` draws the whole curve of "
-    "each knob, with the bounds."
-)
+TEMPLATE = "reporting/templates/run.html"
+AT_FIRST = 9  # estimators that are shown unless others are asked for: more cannot be told apart
 
 
-def render(results: Pooled) -> str:
+@dataclass(frozen=True)
+class Run:
+    """What the report of a run is made of.
+
+    Attributes
+    ----------
+    pooled : Pooled
+    scenarios : mapping of str to Scenario
+        Those that were run.
+    order : sequence of str
+        Estimators in the order of the one ranking.
+    singles : Singles
+        All runs.
+    """
+
+    pooled: Pooled
+    scenarios: Mapping[str, Scenario]
+    order: Sequence[str]
+    singles: run_seeds.Singles
+
+    @classmethod
+    def of(cls, results: Pooled) -> Run:
+        """Return what there is of a run, its single runs from its folder."""
+        summary = results.summary
+        scenarios = {
+            name: stored_scenario(entry["definition"], source=name)
+            for name, entry in summary["scenarios"].items()
+        }
+        order = run_first.order(summary)
+        singles = run_seeds.Singles.of(Results.load(results.folder), order)
+        return cls(results, scenarios, order, singles)
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What stands in summary.json."""
+        return self.pooled.summary
+
+
+def render(results: Pooled, *, size: float | None = None) -> str:
     """Return the report as HTML.
 
     Parameters
     ----------
     results : Pooled
         As from `flexaxis.experiments.results.pooled.load`.
+    size : float, optional
+        How large it may be [MB]: single runs are left out of one that would be larger. 3 MB by
+        default, 12 MB with more than twelve scenarios.
     """
-    summary = results.summary
-    scenarios = {
-        name: stored_scenario(entry["definition"], source=name)
-        for name, entry in summary["scenarios"].items()
-    }
-    content = {
+    run = Run.of(results)
+    budget = Budget.of(size, scenarios=len(run.scenarios))
+    content = _content(run)
+    drawn: dict[Thinning, dict[str, Chart]] = {}
+
+    def made(chosen: Sequence[run_seeds.Single], said: str, thinning: Thinning) -> str:
+        if thinning not in drawn:
+            drawn[thinning] = _trajectories(run, thinning)
+        return page.render(
+            TEMPLATE, content | _singles(run, drawn[thinning], chosen) | {"left": said}
+        )
+
+    return budget.fitted(list(run.singles.wanted()), made, str(results.folder))
+
+
+def _content(run: Run) -> dict[str, Any]:
+    """Return what the template names, but for the single runs."""
+    summary = run.summary
+    equal = run_first.at_equal_noise(summary)
+    return {
         "summary": summary,
+        "order": run.order,
+        "aside": run.order[AT_FIRST:],
         "failed": len(summary.get("failures", [])),
         "failures": failures.in_words(summary.get("failures", [])),
-        "sections": [_section(name, scenarios[name], results) for name in scenarios],
-        "figures": page.shown(figure for each in FIGURES for figure in each(results)),
-        "answers": _answers(summary, scenarios),
+        "answers": run_first.answers(summary),
+        "by_fault": _by_fault(run),
         "findings": ranking.in_words(summary["as_set"]),
-        "equal": _at_equal_noise(summary),
-        "mismatch": _mismatch(summary, scenarios),
+        "equal": equal,
+        "figures": page.charted(chart for each in CHARTS for chart in each(run)),
+        "sections": [_section(name, run) for name in run.scenarios],
+        "further": _further(run),
+        "tracks": run_ecdf.tracks(run.scenarios),
+        "mismatch": _mismatch(run),
         "controls": ranking.CONTROLS,
         "at_most": ranking.AT_MOST,
         "at_least": ranking.AT_LEAST,
-        "colour": figures.colour,
-        "heads": column_heads(),
-        "cells": cells,
-        "glossary": {label(s.name): s.words for s in SCORES.values() if s.heading},
+        "glossary": run_tables.glossary(),
     }
-    return page.render("reporting/templates/run.html", content)
 
 
-def speed_against_variance(results: Pooled) -> Iterator[Shown]:
-    """Yield the curves over the knobs where they were swept, else a point an estimator."""
-    swept, rows = results.summary.get("tradeoff"), results.summary["rows"]
-    if swept:
-        yield Shown(SPEED, _words_of(CURVES), tradeoff_figure.figure(swept["points"]))
-    elif any(row["changed"] for row in rows):
-        yield Shown(SPEED, _words_of(POINTS), figures.speed_variance(rows))
-
-
-def _words_of(what: str) -> str:
-    return (
-        f"Nearer to the lower left corner is better. {what} Whiskers are 95 % intervals over seeds."
-    )
-
-
-def _answers(summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]) -> list[str]:
-    swept = summary.get("tradeoff")
+def _by_fault(run: Run) -> list[str]:
+    """Return a sentence a fault, and on those that are in no row at equal noise."""
+    swept = run.summary.get("tradeoff")
     if not swept:
         return []
-    words = {name: happens(scenario) for name, scenario in scenarios.items()}
+    words = {name: happens(scenario) for name, scenario in run.scenarios.items()}
     found = ranking.answers(swept["matched"], swept["faults"] | words)
-    return found + _not_compared(swept, summary["estimators"])
+    return found + run_first.not_compared(swept, run.summary["estimators"])
 
 
-def _not_compared(swept: Mapping[str, Any], estimators: Iterable[str]) -> list[str]:
-    """Return a sentence on those that were run, and are in no row at equal noise."""
-    unable = set(swept["left_out"])
-    there = {row["estimator"] for row in swept["matched"]} | unable | set(ranking.CONTROLS)
-    blind = [name for name in estimators if name not in there]
-    found = [f"Not compared at equal noise, for none of what changes here is estimated by them: "
-             f"{', '.join(blind)}."] if blind else []  # fmt: skip
-    if unable:
-        names = ", ".join(name for name in swept["left_out"])
-        found.append(f"Not compared at equal noise, for some of these runs failed: {names}.")
-    return found
+def speed_against_noise(run: Run) -> Iterator[Chart]:
+    """Yield the curves over the knobs where they were swept, else a point an estimator."""
+    swept, rows = run.summary.get("tradeoff"), run.summary["rows"]
+    if swept and swept["points"]:
+        yield run_speed.tradeoff(swept["points"], run.order)
+    elif chart := run_speed.as_set(rows, run.order):
+        yield chart
 
 
-def _at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the table that the report leads with: estimator × fault at equal noise."""
-    swept = summary.get("tradeoff")
-    if not swept:
-        return None
-    rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
-    names = list(dict.fromkeys([p["estimator"] for p in swept["points"]] + [k[2] for k in rows]))
-    overall = {row["estimator"]: row for row in swept["overall"]}
+def distributions(run: Run) -> Iterator[Chart]:
+    """Yield how often each comes how near to the bound, a chart a track."""
+    rows = (row for runs in run.singles.runs.values() for one in runs for row in one.rows)
+    yield from run_ecdf.charts(rows, run.scenarios, run.order)
+
+
+def _section(name: str, run: Run) -> dict[str, Any]:
+    scenario, place = run.scenarios[name], {e: i for i, e in enumerate(run.order)}
+    rows = [row for row in run.summary["rows"] if row["scenario"] == name]
+    rows.sort(key=lambda row: place.get(row["estimator"], len(place)))
     return {
-        "faults": list(dict.fromkeys(key[:2] for key in rows)),
-        "estimators": sorted(names, key=lambda n: [*overall, n].index(n)),
-        "rows": rows,
-        "overall": overall,
-        "words": swept["faults"],
-        "reference": ranking.REFERENCE,
+        "name": name,
+        "track": track_of(scenario),
+        "card": scenario.card,
+        "faults": in_a_line(scenario),
+        "hash": run.summary["scenarios"][name]["hash"],
+        "toml": scenario.to_toml(),
+        "tables": run_tables.tables(rows),
     }
 
 
-def _mismatch(
-    summary: Mapping[str, Any], scenarios: Mapping[str, Scenario]
-) -> dict[str, Any] | None:
-    names, rows = mismatch.mismatched(scenarios), summary["rows"]
+def _trajectories(run: Run, thinning: Thinning) -> dict[str, Chart]:
+    """Return the chart over time of each scenario that has one."""
+    place = {estimator: i for i, estimator in enumerate(run.order)}
+    curves: dict[str, list[Curve]] = {name: [] for name in run.scenarios}
+    for curve in run.pooled.curves:
+        curves[curve.scenario].append(curve)
+    return {
+        name: run_charts.trajectories(
+            sorted(own, key=lambda curve: place.get(curve.estimator, len(place))),
+            run.scenarios[name],
+            thinning,
+            name=f"curves-{name}",
+        )
+        for name, own in curves.items()
+        if own
+    }
+
+
+def _singles(
+    run: Run, drawn: Mapping[str, Chart], chosen: Sequence[run_seeds.Single]
+) -> dict[str, Any]:
+    """Return what can be opened of single runs, and for each scenario what opens them."""
+    shown = {one.name for one in chosen}
+    medians = {key: runs[len(runs) // 2].name for key, runs in run.singles.runs.items()}
+    places = {}
+    for name in run.scenarios:
+        opening = {e: m for (s, e), m in medians.items() if s == name and m in shown}
+        over_time = _drawn(drawn.get(name))
+        points = _drawn(run_seeds.scatter(run.singles, name, shown, run.order))
+        places[name] = {
+            "over_time": page.charted(run_charts.opening(chart, opening) for chart in over_time),
+            "points": page.charted(points),
+            "rows": [one for one in chosen if one.scenario == name],
+        }
+    return {
+        "singles": places,
+        "single_columns": run_tables.SINGLE,
+        "picks": Picks(run_seeds.picks(run.singles, chosen, run.scenarios)),
+    }
+
+
+def _drawn(chart: Chart | None) -> list[Chart]:
+    return [] if chart is None else [chart]
+
+
+def _further(run: Run) -> list[dict[str, Any]]:
+    """Return the scenarios that were swept at equal noise, and not run otherwise."""
+    swept = run.summary.get("tradeoff")
+    if not swept:
+        return []
+    study = Results.load(run.pooled.folder).study
+    known = [stored_scenario(s, source="study.json") for s in study["tradeoff"]["scenarios"]]
+    place = {estimator: i for i, estimator in enumerate(run.order)}
+    points = sorted(swept["points"], key=lambda p: (place[p["estimator"]], p["std"] or 0.0))
+    return [
+        {
+            "name": s.name,
+            "track": track_of(s),
+            "card": s.card,
+            "faults": in_a_line(s),
+            "toml": s.to_toml(),
+            "points": [p for p in points if p["scenario"] == s.name],
+        }
+        for s in known
+        if s.name not in run.scenarios
+    ]
+
+
+def _mismatch(run: Run) -> dict[str, Any] | None:
+    names, rows = mismatch.mismatched(run.scenarios), run.summary["rows"]
     if not names:
         return None
-    known = [name for name in names if known_structure(scenarios[name])]
+    known = [name for name in names if known_structure(run.scenarios[name])]
     parts = {
         "Known structure": known,
         "Unknown structure": [name for name in names if name not in known],
     }
+    there = dict.fromkeys(row["estimator"] for row in rows)
     return {
         "parts": [
-            (title, part, mismatch.mismatch_in_words(rows, summary["as_set"], part))
+            (title, part, mismatch.mismatch_in_words(rows, run.summary["as_set"], part))
             for title, part in parts.items()
             if part
         ],
-        "estimators": list(dict.fromkeys(row["estimator"] for row in rows)),
+        "estimators": [name for name in run.order if name in there],
         "cells": mismatch.matrix(rows, names),
     }
 
 
-def _section(name: str, scenario: Scenario, results: Pooled) -> dict[str, Any]:
-    curves = [curve for curve in results.curves if curve.scenario == name]
-    drawn = figures.svg if len(results.summary["scenarios"]) <= SHARP else figures.img
-    return {
-        "name": name,
-        "card": scenario.card,
-        "faults": in_a_line(scenario),
-        "hash": results.summary["scenarios"][name]["hash"],
-        "toml": scenario.to_toml(),
-        "figure": drawn(figures.trajectories(_drawn(curves, results), scenario)) if curves else "",
-        "rows": [row for row in results.summary["rows"] if row["scenario"] == name],
-    }
-
-
-def _drawn(curves: Sequence[Curve], results: Pooled) -> list[Curve]:
-    """Return the trajectories to draw: where there are many, the reference and the fastest."""
-    if len(curves) <= DRAWN:
-        return list(curves)
-    lags = {
-        row["estimator"]: row["lag"]
-        for row in results.summary["rows"]
-        if row["scenario"] == curves[0].scenario and row["lag"] is not None
-    }
-    order = sorted(
-        curves,
-        key=lambda c: (c.estimator != ranking.REFERENCE, lags.get(c.estimator, math.inf)),
-    )
-    return order[:DRAWN]
-
-
-def column_heads() -> list[str]:
-    """Return the headings of the columns of a scenario's table."""
-    heads = [label(score.name) for score in SCORES.values() if score.heading]
-    return [*heads, "efficiency", "alarms", "false alarms in 1000 s", "µs/sample"]
-
-
-def cells(row: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the cells of a pooled row in that order, each with its interval."""
-    found = []
-    for score in SCORES.values():
-        if score.heading:
-            value = row.get(score.name)
-            if score.kind == "truth":
-                text = f"{value} of {row['seeds']}"
-            elif score.pool is pools.median:
-                text = settled(value, row["changed"])
-            else:
-                text = number(value)
-            found.append((text, pair(row.get(f"{score.name}_interval"))))
-    alarms = row.get("detection") or {}
-    efficiency, cost = row.get("efficiency", {}).get("200"), row["cost"]["us_per_sample"]
-    more = (efficiency, alarms.get("alarms"), alarms.get("false_alarms_per_1000_s"), cost)
-    return found + [(number(value, 2), "") for value in more]
-
-
-FIGURES: Sequence[Callable[[Pooled], Iterator[Shown]]] = (
-    speed_against_variance,
+CHARTS: Sequence[Callable[[Run], Iterable[Chart]]] = (
+    speed_against_noise,
+    distributions,
 )  # fmt: skip
-"""The figures of a run as a whole, in the order of the page: a new one is a function that yields it
-(`results.rows` are the rows behind), and its name here."""
+"""The charts of a run as a whole, in the order of the page: a new one is a function that yields it
+(`run.pooled.rows` are the rows behind), and its name here."""

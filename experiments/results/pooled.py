@@ -15,7 +15,7 @@ from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
-from flexaxis.experiments.scoring.pooling import Curve
+from flexaxis.experiments.scoring.curves import Curve
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,11 @@ def _how_to_go_on(folder: Path) -> str:
 
 
 _ARRAYS = ("truth", "low", "median", "high")
+_NEAR = "near_"  # before the names of what is about the first fault, sample by sample
 
 
 def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
-    from flexaxis.sim.netcdf import add, new_netcdf
+    from flexaxis.sim.netcdf import new_netcdf
 
     with new_netcdf(path) as file:
         for number, curve in enumerate(curves):
@@ -88,23 +89,38 @@ def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
             group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
             group.attrs["names"] = json.dumps(curve.names)
             group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
-            add(group, "time", ("time",), curve.time, units="s")
-            for name in _ARRAYS:
-                values = np.asarray(getattr(curve, name), np.float32)
-                add(group, name, ("time", "estimate"), values)
+            _add(group, curve, "")
+            if curve.near is not None:
+                _add(group, curve.near, _NEAR)
+
+
+def _add(group: Any, curve: Curve, before: str) -> None:
+    from flexaxis.sim.netcdf import add
+
+    time = f"{before}time"
+    add(group, time, (time,), curve.time, units="s")
+    for name in _ARRAYS:
+        add(group, before + name, (time, "estimate"), np.asarray(getattr(curve, name), np.float32))
 
 
 def _load_curves(path: Path) -> list[Curve]:
     import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
 
     with h5py.File(path, "r") as file:
-        return [
-            Curve(
-                scenario=group.attrs["scenario"],
-                estimator=group.attrs["estimator"],
-                names=tuple(json.loads(group.attrs["names"])),
-                time=group["time"][:],
-                **{name: group[name][:].astype(float) for name in _ARRAYS},
-            )
-            for _, group in sorted(file.items(), key=lambda item: int(item[0]))
-        ]
+        groups = [group for _, group in sorted(file.items(), key=lambda item: int(item[0]))]
+        return [_curve(group, "", _near(group)) for group in groups]
+
+
+def _near(group: Any) -> Curve | None:
+    return _curve(group, _NEAR) if f"{_NEAR}time" in group else None  # older files have none
+
+
+def _curve(group: Any, before: str, near: Curve | None = None) -> Curve:
+    return Curve(
+        scenario=group.attrs["scenario"],
+        estimator=group.attrs["estimator"],
+        names=tuple(json.loads(group.attrs["names"])),
+        time=group[f"{before}time"][:],
+        **{name: group[before + name][:].astype(float) for name in _ARRAYS},
+        near=near,
+    )

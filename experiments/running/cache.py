@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexaxis.experiments.scoring.spending import spent
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
@@ -28,6 +29,7 @@ from flexaxis.sim.record_file import SIGNALS
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
 
+PLANT, KEEPING = "plant", "record cache"  # accounts of what they take
 LIMIT = 2 * 1024**3  # bytes
 SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again
 _put: dict[Path, int] = {}
@@ -147,15 +149,18 @@ def records(
 
     A cached record is bit for bit what simulating it gives, whatever the batch.
     """
-    known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
+    with spent(KEEPING):
+        known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
     missing = [seed for seed in seeds if known.get(seed) is None]
-    made = simulate(scenario, missing, repeat=repeat) if missing else []
-    for seed, record in zip(missing, made, strict=True):
-        known[seed] = record
-        if store:
-            store.put(scenario, record, repeat=repeat)
-    if store and made:
-        store.make_room()
+    with spent(PLANT):
+        made = simulate(scenario, missing, repeat=repeat) if missing else []
+    with spent(KEEPING):
+        for seed, record in zip(missing, made, strict=True):
+            known[seed] = record
+            if store:
+                store.put(scenario, record, repeat=repeat)
+        if store and made:
+            store.make_room()
     return [record for record in known.values() if record], len(missing)
 
 

@@ -17,9 +17,13 @@ from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, no
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
+from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
+
+ESTIMATOR = "estimator "  # and its name: the account of what it takes
+MAKING, SCORES = "making estimators", "scores"
 
 
 def warm(spec: Spec, scenario: Scenario) -> None:
@@ -80,7 +84,7 @@ def run_batch(
     y = np.stack([getattr(record, scenario.output) for record in records])
     where = f"on {len(records)} records of {scenario.name}"
     start = time.perf_counter()
-    with hosted(spec.text, where):
+    with hosted(spec.text, where), spent(_account(spec)):
         theta = np.asarray(estimator.run_batch(u, y), float)
     seconds = (time.perf_counter() - start) / len(records)
     wanted = (*u.shape, len(estimator.names))
@@ -110,11 +114,13 @@ def run_case(
     EstimatorError
         If the estimator raises, or returns what it may not.
     """
-    estimator = build(spec, scenario)
+    with spent(MAKING):
+        estimator = build(spec, scenario)
     claimed = innovations = None
     if batch is None:
         start = time.perf_counter()
-        theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
+        with spent(_account(spec)):
+            theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
         seconds = time.perf_counter() - start
     else:
         theta, seconds = batch
@@ -134,7 +140,13 @@ def run_case(
         "host": platform.node(),
     }
     seed = record.seed or 0
-    return scored(track, estimator=spec.text, seed=seed, identity=identity, cost=cost, whole=whole)
+    about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
+    with spent(SCORES):
+        return scored(track, estimator=spec.text, seed=seed, **about)
+
+
+def _account(spec: Spec) -> str:
+    return ESTIMATOR + spec.text.partition("[")[0]
 
 
 def track_of(  # noqa: PLR0917

@@ -6,7 +6,7 @@ for. In a folder the rows outlive a kill and are not run again; without one they
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -19,6 +19,7 @@ from flexaxis.experiments.building.guest import time_limit
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.cache import RecordCache
 from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import opened
 from flexaxis.experiments.running.plan import Plan, make_plan
 from flexaxis.experiments.running.study import Study
@@ -26,7 +27,9 @@ from flexaxis.experiments.running.traces import write_traces
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Outcome, run_unit
+from flexaxis.experiments.scoring.spending import spent
 
+WRITING = "writing rows and traces"  # the account of what that takes
 Keep = Literal["none", "worst", "all"]
 Worker = Callable[[Unit], Outcome]
 
@@ -72,14 +75,35 @@ class Means:
     def outcomes(
         self, plan: Plan, done: Any = None, *, whole: bool = False, traced: bool = False
     ) -> Generator[Outcome, None, None]:
-        """Yield the outcomes of what is missing of a plan."""
+        """Yield the outcomes of what is missing of a plan.
+
+        Raises
+        ------
+        StudyError
+            If cases are missing at the end though nobody has stopped the work.
+        """
         work = self.work or partial(
             run_unit, store=self.store, whole=whole, traced=traced, time_limit=time_limit()
         )
-        return spread(
-            plan.units(done), work, jobs=self.jobs, executor=self.executor,
-            in_flight=self.in_flight,
-        )  # fmt: skip
+        wanted = found = 0
+
+        def units() -> Iterator[Unit]:
+            nonlocal wanted
+            for unit in plan.units(done):
+                wanted += unit.cases
+                yield unit
+
+        with closing(
+            spread(units(), work, jobs=self.jobs, executor=self.executor, in_flight=self.in_flight)
+        ) as outcomes:
+            for outcome in outcomes:
+                found += outcome.cases
+                yield outcome
+        if found != wanted:
+            raise StudyError(
+                f"{wanted - found} of {wanted} cases are missing, though nothing stopped the work; "
+                "what is done is kept: go on with --resume, and please report this"
+            )
 
 
 @dataclass(frozen=True)
@@ -173,6 +197,7 @@ def run_study(
 def write_outcome(folder: Path, file: rows.RowFile, outcome: Outcome) -> None:
     """Write what became of a unit."""
     # First what goes with the rows: a case that has rows has it.
-    keep_all(folder, outcome.kept)
-    write_traces(folder, outcome.traces)
-    file.append(outcome.lines)
+    with spent(WRITING):
+        keep_all(folder, outcome.kept)
+        write_traces(folder, outcome.traces)
+        file.append(outcome.lines)

@@ -112,13 +112,14 @@ def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    stopping.forget()  # of what was stopped before, a signal may have come after its end
+    # Of what was before, a signal may still come; of what is around this, it is meant for this too.
+    around = stopping.begin(lambda: interrupts.asked or around())
     with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
         try:
             yield interrupts
         finally:
             interrupts.over = True
-            stopping.forget()
+            stopping.begin(around)
 
 
 @contextmanager

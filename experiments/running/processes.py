@@ -13,7 +13,7 @@ from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 
 from flexaxis.experiments.building.inherited import STOP
-from flexaxis.experiments.running.stopping import heed
+from flexaxis.experiments.running import stopping
 
 
 def _start_worker() -> None:
@@ -21,7 +21,8 @@ def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it
-    heed()
+    stopping.begin()
+    stopping.heed()
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()

@@ -30,9 +30,13 @@ class _State:
         Whether all work is to stop, also what is still to come.
     able : bool
         Whether work is under way that may be left where it is.
+    meant : callable
+        Whether a stop that comes is meant for what goes on now.
     """
 
-    asked = able = False
+    def __init__(self) -> None:
+        self.asked = self.able = False
+        self.meant: Callable[[], bool] = lambda: False
 
 
 _state = _State()
@@ -46,6 +50,8 @@ def ask() -> None:
     Stopped
         If work is under way; else it will end as soon as it begins.
     """
+    if not _state.meant():  # it came late: what it was for has ended, and something else goes on
+        return
     _state.asked = True
     if _state.able:
         raise Stopped
@@ -56,9 +62,11 @@ def under_way() -> bool:
     return _state.able
 
 
-def forget() -> None:
-    """Let work begin again."""
+def begin(meant: Callable[[], bool] = lambda: True) -> Callable[[], bool]:
+    """Let work begin again, which a stop ends only while `meant()`; return what held before."""
+    before, _state.meant = _state.meant, meant
     _state.asked = False
+    return before
 
 
 def check() -> None:

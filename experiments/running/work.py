@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -25,6 +25,7 @@ from flexaxis.experiments.running.stopping import check, stoppable
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
 from flexaxis.experiments.scoring.pooling import Case
+from flexaxis.experiments.scoring.spending import ledger, spent
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
@@ -32,6 +33,7 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import versions
 
 Row = dict[str, Any]
+COMPILING, ROWS = "compiling", "rows as text"  # accounts of what they take
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,8 @@ class Outcome:
         Time taken [s].
     remarks : tuple of Remark
         What is to be known of users' code.
+    spent : mapping of str to float
+        Processor time by account [s].
     """
 
     lines: bytes
@@ -78,6 +82,7 @@ class Outcome:
     simulating: float = 0.0
     estimating: float = 0.0
     remarks: tuple[Remark, ...] = ()
+    spent: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass
@@ -92,8 +97,10 @@ class _Done:
     def outcome(self, remarks: Sequence[Remark]) -> Outcome:
         """Return what became of the unit, as far as it has come."""
         rows = [rows for rows, _, _ in self.cases]
+        with spent(ROWS):
+            lines = "".join(dumps(row) + "\n" for case in rows for row in case).encode()
         return Outcome(
-            lines="".join(dumps(row) + "\n" for case in rows for row in case).encode(),
+            lines=lines,
             cases=len(rows),
             failed=sum(case[0]["error"] is not None for case in rows),
             kept=tuple(kept for _, kept, _ in self.cases if kept is not None),
@@ -131,11 +138,12 @@ def run_unit(
     """
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
-    with threadpool_limits(1), limited(time_limit), noted() as remarks:
+    with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
         with stoppable():
             check()
             _run(done, unit, store, whole, traced)
-        return done.outcome(remarks)
+        found = done.outcome(remarks)
+    return replace(found, spent=dict(seconds))
 
 
 def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> None:
@@ -189,7 +197,8 @@ def _cases(
         if whole and has_batch(spec, scenario):
             batch = run_batch(scenario, found, spec)
         else:
-            warm(spec, scenario)
+            with spent(COMPILING):
+                warm(spec, scenario)
     except EstimatorError as error:
         problem = error
     columns = _columns(variant, entry)
@@ -222,7 +231,7 @@ def _with_what_goes(
                     case.theta)  # fmt: skip
     if traced:
         trace = Trace(first["case"], first["hash"], case.estimator, case.names, case.curve,
-                      case.relative)  # fmt: skip
+                      case.relative, case.detail)  # fmt: skip
     return rows, kept, trace
 
 

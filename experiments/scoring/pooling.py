@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
+from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.limits import RMSE_AT
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.table import columns as kinds
-from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-BAND = (10.0, 50.0, 90.0)  # percentiles of the trajectories
 IDENTITY = ("scenario", "hash", "estimator", "parameter", "changed")
 POOLED = tuple(score.name for score in SCORES.values() if score.pool is not None)
 NUMBERS = (
@@ -30,8 +29,6 @@ NUMBERS = (
     "cost.us_per_sample",
 )
 """Columns that pools may ask for."""
-
-CURVE_STEP = 10  # samples from one kept point of a trajectory to the next
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,8 @@ class Case:
         Every tenth estimate over its nominal value.
     relative : dict of str to ndarray (n,)
         θ̃/D in the first scored window of each changed parameter.
+    detail : Detail or None
+        What else there is to draw of it.
     theta : ndarray (N, p) or None
         All estimates, where they were asked for.
     """
@@ -61,6 +60,7 @@ class Case:
     rows: list[dict[str, Any]]
     curve: NDArray[np.float32]
     relative: dict[str, NDArray[np.float32]]
+    detail: Detail | None = None
     theta: NDArray[np.float64] | None = None
 
 
@@ -96,6 +96,7 @@ def scored(
             rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
             curve=(track.theta[::CURVE_STEP] / track.nominal).astype(np.float32),
             relative={name: error.astype(np.float32) for name, error in relative.items()},
+            detail=detail_of(track),
             theta=track.theta if whole else None,
         )
 
@@ -112,24 +113,6 @@ def case_of(own: Sequence[dict[str, Any]], trace: Any = None) -> Case:
         curve=np.empty((0, 0), np.float32) if trace is None else trace.curve,
         relative={} if trace is None else dict(trace.relative),
     )
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Trajectories of one estimator on one scenario, over all seeds, over nominal.
-
-    `truth`, `low`, `median`, `high` are (M, p), `time` is (M,) [s]; low and high are the 10th and
-    90th percentile.
-    """
-
-    scenario: str
-    estimator: str
-    names: tuple[str, ...]
-    time: Array
-    truth: Array
-    low: Array
-    median: Array
-    high: Array
 
 
 def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]]:
@@ -263,34 +246,3 @@ def of_trajectories(
         "rmse": errors,
         "efficiency": pools.efficiency(errors, bound),
     }
-
-
-def curve_of(
-    scenario: Scenario, estimator: str, names: Sequence[str], runs: Sequence[NDArray[np.float32]]
-) -> Curve:
-    """Return the trajectories of an estimator on a scenario.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    estimator : str
-        What to call it.
-    names : sequence of str
-        Estimated parameters.
-    runs : sequence of ndarray (M, p)
-        Every tenth estimate over its nominal value, of each run.
-    """
-    truth = theta_over_time(scenario, names) / nominal_theta(scenario, names)
-    drawn = np.stack(runs).astype(float)
-    with np.errstate(all="ignore"):  # a lost run may hold anything
-        low, median, high = np.percentile(np.where(np.isnan(drawn), np.inf, drawn), BAND, axis=0)
-    return Curve(
-        scenario=scenario.name,
-        estimator=estimator,
-        names=tuple(names),
-        time=scenario.times[::CURVE_STEP],
-        truth=truth[::CURVE_STEP],
-        low=low,
-        median=median,
-        high=high,
-    )

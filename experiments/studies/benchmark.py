@@ -24,11 +24,15 @@ from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.previous import completed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
-from flexaxis.experiments.scoring.pooling import POOLED, Curve, curve_of, of_trajectories
+from flexaxis.experiments.scoring.curves import Curve, curve_of
+from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
+from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
+
+POOLING, DRAWING = "pooling scores", "the report"  # accounts of what they take
 
 
 @dataclass(frozen=True)
@@ -136,21 +140,24 @@ def finish(
     """
     study = read_study(folder)
     scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
-    swept = _sweep(study, folder, means)
+    with spent(POOLING):  # but for the cases, which are on other accounts
+        swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
-    results = Results.load(folder)
-    groups = results.grouped(["base", "method"])
-    pooled, curves = _with_trajectories(
-        folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
-    )
-    summary = _summary(study, pooled) | {
-        "failures": _failures(folder, swept),
-        "as_set": as_set(groups),
-        "tradeoff": swept,
-    }
+    with spent(POOLING):
+        results = Results.load(folder)
+        groups = results.grouped(["base", "method"])
+        pooled, curves = _with_trajectories(
+            folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+        )
+        summary = _summary(study, pooled) | {
+            "failures": _failures(folder, swept),
+            "as_set": as_set(groups),
+            "tradeoff": swept,
+        }
     found = Pooled(summary, curves, folder)
-    write_text(folder / REPORT, render(found))
+    with spent(DRAWING):
+        write_text(folder / REPORT, render(found))
     save(folder, found)  # the summary last: a folder without one is not complete
     return found
 
@@ -168,7 +175,9 @@ def _with_trajectories(
         scenario = scenarios[name]
         known = traces.find(scenario.hash, estimator)
         if known:
-            curves.append(curve_of(scenario, estimator, known[0].names, [t.curve for t in known]))
+            runs = [t.curve for t in known]
+            near = [t.detail.near for t in known if t.detail is not None]
+            curves.append(curve_of(scenario, estimator, known[0].names, runs, near))
         for row in own:
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
             identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator,

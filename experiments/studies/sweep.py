@@ -132,6 +132,29 @@ def sweep(
     return _matched(runs)
 
 
+def again(
+    scenarios: Sequence[Scenario],
+    lines: Mapping[str, Mapping[str, Line]],
+    seeds: Sequence[int],
+    bench: Bench,
+) -> list[dict[str, Any]]:
+    """Return the `at_excess` that `sweep` found, from the settings it ran; no knob is turned.
+
+    Parameters
+    ----------
+    scenarios, seeds, bench
+        As for `sweep`.
+    lines : mapping
+        Settings by scenario and estimator, with the turns of their knobs.
+    """
+    runs = _Runs(scenarios, seeds, {}, bench)
+    for scenario in scenarios:
+        own = {name: dict(line) for name, line in lines.get(scenario.name, {}).items()}
+        runs.lines[scenario.name] = own
+        runs.run([scenario], texts(own))
+    return _equal(runs)["excess"]
+
+
 def able(
     scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int], bench: Bench
 ) -> list[str]:
@@ -208,7 +231,6 @@ def _widen(runs: _Runs, scenario: Scenario, factor: float) -> None:
 
 def _matched(runs: _Runs) -> Sweep:
     points: list[dict[str, Any]] = []
-    at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
     for scenario in runs.scenarios:
         for name, line in runs.lines[scenario.name].items():
             for text, factor in line.items():
@@ -216,12 +238,21 @@ def _matched(runs: _Runs) -> Sweep:
                 cases = [case_of(run) for run in runs.of(scenario, text)]
                 pooled = pool_group(cases, scenario)
                 points += [{k: r[k] for k in _KEPT} | extra for r in pooled if r["changed"]]
+    at = _equal(runs)
+    return Sweep(points, mark(at["std"]), at["excess"])
+
+
+def _equal(runs: _Runs) -> dict[str, list[dict[str, Any]]]:
+    """Return what is said of each estimator at each fault, by what is equal."""
+    at: dict[str, list[dict[str, Any]]] = {noise: [] for noise in NOISES}
+    for scenario in runs.scenarios:
+        for name in runs.lines[scenario.name]:
             for parameter in runs.faults(scenario, name):
                 for noise in NOISES:
                     found = runs.match(scenario, name, parameter, noise)
                     if found is not None:
                         at[noise].append(_row(scenario, name, parameter, found))
-    return Sweep(points, mark(at["std"]), at["excess"])
+    return at
 
 
 NOISES: tuple[Noise, ...] = ("std", "excess")

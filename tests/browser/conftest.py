@@ -1,6 +1,7 @@
 """A browser without a screen, driven over its DevTools protocol: no more than the test needs."""
 
 import base64
+import importlib.util
 import json
 import shutil
 import subprocess
@@ -25,6 +26,9 @@ FLAGS = (
     "--host-resolver-rules=MAP rebound.test 127.0.0.1",
 )
 
+
+KEYS = {"Tab": 9, "Enter": 13, "Escape": 27, " ": 32, "ArrowLeft": 37, "ArrowUp": 38}
+KEYS |= {"ArrowRight": 39, "ArrowDown": 40}
 
 FIND = """
 (() => {{
@@ -52,6 +56,39 @@ def browser(tmp_path):
         pytest.skip("no Chromium on the path")
     with Browser(tmp_path / "profile") as page:
         yield page
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory):
+    """A Chromium that the tests of a module share."""
+    if find() is None:
+        pytest.skip("no Chromium on the path")
+    with Browser(tmp_path_factory.mktemp("profile") / "profile") as page:
+        yield page
+
+
+SERIOUS = """
+axe.run().then(r => window.found = r.violations
+  .filter(v => ["serious", "critical"].includes(v.impact))
+  .map(v => v.id + ": " + v.nodes.slice(0, 3).map(n => n.html.slice(0, 99)).join(" · "))); 1
+"""
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """A function that says what axe-core finds serious or critical in the page of a browser."""
+    place = importlib.util.find_spec("axe_core_python")
+    if place is None:
+        pytest.skip("axe-core-python is not installed")
+    code = Path(place.origin).with_name("axe.min.js").read_text(encoding="utf-8")
+
+    def found(browser):
+        browser.run(code + "; window.found = null; 1")
+        browser.run(SERIOUS)
+        browser.wait("window.found !== null", seconds=60, what="axe-core")
+        return browser.run("window.found")
+
+    return found
 
 
 class Browser:
@@ -127,6 +164,36 @@ class Browser:
         for key in keys:
             for kind in ("keyDown", "keyUp"):
                 self._call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+
+    def key(self, key: str) -> None:
+        """Press a key with what it does in a page: moving the focus, pressing a button."""
+        code = KEYS.get(key, 0)
+        text = {"Enter": "\r", " ": " "}.get(key, key if len(key) == 1 else "")
+        for kind in ("keyDown", "keyUp"):
+            words = {"text": text} if text and kind == "keyDown" else {}
+            self._call(
+                "Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code, **words
+            )
+
+    def write(self, text: str) -> None:
+        """Write where the focus is."""
+        self._call("Input.insertText", text=text)
+
+    def mouse(self, *path: tuple[float, float], press: bool = False) -> None:
+        """Move the mouse along a path; with `press`, its button held from first to last."""
+        held = {"button": "left", "clickCount": 1} if press else {}
+        for i, (x, y) in enumerate(path):
+            pressed = {"button": "left", "buttons": 1} if press and i else {}
+            self._call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, **pressed)
+            if press and i == 0:
+                self._call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **held)
+        if press:
+            self._call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, **held)
+
+    def media(self, kind: str = "", **features: str) -> None:
+        """Show the page as for print, or in dark: ``prefers_color_scheme="dark"``."""
+        asked = [{"name": n.replace("_", "-"), "value": v} for n, v in features.items()]
+        self._call("Emulation.setEmulatedMedia", media=kind, features=asked)
 
     def downloads(self, folder: Path) -> None:
         """Let what the page saves come into a folder."""

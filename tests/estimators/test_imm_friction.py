@@ -17,7 +17,6 @@ from flexaxis.estimators.recursion.jumps import AGES, Jumps
 from flexaxis.estimators.recursion.modal import Modes
 from flexaxis.estimators.recursion.records import joined, record
 from flexaxis.estimators.recursion.tracker import Tracker
-from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import started_nominal
@@ -335,11 +334,6 @@ def test_a_told_zero_is_refused_by_its_name():
     left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
     estimator = imm_friction(nominal | {"f_m": 0.0}, T, torque=torque, **left)
     assert estimator.names == ("k_T", "1/J_a", "f_c")
-
-
-def test_its_colour_is_its_own():
-    looks = [entry.look[0] for name, entry in REGISTRY.items() if name != "imm-friction"]
-    assert REGISTRY["imm-friction"].look[0] not in looks
 
 
 @pytest.mark.parametrize(

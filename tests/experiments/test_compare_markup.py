@@ -7,7 +7,8 @@ from html import unescape
 import pytest
 from markdown_it import MarkdownIt
 
-from flexaxis.experiments.gate.comparison_report import COLUMNS, markdown
+from flexaxis.experiments.gate.comparison_report import markdown
+from flexaxis.experiments.gate.comparison_rows import COLUMNS
 from flexaxis.experiments.gate.stored import compare_runs
 from flexaxis.experiments.running import names as results
 

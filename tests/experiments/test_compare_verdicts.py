@@ -1,18 +1,24 @@
 """Verdicts on made-up scores whose right answer is known; the sequential gate."""
 
 import json
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from flexaxis.experiments.gate.comparison_report import cells, markdown, row_command, worst, write
+from flexaxis.experiments.gate.comparison_report import markdown, write
+from flexaxis.experiments.gate.comparison_rows import cells, row_command, worst
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
 from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
+
+sys.path.insert(0, str(Path(__file__).parent))
+from page_text import charts_of
 
 
 def rows(scale=1.0, *, spread=0.005, seeds=8, seed=0, std=1.0, lost=(), parameter="f_m"):
@@ -211,8 +217,10 @@ def test_a_comparison_end_to_end(short, tmp_path):
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
     page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
     text = page.read_text(encoding="utf-8")
-    assert "<svg" in text and "src=" not in text and "my folder/short.toml" in text
-    assert f"candidate: {fast}" in text  # the legend
+    assert '<figure class="chart" id="worst">' in text and " src=" not in text
+    assert "my folder/short.toml" in text
+    lines = charts_of(text)["worst"]["panels"][0]["lines"]
+    assert f"candidate: {fast}" in [line.get("who") for line in lines]  # the legend
     assert "| short | std f_m |" in (tmp_path / "verdict.md").read_text(encoding="utf-8")
     focus = worst(found)
     assert focus.verdict == "worse" and focus.worst_seed in range(6)
@@ -240,20 +248,6 @@ def test_another_noise_on_the_same_run(short, tmp_path):
         # 1600 samples: a correlation of 4/√1600 would be four standard deviations
         assert abs(np.corrcoef(noises)[0, 1]) < 0.1
         assert noises.std(axis=1) == pytest.approx([0.1, 0.1], rel=0.1)
-
-
-def test_the_legend_names_both_where_they_estimate_different_parameters(short):
-    from flexaxis.experiments.reporting.figures import trajectories
-    from flexaxis.experiments.scoring.pooling import Curve
-
-    def curve(side, *names):
-        flat = np.ones((3, len(names)))
-        return Curve("short", side, names, np.arange(3.0), flat, flat, flat, flat)
-
-    sides = [curve("base", "k_T", "f_m"), curve("candidate", "f_m")]  # k_T has the first panel
-    figure = trajectories(sides, short, labels={"base": "base: a", "candidate": "candidate: b"})
-    texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == ["base: a", "truth", "candidate: b"]
 
 
 def test_who_does_not_estimate_what_changes_is_not_better():

@@ -400,9 +400,7 @@ def test_few_reversals(tmp_path):
 
 def test_every_doubt_draws(clean, tmp_path):
     """What was seen can be drawn, of an ill log with many things wrong."""
-    from matplotlib.figure import Figure
-
-    from flexaxis.experiments.logs.log_figures import doubt_figure
+    from flexaxis.experiments.reporting.charts import Chart
 
     u = np.clip(clean["torque"], -1, 1) + 0.5
     time = clean["time"] + 2e-4 * np.random.default_rng(0).random(len(u))
@@ -411,7 +409,9 @@ def test_every_doubt_draws(clean, tmp_path):
     drawn = [check for check in found.checks if check.draw is not None]
     assert len(drawn) >= 4
     for check in drawn:
-        assert isinstance(doubt_figure(check), Figure)
+        chart = check.draw()
+        assert isinstance(chart, Chart) and all(len(line.x) for line in chart.panels[0].lines)
+        assert "[" in chart.panels[0].y or chart.panels[0].y == "samples", check.name
 
 
 def test_a_record_of_standstill_has_one_doubt():

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import pytest
 
@@ -26,6 +27,7 @@ from flexaxis.experiments.running.processes import process_pool
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
+from flexaxis.experiments.running.work import run_unit
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from flexaxis.experiments.studies.definition import study_from
 
@@ -348,6 +350,18 @@ def test_a_pool_that_is_left_by_an_error_does_not_wait_for_its_processes():
         began = time.monotonic()
         raise KeyboardInterrupt
     assert time.monotonic() - began < 60
+
+
+def test_cases_that_are_missing_are_no_success(short, tmp_path):
+    """Whatever has lost them: what is there is kept, and the others are said."""
+    study = Study("s", (short,), ("frozen",), tuple(range(6)))
+
+    def loses(unit):
+        return replace(run_unit(unit), lines=b"", cases=0) if 5 in unit.seeds else run_unit(unit)
+
+    with pytest.raises(StudyError, match=r"[12] of 6 cases are missing"):
+        run_study(study, tmp_path / "out", Means(work=loses))
+    assert run_study(study, tmp_path / "out", resume=True).cases in {1, 2}  # as units are cut
 
 
 def test_a_second_run_in_a_folder_is_refused(short_toml, tmp_path, capsys):

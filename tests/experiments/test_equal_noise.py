@@ -1,6 +1,8 @@
 """`compare --match-std`: cases with a known answer, what each side is told to be, and refusals."""
 
 import json
+import sys
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
@@ -15,6 +17,9 @@ from flexaxis.experiments.gate.equal_noise import SEEDS
 from flexaxis.experiments.studies.tuning import TOLERANCE
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
+
+sys.path.insert(0, str(Path(__file__).parent))
+from page_text import text_of
 
 SHORT = {"duration": 8.0, "fault[0].at": 6.0}
 HELD_BACK = 120  # samples, .6 s
@@ -187,6 +192,7 @@ def test_on_the_command_line(capsys, short_toml, tmp_path):
     assert "robust=5" in setting and "forgetting=0.99" in setting  # other options stay
     assert told["candidate"] == setting
     for name in ("report.html", "verdict.md"):
-        assert "Tuned to the std of f_m" in (tmp_path / "out" / name).read_text(encoding="utf-8")
+        text = text_of((tmp_path / "out" / name).read_text(encoding="utf-8"))
+        assert "Tuned to the std of f_m" in text
     assert main(["compare", "--self-test", "--match-std"]) == 2
     assert "--match-std: no option of the self-test" in capsys.readouterr().err

@@ -16,9 +16,12 @@ BASE = "reporting/templates/page.html"
 PAGES = sorted(
     path.relative_to(EXPERIMENTS).as_posix()
     for path in EXPERIMENTS.glob("*/templates/*.html")
-    if path.name not in ("page.html", "equations.html")
+    if path.name not in ("page.html", "equations.html", "table.html")
 )
-LOG = {"title": "t", "command": "c", "version": "1", "remarks": (), "tables": (), "figures": ()}
+LOG = {
+    "title": "t", "command": "c", "version": "1", "finding": ("ok", "f"), "remarks": (),
+    "tables": (), "charts": (),
+}  # fmt: skip
 
 
 def imported(path):
@@ -60,21 +63,24 @@ def test_every_class_has_a_style():
         assert parser.found <= styled, template
 
 
-@pytest.mark.parametrize("module", [run_page, study_page])
-def test_every_figure_is_on_its_page(module):
+@pytest.mark.parametrize(
+    ("module", "kind", "known"),
+    [(run_page, "Chart", "CHARTS"), (study_page, "Chart | Heat", "CHARTS")],
+)
+def test_every_figure_is_on_its_page(module, kind, known):
     made = [
         name
         for name, each in vars(module).items()
-        if getattr(each, "__annotations__", {}).get("return") == "Iterator[Shown]"
+        if getattr(each, "__annotations__", {}).get("return") == f"Iterator[{kind}]"
     ]
     assert made
     for name in made:
-        place = f"FIGURES at the end of {Path(module.__file__).name}"
-        assert getattr(module, name) in module.FIGURES, f"{name} is on no page: name it in {place}"
+        place = f"{known} at the end of {Path(module.__file__).name}"
+        assert getattr(module, name) in getattr(module, known), f"{name} is on no page: {place}"
 
 
 def test_text_is_escaped_and_what_is_missing_is_an_error():
     html = render("logs/templates/log.html", LOG | {"title": "<script>a & b</script>"})
-    assert "<h1>&lt;script&gt;a &amp; b&lt;/script&gt;</h1>" in html and "<script>" not in html
+    assert "<h1>&lt;script&gt;a &amp; b&lt;/script&gt;</h1>" in html and "<script>a" not in html
     with pytest.raises(UndefinedError, match="version"):
         render("logs/templates/log.html", {k: v for k, v in LOG.items() if k != "version"})

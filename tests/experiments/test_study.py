@@ -210,7 +210,8 @@ def test_the_folder_of_a_study(finished):
     assert len(rows) == 2 * 2 * (2 + 1) * 3
     assert [f.name for f in folder.glob("*.jsonl")] == ["scores.jsonl"]
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert page.count("<svg") >= 3 and "src=" not in page and "rpem-forgetting" in page
+    assert page.count('<figure class="chart"') >= 3 and " src=" not in page
+    assert "rpem-forgetting" in page
     one = next(row for row in rows.values() if row["method"] == "rpem-forgetting")
     assert set(one["axes"]) == {"fault[0].factor", "rpem-forgetting.forgetting"}
 

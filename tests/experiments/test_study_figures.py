@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting import sweep_figures as figures
+from flexaxis.experiments.reporting import study_settings, sweep_charts
 from flexaxis.experiments.reporting.findings import Alarms, alarms, confusion
 from flexaxis.experiments.running.forecast import forecast
 from flexaxis.experiments.running.plan import Work, make_plan
@@ -18,9 +18,9 @@ from flexaxis.experiments.studies.definition import study_from
 def pooled(method, factor, **changes):
     lag = (factor or 1.0) / 10
     row = {
-        "method": method, "estimator": method, "fault[0].factor": factor, "start": 1.0,
-        "parameter": "f_m", "changed": True, "cases": 4, "lag": lag, "lag_bound": 0.05,
-        "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
+        "method": method, "who": method, "estimator": method, "fault[0].factor": factor,
+        "start": 1.0, "parameter": "f_m", "changed": True, "cases": 4, "lag": lag,
+        "lag_bound": 0.05, "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
     }  # fmt: skip
     return row | changes
 
@@ -29,16 +29,16 @@ def test_degradation_draws_lags_with_intervals_and_errors():
     rows = [pooled("ekf", factor) for factor in (2.0, 1.5)]
     rows += [pooled("ekf", 1.5, changed=False, std=0.0, bias=1.0, cases=12)]
     rows += [pooled("frozen", None)]  # an axis that is no option of this estimator
-    lag, error = figures.degradation(rows, "fault[0].factor").axes
-    drawn = lag.containers[0]
-    np.testing.assert_allclose(drawn.lines[0].get_xydata(), [[1.5, 0.15], [2.0, 0.2]])
-    whisker = drawn.lines[2][0].get_segments()[0]
-    np.testing.assert_allclose(whisker, [[1.5, 0.075], [1.5, 0.3]])
-    bound = next(line for line in lag.lines if line.get_linestyle() == "--")
-    np.testing.assert_allclose(bound.get_ydata(), 0.05)
+    chart = sweep_charts.degradation(rows, "fault[0].factor", label="size", words="")
+    lag, error = chart.panels
+    drawn, bound = lag.lines
+    np.testing.assert_allclose([drawn.x, drawn.y], [[1.5, 2.0], [0.15, 0.2]])
+    np.testing.assert_allclose([drawn.low, drawn.high], [[0.075, 0.1], [0.3, 0.4]])
+    assert bound.role == "bound" and set(bound.y) == {0.05}
     # std² + bias² is .25 in 4 cases and 1 in 12, and .25 in the others
-    drawn = error.containers[0].lines[0].get_xydata()
-    np.testing.assert_allclose(drawn, [[1.5, np.sqrt(0.8125)], [2.0, 0.5]])
+    (drawn,) = error.lines
+    np.testing.assert_allclose([drawn.x, drawn.y], [[1.5, 2.0], [np.sqrt(0.8125), 0.5]])
+    assert lag.y_range[0] == 0 and lag.y_range[1] > 0.4
 
 
 def told(case, estimator, delay, missed, false, *, parameters=("k_T", "f_m")):
@@ -61,10 +61,13 @@ def test_detection_draws_a_point_a_setting():
     found = [Alarms("m", "m[t=4]", 0.1, [0.0, 0.2], 0.0, 20.0),
              Alarms("m", "m[t=16]", 0.4, None, 0.25, 0.0),
              Alarms("m", "m[t=99]", None, None, 1.0, 0.0)]  # fmt: skip
-    delay, missed = figures.detection(found).axes
-    assert delay.containers[0].lines[0].get_xydata().tolist() == [[0.0, 0.4], [20.0, 0.1]]
-    assert [text.get_text() for text in delay.texts] == ["t=16", "t=4"]
-    assert sorted(missed.lines[0].get_ydata()) == [0.0, 25.0, 100.0]
+    delay, missed = sweep_charts.detection(found, words="").panels
+    assert {line.who for line in delay.lines} == {"m"}
+    through, *points = delay.lines
+    assert through.x.tolist() == [0.0, 20.0] and through.y.tolist() == [0.4, 0.1]
+    assert [point.label for point in points] == ["m[t=16]", "m[t=4]"]
+    assert points[1].low == [0.0] and points[1].high == [0.2]
+    assert sorted(missed.lines[0].y) == [0.0, 25.0, 100.0]
 
 
 @dataclass
@@ -102,17 +105,45 @@ def test_confusion_counts_each_case_once(stored, tmp_path):
         "m": Counter({("f_m", "f_m"): 1, ("J_a", "missed"): 1, ("f_m", "unmodelled"): 1,
                       ("J_a", "several"): 1})
     }  # fmt: skip
-    (panel,) = figures.isolation(counts).axes
-    shares = {label.get_text() for label in panel.texts}
-    assert shares == {"50", "0"}
+    heat = sweep_charts.isolation(counts, words="")
+    (panel,) = heat.panels
+    assert panel.who == "m" and heat.ys == ["J_a", "f_m"]
+    share = dict(zip(heat.xs, panel.values[heat.ys.index("f_m")], strict=True))
+    assert share == {"f_m": 50, "J_a": 0, "several": 0, "unmodelled": 50, "missed": 0}
 
 
 def test_a_heat_map_has_a_field_for_every_pair():
     rows = [pooled("ekf", factor, start=start, lag=factor * start)
             for factor in (1.5, 2.0, 3.0) for start in (1.0, 1.2)]  # fmt: skip
-    figure = figures.heat_map(rows, "start", "fault[0].factor")
-    table = figure.axes[0].images[0].get_array()
-    np.testing.assert_allclose(table, np.outer([1.5, 2.0, 3.0], [1.0, 1.2]))
+    axes = ("start", "fault[0].factor")
+    heat = sweep_charts.lag_map(rows, axes, labels=("start", "size"), words="")
+    np.testing.assert_allclose(heat.panels[0].values, np.outer([1.5, 2.0, 3.0], [1.0, 1.2]))
+    assert heat.xs == [1.0, 1.2] and heat.ys == [1.5, 2.0, 3.0] and not heat.log
+
+
+class Swept:
+    """Results of which only the axes are asked for."""
+
+    axes = ("fault[0].factor", "rpem-forgetting.forgetting")
+
+    def __init__(self, count):
+        self.count, self.study = count, {"estimators": ["rpem-forgetting", "ekf"]}
+
+    def values(self):
+        return {"fault[0].factor": [1.5, 2.0], "rpem-forgetting.forgetting": [*range(self.count)]}
+
+
+def test_an_estimator_is_not_pooled_over_its_knob():
+    """Each setting is a line, as long as they can be told apart; else the words say so."""
+    knob = "rpem-forgetting.forgetting"
+    few, many = Swept(8), Swept(9)
+    assert study_settings.told_apart(few, ["fault[0].factor"]) == [knob]
+    assert study_settings.pooled_over(few, ["fault[0].factor"]) == []
+    assert study_settings.told_apart(few, [knob]) == []  # it is the axis itself
+    assert study_settings.told_apart(many, ["fault[0].factor"]) == []
+    assert study_settings.pooled_over(many, ["fault[0].factor"]) == [knob]
+    row = {"method": "rpem-forgetting[regularization=1e-6]", knob: 0.99}
+    assert study_settings.who(row, [knob]) == "rpem-forgetting[regularization=1e-6,forgetting=0.99]"
 
 
 def test_a_forecast_scales_with_the_work(short_toml):

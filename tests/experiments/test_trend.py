@@ -26,6 +26,7 @@ from flexaxis.sim.record import Record
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES
 from log_health_tables import record_of
+from page_text import text_of
 
 T, N = 0.002, 1500
 J, F = 4e-3, 0.05
@@ -97,7 +98,7 @@ def test_wear_is_found_beside_the_temperature(days, tmp_path, capsys):
     ((log, problem),) = said["problems"].items()
     assert log == "2026-05-25.csv"
     assert "unexpected" not in problem
-    page = (tmp_path / "t" / "report.html").read_text()
+    page = text_of((tmp_path / "t" / "report.html").read_text())
     assert "f_m rose at once by 15" in page
     assert "what constant torque acts besides, and how much of what is left" in page
     rows = [row for row in read(tmp_path / "t" / "rows.jsonl") if not row["problem"]]
@@ -211,7 +212,7 @@ def test_values_are_shown_where_too_few_logs_can_be_used(days, tmp_path, capsys)
     assert "7 logs have estimates" in err
     page = (tmp_path / "t" / "report.html").read_text()
     assert "7 logs have estimates" in page
-    assert page.count("<td>2026-05-0") == 7
+    assert page.count('data-value="2026-05-0') == 7
 
 
 def test_what_was_made_of_a_log_is_no_further_log(days, tmp_path, capsys):

@@ -111,7 +111,6 @@ ENTRIES = (
         cusum_reset,
         knob="forgetting",
         default=0.995,
-        look=("#44AA99", "X"),
         rank=24,
     ),
 )

@@ -104,7 +104,6 @@ ENTRIES = (
         directional_forgetting,
         knob="forgetting",
         default=0.995,
-        look=("#AA4499", "v"),
         rank=21,
     ),
 )

@@ -90,7 +90,6 @@ ENTRIES = (
         efra,
         knob="forgetting",
         default=0.995,
-        look=("#B8860B", "<"),
         rank=22,
     ),
 )

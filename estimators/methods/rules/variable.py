@@ -111,7 +111,6 @@ ENTRIES = (
         variable_forgetting,
         knob="forgetting",
         default=0.995,
-        look=("#661100", ">"),
         rank=23,
     ),
 )

@@ -90,7 +90,6 @@ ENTRIES = (
         vector_forgetting,
         knob="forgetting",
         default=0.995,
-        look=("#DDCC77", "^"),
         rank=20,
     ),
 )

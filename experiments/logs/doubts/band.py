@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 
 def _look(e: Evidence) -> Doubt:
@@ -25,13 +22,13 @@ def _look(e: Evidence) -> Doubt:
         ": up to more than half of what the rate can show. What a model of samples makes of it "
         "depends on how the torque runs between them; sample faster"
     )
-    return Doubt(name, high, "Hz", "note", text, draw=lambda axes: _draw(axes, e))
+    return Doubt(name, high, "Hz", "note", text, draw=lambda: _draw(e))
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
+def _draw(e: Evidence) -> Chart:
     s = e.spectra
-    axes.semilogy(s.frequency[1:], np.sqrt(s.torque[1:]), color=BLUE, lw=0.8)
-    axes.set(xlabel="frequency [Hz], up to half the rate", ylabel="torque [per √Hz]")
+    spectrum = line(s.frequency[1:], np.sqrt(s.torque[1:]))
+    return sketch("frequency [Hz], up to half the rate", "torque [per √Hz]", spectrum, y_log=True)
 
 
 LOOK = Look(13, _look)

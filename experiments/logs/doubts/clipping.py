@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, points, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Flags = NDArray[np.bool_]
 
@@ -35,7 +31,7 @@ def _look(e: Evidence) -> Doubt | None:
         "if it is what was asked for, or the sensor's end, log what acted, or excite less"
     )
     verdict = "note" if share < MUCH else "problem"
-    return Doubt(name, share, "%", verdict, text, draw=lambda axes: _draw(axes, u, stuck))  # type: ignore[arg-type]
+    return Doubt(name, share, "%", verdict, text, draw=lambda: _draw(u, stuck))  # type: ignore[arg-type]
 
 
 def at_limit(u: NDArray[np.float64]) -> Flags:
@@ -48,13 +44,12 @@ def at_limit(u: NDArray[np.float64]) -> Flags:
     return stuck
 
 
-def _draw(axes: Axes, u: NDArray[np.float64], stuck: Flags) -> None:
+def _draw(u: NDArray[np.float64], stuck: Flags) -> Chart:
     first = int(np.argmax(stuck))
     piece = slice(max(first - 100, 0), first + 300)
     k = np.arange(len(u))[piece]
-    axes.plot(k, u[piece], color=BLUE, lw=0.8)
-    axes.plot(k[stuck[piece]], u[piece][stuck[piece]], ".", color=ORANGE, ms=4)
-    axes.set(xlabel="sample", ylabel="torque")
+    at_extreme = points(k[stuck[piece]], u[piece][stuck[piece]], "at its extreme")
+    return sketch("sample", "torque [as logged]", line(k, u[piece]), at_extreme)
 
 
 LOOK = Look(4, _look)

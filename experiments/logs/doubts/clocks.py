@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.resolution import step_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -69,19 +65,19 @@ def _look(e: Evidence) -> Doubt | None:
         "problem",
         text,
         command,
-        draw=lambda axes: _draw(axes, e),
+        draw=lambda: _draw(e),
     )
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
+def _draw(e: Evidence) -> Chart:
     assert e.raw is not None
     values, label = e.raw.angle, "angle [rad]"
     if values is None:
         values, label = np.asarray(e.raw.speed), "speed [rad/s]"
     middle = len(values) // 2
     piece = values[middle : middle + 60]
-    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color=BLUE, lw=0.9)
-    axes.set(xlabel="sample", ylabel=label)
+    k = np.arange(middle, middle + len(piece))
+    return sketch("sample", label, line(k, piece, kind="steps"))
 
 
 LOOK = Look(6, _look)

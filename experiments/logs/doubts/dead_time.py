@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import csd
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import SEGMENT, Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import LOG, line, points, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -77,8 +76,8 @@ def _look(e: Evidence) -> Doubt:
         return Doubt(NAME, None, "samples", "note", "not visible in this excitation")
     lag = found.samples
 
-    def draw(axes: Axes) -> None:
-        _draw(axes, e)
+    def draw() -> Chart:
+        return _draw(e)
 
     if found.opposite:
         text = "torque and motion have opposite signs: turn one of them"
@@ -98,18 +97,17 @@ def _look(e: Evidence) -> Doubt:
     return Doubt(NAME, lag, "samples", "ok", text)
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
-    """Draw the phase from torque to acceleration, and that of one sample."""
+def _draw(e: Evidence) -> Chart:
+    """Return the phase from torque to acceleration, and that of one sample."""
     s, (low, high) = e.spectra, e.band
     band = (s.frequency >= low) & (s.frequency <= high)
     f = s.frequency[band]
     turn = np.pi * f * e.period
     late = turn if e.incremental else np.zeros_like(f)
     phase = np.angle(s.cross[band] * 1j * np.exp(1j * (turn + late)))
-    axes.plot(f, np.degrees(phase), ".", color=BLUE, ms=2)
-    axes.plot(f, -np.degrees(2 * turn), color=ORANGE, lw=1, label="one sample late")
-    axes.set(xlabel="frequency [Hz]", ylabel="torque to acceleration [°]", ylim=(-190, 190))
-    axes.legend(frameon=False)
+    due = line(f, -np.degrees(2 * turn), "one sample late")
+    seen = points(f, np.degrees(phase), LOG)
+    return sketch("frequency [Hz]", "torque to acceleration [°]", seen, due)
 
 
 LOOK = Look(11, _look)

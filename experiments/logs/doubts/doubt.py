@@ -1,4 +1,4 @@
-"""What a look at a log comes to: measured, verdict, words, what to type, and what to draw."""
+"""What a look at a log comes to: measured, verdict, words, what to type, and a chart of it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-BLUE, ORANGE = "#0072B2", "#D55E00"  # what was measured, and what is remarkable in it
+    from flexaxis.experiments.reporting.charts import Chart
 
 ROUNDING = 1e-6  # of whatever unit a value has: less is that of numbers in a computer
 MARKS = {"problem": "✗", "note": "!", "ok": "✓"}  # of verdicts, in the order of their weight
@@ -38,7 +35,7 @@ class Doubt:
     remedy : dict
         The same for a program, as for `remedies.remedied`: ``{"highpass": 5.0}``.
     draw : callable or None
-        Draws what was seen into axes.
+        Returns a chart of what was seen, without title and words.
     """
 
     name: str
@@ -48,7 +45,7 @@ class Doubt:
     text: str
     command: str = ""
     remedy: Mapping[str, Any] = field(default_factory=dict)
-    draw: Callable[[Axes], None] | None = field(default=None, compare=False, repr=False)
+    draw: Callable[[], Chart] | None = field(default=None, compare=False, repr=False)
 
     @property
     def measured(self) -> str:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 SMALL = 5.0  # % of the rms of the speed
 UNEXPLAINED = 0.5  # coherence below which the torque does not explain the motion
@@ -34,21 +30,18 @@ def _look(e: Evidence) -> Doubt | None:
         "nothing holds it, or stick-slip. A filter takes both signals' slow parts away alike"
     )
     command, remedy = f"--highpass {e.corner:g}", {"highpass": e.corner}
-    return Doubt(name, share, unit, "note", text, command, remedy, draw=lambda axes: _draw(axes, e))
+    return Doubt(name, share, unit, "note", text, command, remedy, draw=lambda: _draw(e))
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
-    """Draw the angle, and its slow part."""
+def _draw(e: Evidence) -> Chart:
+    """Return the angle, and its slow part."""
     from scipy.signal import butter, sosfiltfilt
 
     angle = np.cumsum(e.speed) * e.period
     low = sosfiltfilt(butter(2, 2 * 0.7 * e.band[0] * e.period, output="sos"), angle)
-    step = max(len(angle) // 4000, 1)
-    time = e.time[::step] - e.time[0]
-    axes.plot(time, angle[::step], color=BLUE, lw=0.5, label="angle")
-    axes.plot(time, low[::step], color=ORANGE, lw=1.2, label="below the excitation")
-    axes.set(xlabel="time [s]", ylabel="angle [rad]")
-    axes.legend(frameon=False)
+    time = e.time - e.time[0]
+    slow = line(time, low, "below the excitation")
+    return sketch("time [s]", "angle [rad]", line(time, angle), slow)
 
 
 LOOK = Look(21, _look)

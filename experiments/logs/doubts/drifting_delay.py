@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.doubts.dead_time import lag_of
-from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 PIECES = 6  # of the log, over which the delay must stay
 LEAST = 1000  # samples in a piece
@@ -48,13 +44,13 @@ def _look(e: Evidence) -> Doubt | None:
         "samples",
         "problem",
         text,
-        draw=lambda axes: _draw(axes, e.time, length, lags),
+        draw=lambda: _draw(e.time, length, lags),
     )
 
 
-def _draw(axes: Axes, time: NDArray[np.float64], length: int, lags: list[float]) -> None:
-    axes.plot([time[k * length + length // 2] for k in range(PIECES)], lags, "o-", color=BLUE)
-    axes.set(xlabel="time [s]", ylabel="dead time [samples]")
+def _draw(time: NDArray[np.float64], length: int, lags: list[float]) -> Chart:
+    middle = [time[k * length + length // 2] for k in range(PIECES)]
+    return sketch("time [s]", "dead time [samples]", line(middle, lags, kind="both"))
 
 
 LOOK = Look(12, _look)

@@ -9,18 +9,15 @@ soon as there are reversals.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import sketch
+from flexaxis.experiments.reporting.charts import Chart, Line
 
 Array = NDArray[np.float64]
 
@@ -131,30 +128,29 @@ def _look(e: Evidence) -> Doubt | None:
         text,
         "flexaxis identify … --friction auto",
         {"friction": "auto"},
-        draw=lambda axes: _draw(axes, e, piece),
+        draw=lambda: _draw(e, piece),
     )
 
 
-def _draw(axes: Axes, e: Evidence, piece: slice) -> None:
-    """Draw torque less the part for acceleration against speed, with its mean at each speed."""
+def _draw(e: Evidence, piece: slice) -> Chart:
+    """Return torque less the part for acceleration over speed: its mean, and where most of it is.
+
+    Most is from the 10th to the 90th percentile.
+    """
     u, v = e.torque[piece], e.step_speed[piece]
     a = np.gradient(v, e.period)
     rest = u - a * float(a @ (u - u.mean()) / (a @ a))
-    step = max(len(u) // 4000, 1)
-    axes.plot(v[::step], rest[::step], ".", color=BLUE, ms=1.5, alpha=0.35)
     # finer about zero, where friction turns over
     edges = np.percentile(np.abs(v), np.linspace(0, 98, 15))
     edges = np.unique(np.r_[-edges[::-1], edges])
     place = np.digitize(v, edges)
-    bins = [
-        (v[place == k].mean(), rest[place == k].mean())
-        for k in range(1, len(edges))
-        if np.sum(place == k) > 10
-    ]
-    axes.plot(*zip(*bins, strict=True), "o-", color=ORANGE, lw=1.4, ms=3, label="mean")
-    axes.axvline(0, color="0.3", lw=0.6)
-    axes.set(xlabel="motor speed [rad/s]", ylabel="torque less that for acceleration [as logged]")
-    axes.legend(frameon=False)
+    held = [place == k for k in range(1, len(edges)) if np.sum(place == k) > 10]
+    speed, mean = (np.array([values[at].mean() for at in held]) for values in (v, rest))
+    low, high = np.array([np.percentile(rest[at], (10, 90)) for at in held]).T
+    label = "mean of the log, and 10 … 90 % of it"
+    curve = Line(who=label, x=speed, y=mean, low=low, high=high)
+    y = "torque less that for acceleration [as logged]"
+    return sketch("motor speed [rad/s]", y, curve, marks=[(0.0, "")])
 
 
 LOOK = Look(22, _look)

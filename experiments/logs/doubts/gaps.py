@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import LOG, sketch
+from flexaxis.experiments.reporting.charts import Chart, Line
 
 MUCH = 20.0  # %: where so much is missing, what there is cannot be trusted either
 
@@ -32,7 +29,7 @@ def _look(e: Evidence) -> Doubt:
         "%",
         "note" if missing < MUCH else "problem",
         text,
-        draw=lambda axes: _draw(axes, e),
+        draw=lambda: _draw(e),
     )
 
 
@@ -45,9 +42,11 @@ def _infinite(e: Evidence) -> str:
     )
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
-    axes.fill_between(e.time, 0, ~e.usable, step="post", color=ORANGE, lw=0.5)
-    axes.set(xlabel="time [s]", ylabel="missing", yticks=[0, 1])
+def _draw(e: Evidence) -> Chart:
+    missing = ~e.usable
+    edges = np.unique(np.r_[0, np.flatnonzero(np.diff(missing)) + 1, len(missing) - 1])
+    steps = Line(who=LOG, x=np.asarray(e.time)[edges], y=1.0 * missing[edges], kind="steps")
+    return sketch("time [s]", "missing (1) or there (0)", steps)
 
 
 LOOK = Look(2, _look)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import histogram, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 MUCH = 5.0  # % of a period
 
@@ -26,18 +23,16 @@ def _look(e: Evidence) -> Doubt | None:
         "were taken evenly and only their stamps are late, give the rate in place of the time"
     )
     rate = f"{1 / e.period:.6g}"
-    return Doubt(
-        name, percent, "% of T", "note", text, f"--rate {rate}", draw=lambda axes: _draw(axes, e)
-    )
+    return Doubt(name, percent, "% of T", "note", text, f"--rate {rate}", draw=lambda: _draw(e))
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
-    """Draw how long the samples were, by their stamps."""
+def _draw(e: Evidence) -> Chart:
+    """Return how long the samples were, by their stamps."""
     assert e.raw is not None
-    steps = 1e3 * np.diff(e.raw.time)
-    axes.hist(steps[steps < 3 * 1e3 * e.period], bins=60, color=BLUE)
-    axes.axvline(1e3 * e.period, color=ORANGE)
-    axes.set(xlabel="from one stamp to the next [ms]", ylabel="samples")
+    steps, period = 1e3 * np.diff(e.raw.time), 1e3 * e.period
+    counted = histogram(steps[steps < 3 * period], bins=60)
+    x = "from one stamp to the next [ms]"
+    return sketch(x, "samples", counted, marks=[(period, "period")])
 
 
 LOOK = Look(1, _look)

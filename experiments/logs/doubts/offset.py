@@ -8,16 +8,12 @@ model does not know, and a simulation from the torque runs away from the log.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 TELLS = 0.5  # coherence from which a gain is believed
 SMALL = 1.0  # % of the rms of the speed: what the mean of a torque may make unseen
@@ -56,9 +52,7 @@ def _look(e: Evidence) -> Doubt | None:
         "linear axis runs away"
     )
     command, remedy = _against(e)
-    return Doubt(
-        name, share, unit, "problem", text, command, remedy, draw=lambda axes: _draw(axes, e, gain)
-    )
+    return Doubt(name, share, unit, "problem", text, command, remedy, draw=lambda: _draw(e, gain))
 
 
 def _against(e: Evidence) -> tuple[str, dict[str, object]]:
@@ -70,16 +64,12 @@ def _against(e: Evidence) -> tuple[str, dict[str, object]]:
 _WORDS = ("small", "gravity, friction or a sensor; whether the motion shows it cannot be told")
 
 
-def _draw(axes: Axes, e: Evidence, gain: float) -> None:
-    """Draw the angle, and where its mean torque would at least have taken it."""
+def _draw(e: Evidence, gain: float) -> Chart:
+    """Return the angle, and where its mean torque would at least have taken it."""
     time = e.time - e.time[0]
-    step = max(len(time) // 4000, 1)
     moved = np.cumsum(e.speed) * e.period
-    due = gain * float(e.torque.mean()) * time
-    axes.plot(time[::step], moved[::step], color=BLUE, lw=0.8, label="measured")
-    axes.plot(time[::step], due[::step], "--", color=ORANGE, label="from the mean torque")
-    axes.set(xlabel="time [s]", ylabel="angle [rad]")
-    axes.legend(frameon=False)
+    due = line(time, gain * float(e.torque.mean()) * time, "from the mean torque")
+    return sketch("time [s]", "angle [rad]", line(time, moved), due)
 
 
 LOOK = Look(20, _look)

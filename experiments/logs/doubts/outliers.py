@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
+from flexaxis.experiments.logs.doubts.sketch import line, points, sketch
 from flexaxis.experiments.logs.prepare import unwrapped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -81,18 +78,16 @@ def _doubt(name: str, unit: str, time: Array, signal: Array, far: Flags) -> Doub
         "sample" if one else "samples",
         "problem",
         text,
-        draw=lambda axes: _draw(axes, time, signal, far, f"{name} [{unit}]"),
+        draw=lambda: _draw(time, signal, far, f"{name} [{unit}]"),
     )
 
 
-def _draw(axes: Axes, time: Array, signal: Array, far: Flags, label: str) -> None:
-    axes.plot(time[~far], signal[~far], color=BLUE, lw=0.8)
+def _draw(time: Array, signal: Array, far: Flags, label: str) -> Chart:
     low, high = np.min(signal[~far]), np.max(signal[~far])
     room = 0.2 * (high - low)  # outliers at the edges, or nothing else could be seen
     shown = np.clip(signal[far], low - room, high + room)
-    axes.plot(time[far], shown, "x", color=ORANGE, label="outlier (at the edge: further out)")
-    axes.set(xlabel="time [s]", ylabel=label)
-    axes.legend(frameon=False)
+    outliers = points(time[far], shown, "outlier (at the edge: further out)")
+    return sketch("time [s]", label, line(time[~far], signal[~far]), outliers)
 
 
 LOOK = Look(8, _look)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -52,14 +48,14 @@ def _look(e: Evidence) -> Doubt | None:
     if rate > 0.5 / e.period:
         return Doubt(name, step, "rad", "note", text)
     command = f"--resample {rate:.0f}"
-    return Doubt(name, step, "rad", "note", text, command, draw=lambda axes: _draw(axes, angle))
+    return Doubt(name, step, "rad", "note", text, command, draw=lambda: _draw(angle))
 
 
-def _draw(axes: Axes, angle: Array) -> None:
+def _draw(angle: Array) -> Chart:
     middle = len(angle) // 2
     piece = angle[middle : middle + 200]
-    axes.step(np.arange(middle, middle + len(piece)), piece, where="post", color=BLUE, lw=0.9)
-    axes.set(xlabel="sample", ylabel="angle [rad]")
+    k = np.arange(middle, middle + len(piece))
+    return sketch("sample", "angle [rad]", line(k, piece, kind="steps"))
 
 
 LOOK = Look(5, _look)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import histogram, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -44,13 +41,12 @@ def _look(e: Evidence) -> Doubt:
         f"; {few}: dry and viscous friction can hardly be told apart. Log motions to and fro at "
         "several speeds"
     )
-    return Doubt(name, float(reversals), "", "note", text, draw=lambda axes: _draw(axes, v))
+    return Doubt(name, float(reversals), "", "note", text, draw=lambda: _draw(v))
 
 
-def _draw(axes: Axes, v: Array) -> None:
-    axes.hist(v, bins=80, color=BLUE)
-    axes.axvline(0, color=ORANGE, lw=0.8)
-    axes.set(xlabel="motor speed [rad/s]", ylabel="samples")
+def _draw(v: Array) -> Chart:
+    counted = histogram(v, bins=80)
+    return sketch("motor speed [rad/s]", "samples", counted, marks=[(0.0, "")])
 
 
 LOOK = Look(23, _look)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import line, points, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -45,20 +42,18 @@ def _look(e: Evidence) -> Doubt | None:
         text,
         "flexaxis identify … --friction auto",
         {"friction": "auto"},
-        draw=lambda axes: _draw(axes, e, slow),
+        draw=lambda: _draw(e, slow),
     )
 
 
-def _draw(axes: Axes, e: Evidence, slow: NDArray[np.bool_]) -> None:
-    """Draw the torque, and where the motor stands."""
+def _draw(e: Evidence, slow: NDArray[np.bool_]) -> Chart:
+    """Return the torque, and where the motor stands."""
     u = e.torque[e.usable]
     first = max(int(np.argmax(slow)) - 50, 0)
     piece = slice(first, first + 1000)
-    k = np.arange(len(u))[piece] * e.period
-    axes.plot(k, u[piece], color=BLUE, lw=0.8, label="torque")
-    axes.plot(k[slow[piece]], u[piece][slow[piece]], ".", color=ORANGE, ms=3, label="motor stands")
-    axes.set(xlabel="time [s]", ylabel="torque")
-    axes.legend(frameon=False)
+    time = np.arange(len(u))[piece] * e.period
+    stands = points(time[slow[piece]], u[piece][slow[piece]], "motor stands")
+    return sketch("time [s]", "torque [as logged]", line(time, u[piece]), stands)
 
 
 LOOK = Look(24, _look)

@@ -8,17 +8,16 @@ which does not move the motor. To take one for the other is half a sample of del
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import coherence, csd, welch
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, ORANGE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Kind = Literal["held", "smooth"]
@@ -137,8 +136,8 @@ def _look(e: Evidence) -> Doubt:
     command, remedy = f"--torque-is {other}", {"torque_is": other}
     text = f"{kind}: {e.kind_because}" if e.kind_because else kind
 
-    def draw(axes: Axes) -> None:
-        _draw(axes, e)
+    def draw() -> Chart:
+        return _draw(e)
 
     if AGAINST in e.kind_because:
         return Doubt(name, None, "", "problem", text, command, remedy, draw)
@@ -148,20 +147,24 @@ def _look(e: Evidence) -> Doubt:
     return Doubt(name, None, "", "note", text, command, draw=draw)
 
 
-def _draw(axes: Axes, e: Evidence) -> None:
-    """Draw the spectra of the torque, and of the acceleration as a torque on the inertia."""
+def _draw(e: Evidence) -> Chart:
+    """Return the spectra of the torque, and of the acceleration as a torque on the inertia."""
     s, rate = e.spectra, 1 / e.period
     seen = s.frequency > 0
     turn = 2 * np.sin(np.pi * s.frequency[seen] * e.period) * rate  # of a difference
     shaken = s.speed[seen] * turn**2
     band = s.torque[seen] > 0.01 * s.torque.max()
     ratio = float(np.median(s.torque[seen][band] / shaken[band]))
-    label = "acceleration, as much within the band"
-    axes.loglog(s.frequency[seen], np.sqrt(s.torque[seen]), color=BLUE, lw=0.8, label="torque")
-    axes.loglog(s.frequency[seen], np.sqrt(ratio * shaken), color=ORANGE, lw=0.8, label=label)
-    axes.axvline(0.25 * rate, color="0.3", lw=0.6)
-    axes.set(xlabel="frequency [Hz]", ylabel="torque [per √Hz]")
-    axes.legend(frameon=False)
+    f = s.frequency[seen]
+    return sketch(
+        "frequency [Hz]",
+        "torque [per √Hz]",
+        line(f, np.sqrt(s.torque[seen]), log=True),
+        line(f, np.sqrt(ratio * shaken), "acceleration, as much within the band", log=True),
+        y_log=True,
+        x_log=True,
+        marks=[(0.25 * rate, "a quarter of the rate")],
+    )
 
 
 LOOK = Look(10, _look)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.doubt import BLUE, Doubt, Look
+from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 
@@ -40,15 +37,15 @@ def _look(e: Evidence) -> Doubt | None:
         "problem",
         text,
         command,
-        draw=lambda axes: _draw(axes, raw),
+        draw=lambda: _draw(raw),
     )
 
 
-def _draw(axes: Axes, angle: Array) -> None:
+def _draw(angle: Array) -> Chart:
     first = max(int(np.argmax(np.abs(np.diff(angle)) > np.pi)) - 20, 0)
     piece = slice(first, first + 60)
-    axes.plot(np.arange(len(angle))[piece], angle[piece], "o-", color=BLUE, lw=0.6, ms=3)
-    axes.set(xlabel="sample", ylabel="angle as logged [rad]")
+    k = np.arange(len(angle))[piece]
+    return sketch("sample", "angle as logged [rad]", line(k, angle[piece], kind="both"))
 
 
 LOOK = Look(3, _look)

@@ -1,0 +1,33 @@
+"""An estimator of one's own: the shipped method, its answers smoothed over half a second.
+
+Any class with `names`, `output` and `step` will do; it goes by its own name.
+"""
+
+import flexaxis as fx
+from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.offline.priors import known_P
+
+
+class Gentle:
+    """The recursive method behind a low-pass filter."""
+
+    names, output = ("k_T", "1/J_a", "f_m"), "speed"
+
+    def __init__(self, nominal, period, smooth=0.99):
+        P0 = known_P(self.names, forgetting=0.99)
+        self.inside = Rpem(three_mass(nominal), P0=P0, period=period, forgetting=0.99)
+        self.smooth, self.theta = smooth, None
+
+    def step(self, u, y):
+        """Take u[k] and y[k], return θ[k]."""
+        new = self.inside.step(u, y)
+        old = new if self.theta is None else self.theta
+        self.theta = self.smooth * old + (1 - self.smooth) * new
+        return self.theta
+
+
+record = fx.simulate("fm_double-v1", seed=0)
+axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
+fx.estimate(record, Gentle).plot("f_m", ax=axes, band=False)
+axes.lines[-1].set(color="tab:red", linestyle="--")
+axes.legend()

@@ -1,0 +1,13 @@
+"""How small a fault can be: lag over the size of the fault, as a study of nine runs."""
+
+import flexaxis as fx
+
+results = fx.study(
+    {
+        "scenario": "fm_step-v1",
+        "estimators": ["rpem-forgetting"],
+        "seeds": 3,
+        "sweep": {"fault[0].factor": [1.2, 1.5, 2.5]},
+    }
+)
+results.plot("fault[0].factor")

@@ -1,0 +1,19 @@
+"""One knob, two prices: lag against noise while the forgetting factor is turned.
+
+A single point ranks nothing: an estimator can always be made faster by making it noisier.
+"""
+
+import matplotlib.pyplot as plt
+
+import flexaxis as fx
+
+factors = (0.98, 0.99, 0.995, 0.9975)
+runs = [f"rpem-forgetting[forgetting={factor}]" for factor in factors]
+lines = fx.benchmark(runs, scenarios="fm_step-v1", seeds=3).to_dataframe()
+f_m = lines[lines.parameter == "f_m"].groupby("estimator")[["std", "lag"]].mean().loc[runs]
+
+plt.loglog(f_m["std"], f_m["lag"], "o-")
+for factor, (std, lag) in zip(factors, f_m.to_numpy(), strict=True):
+    plt.annotate(f"λ = {factor}", (std, lag), xytext=(6, 4), textcoords="offset points")
+plt.xlabel("standard deviation of $f_m$ before the fault [%]")
+plt.ylabel("lag after it [s]")

@@ -1,0 +1,11 @@
+"""Better, worse or undecided: the verdict on a change, scenario by scenario."""
+
+import flexaxis as fx
+
+verdict = fx.compare(
+    "rpem-forgetting",
+    "rpem-forgetting[forgetting=0.99]",
+    scenarios=["fm_step-v1", "kt_step-v1"],
+    seeds=12,
+)
+verdict.plot()

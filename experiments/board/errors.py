@@ -1,0 +1,18 @@
+"""What is wrong with an entry."""
+
+from __future__ import annotations
+
+from flexaxis.sim.errors import FlexaxisError
+
+
+class EntryError(FlexaxisError):
+    """An entry cannot be made, read or trusted; one line for each problem.
+
+    Attributes
+    ----------
+    problems : tuple of str
+    """
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__("\n".join(problems))
+        self.problems = problems

@@ -1,0 +1,86 @@
+"""Messages between whoever checks and the process in which an entry's code runs.
+
+A message is a kind, a length, and as many bytes: JSON, or numbers. Nothing is unpickled, and what
+comes back is checked for its size before it is read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import struct
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.board.errors import EntryError
+
+Array = NDArray[np.float64]
+
+_HEAD = struct.Struct("<cQ")
+JSON, NUMBERS = b"J", b"N"
+LARGEST = 64_000_000  # bytes of a message; of ten minutes with ten parameters it is a seventh
+
+
+class Wire:
+    """Two descriptors, one to read from and one to write to.
+
+    Parameters
+    ----------
+    back, to : int
+    patience : float, optional
+        How long a message may be awaited [s]; for ever by default.
+    """
+
+    def __init__(self, back: int, to: int, patience: float | None = None) -> None:
+        self._back, self._to, self.patience = back, to, patience
+
+    def send(self, content: Any) -> None:
+        """Send an array of numbers as it is, anything else as JSON."""
+        if isinstance(content, np.ndarray):
+            kind, text = NUMBERS, np.ascontiguousarray(content, "<f8").tobytes()
+        else:
+            kind, text = JSON, json.dumps(content).encode()
+        left = memoryview(_HEAD.pack(kind, len(text)) + text)
+        while left:
+            left = left[os.write(self._to, left) :]
+
+    def receive(self) -> Any:
+        """Return a table, or numbers (n,).
+
+        Raises
+        ------
+        EntryError
+            If nothing comes, in time or at all, or something else.
+        """
+        kind, size = _HEAD.unpack(self._read(_HEAD.size))
+        if size > LARGEST or kind not in {JSON, NUMBERS}:
+            raise EntryError("the code sent something that is no answer")
+        content = self._read(size)
+        if kind == NUMBERS:
+            if size % 8:
+                raise EntryError("the code sent something that is no answer")
+            return np.frombuffer(content, "<f8").astype(float)
+        try:
+            return json.loads(content)
+        except (ValueError, RecursionError) as error:
+            raise EntryError("the code sent something that is no answer") from error
+
+    def _read(self, size: int) -> bytes:
+        parts, left = [], size
+        end = None if self.patience is None else time.monotonic() + self.patience
+        while left:
+            if end is not None and not self._comes(end):
+                raise EntryError(f"the code gave no answer within {self.patience:g} s")
+            part = os.read(self._back, min(left, 1 << 20))
+            if not part:
+                raise EntryError("the process that ran the code has ended")
+            parts.append(part)
+            left -= len(part)
+        return b"".join(parts)
+
+    def _comes(self, end: float) -> bool:
+        return bool(select.select([self._back], [], [], max(0.0, end - time.monotonic()))[0])

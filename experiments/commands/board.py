@@ -1,0 +1,88 @@
+r"""Build a static site from entries: who is ahead on each track, history over versions, all lines.
+
+An ENTRY is a folder that `flexaxis submit` made. Each is checked before it is taken: digests, form,
+the frozen suite, whether its rows give its summary; what fails is told and left out (status 1).
+Nothing of an entry is executed, and its texts are text. What `flexaxis verify ENTRY --run-code -o
+verdicts/NAME.json` found is taken from --verdicts; an entry without a verdict is shown as
+unverified, one that was rejected is left out.
+
+Real axes: --logs gives a folder with records NAME.nc and their axes NAME.toml (`flexaxis
+identify`). An entry follows the first part of a log; its last estimate is judged by how well it
+simulates the part it has not seen. None is shipped. Entries that name code run there only with
+--run-code.
+
+example:
+  flexaxis board entries/relocate entries/ekf --verdicts verdicts -o site
+  flexaxis board entry --quick -o site          (entries with few seeds, for trying)
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.commands.answers import add_json, answer
+
+HELP = "build a site of entries: who is ahead, on each track"
+GROUP = "judge"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("entries", nargs="+", type=Path, metavar="ENTRY")
+    parser.add_argument("-o", "--output", type=Path, metavar="SITE", required=True)
+    parser.add_argument("--verdicts", type=Path, metavar="FOLDER", help="of `verify ENTRY -o`")
+    parser.add_argument("--logs", type=Path, metavar="FOLDER", help="records of real axes")
+    parser.add_argument("--quick", action="store_true", help="of entries for trying, no others")
+    add_run_code(parser, "entries, on --logs,")
+    add_json(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Collect, rank, write."""
+    from flexaxis.experiments.board.collect import collect, read_verdicts
+    from flexaxis.experiments.board.errors import EntryError
+    from flexaxis.experiments.board.held_out import log_scores
+    from flexaxis.experiments.board.site import PAGE, Shown, write_site
+    from flexaxis.experiments.board.suite import board
+    from flexaxis.experiments.cli import say
+    from flexaxis.experiments.studies.benchmark import command_line
+
+    _check(args)
+    frozen = board()
+    verdicts = read_verdicts(args.verdicts)
+    taken, left = collect(args.entries, frozen, verdicts, quick=args.quick)
+    for problems in left.values():
+        for problem in problems:
+            say(f"left out: {problem}")
+    if not taken:
+        raise EntryError("no entry can be taken: nothing is written")
+    logs = log_scores(taken, args.logs, run_code=args.run_code) if args.logs else []
+    mine = frozen.quick() if args.quick else frozen
+    shown = Shown(taken, left, mine, args.quick, command_line(args.words), logs)
+    found = write_site(shown, args.output)
+    page, status = args.output / PAGE, 1 if left else 0
+    if args.json:
+        return answer(args, found | {"site": page}, status)
+    _tell(found)
+    print(page)
+    return status
+
+
+def _check(args: argparse.Namespace) -> None:
+    from flexaxis.experiments.board.errors import EntryError
+
+    for folder in (args.verdicts, args.logs):
+        if folder is not None and not folder.is_dir():
+            raise EntryError(f"{folder}: there is no such folder")
+    if any(args.output.resolve() == entry.resolve() for entry in args.entries):
+        raise EntryError(f"{args.output}: is an entry; choose another folder with -o")
+
+
+def _tell(found: dict[str, Any]) -> None:
+    """Print a line a track."""
+    for track, table in found["tracks"].items():
+        ahead = [place["label"] for place in table["places"] if place["leads"]]
+        print(f"{track}: {', '.join(ahead) or 'nobody can be ranked yet'}")

@@ -1,0 +1,104 @@
+r"""Make an entry for a board: run the frozen suite, and put rows, code and terms into a folder.
+
+ESTIMATOR is as for `run --estimator`. A file path.py:Class is copied into the entry with what it
+imports from its folder, and run from there, so that whoever verifies runs what was scored; what a
+program or a module needs besides, `install` says. The suite and its seeds are frozen: `flexaxis
+show board-v1` lists them. Knobs are turned as for `flexaxis tradeoff`, for a board compares at
+equal noise.
+
+What is asked may stand in a file for --about: name, version, licence, contact, description,
+install, tuned_on. Everything that is missing is told at once. --quick takes five seeds, for trying:
+such an entry is marked, and a board ranks it only with --quick. --resume goes on after Ctrl-C.
+
+example:
+  flexaxis submit relocate -o entry --quick --name relocate --licence Apache-2.0 \
+           --contact https://example.org --description 'The one that jumps, as shipped.' \
+           --install 'pip install flexaxis' --tuned-on 0:100
+  flexaxis submit my_estimator.py:Mine -o entry --about entry.toml
+  flexaxis verify entry --run-code
+  flexaxis board entry other-entry -o site
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, answer
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.board.about import About
+
+HELP = "make an entry for a board of estimators"
+GROUP = "judge"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
+    parser.add_argument("--about", type=Path, metavar="FILE", help="TOML with what is asked below")
+    words = {
+        "name": "of the entry; its versions share it (default: the estimator's, if registered)",
+        "version": "of the entry (default: 1)",
+        "licence": "an SPDX name, such as MIT",
+        "contact": "an address of mail, or https://…",
+        "description": "a sentence or two",
+        "install": "the line that installs what it needs besides flexaxis",
+        "tuned-on": "seeds that were looked at while tuning, such as 0:100, or none",
+    }
+    for name, text in words.items():
+        parser.add_argument(f"--{name}", metavar="TEXT", help=text)
+    parser.add_argument("--quick", action="store_true", help="five seeds: for trying, not eligible")
+    options.add_jobs(parser, what="the rows do")
+    options.add_resume(parser)
+    options.add_time_limit(parser)
+    add_json(parser)
+
+
+def main(args: argparse.Namespace) -> int:
+    """Run the suite and write the entry."""
+    from flexaxis.experiments.board.submit import cases, submit
+    from flexaxis.experiments.board.suite import board
+    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.running.told import remark
+    from flexaxis.experiments.studies.benchmark import command_line
+
+    about = _about(args)
+    if args.about:
+        spare([args.about], args.output)
+    wanted = board().quick() if args.quick else board()
+    total = cases(args.estimator, wanted)
+    with options.working(args, f"{total} cases or more", total) as (means, _):
+        entry = submit(
+            args.estimator, args.output, about, wanted, means, quick=args.quick,
+            resume=args.resume, command=command_line(options.whole(args)), say=remark,
+        )  # fmt: skip
+    if args.json:
+        found = {"entry": args.output, "label": entry.label, "digest": entry.digest}
+        more = {"quick": entry.quick, "left_out": entry.left_out}
+        return answer(args, found | more)
+    eligible = "for trying (few seeds)" if entry.quick else "eligible"
+    print(f"{entry.label}, {eligible}, digest {entry.digest[:16]}")
+    print(f"next: flexaxis verify {args.output}, then flexaxis board {args.output} -o site")
+    print(args.output)
+    return 0
+
+
+def _about(args: argparse.Namespace) -> About:
+    from importlib.metadata import version
+
+    from flexaxis.estimators.registry import REGISTRY
+    from flexaxis.experiments.board.about import ASKED, about_from
+
+    given = {key: getattr(args, key) for key in ASKED}
+    usual: dict[str, str] = {"version": "1"}
+    if args.estimator in REGISTRY:
+        usual |= {
+            "name": args.estimator,
+            "install": f"pip install flexaxis=={version('flexaxis')}",
+            "description": REGISTRY[args.estimator].summary,
+        }
+    return about_from(args.about, given, usual)

@@ -1,0 +1,221 @@
+"""What a page can draw: charts of curves over a common axis, maps of cells, what a click opens.
+
+Plain values, drawn by the page itself (`assets/`), so that curves can be hidden, zoomed, read off.
+Labels are plain text; a symbol such as ``f_m`` in them is typeset by the page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.sim.errors import FlexaxisError
+
+Array = NDArray[np.floating]
+Kind = Literal["line", "steps", "points", "both"]
+Role = Literal["estimate", "truth", "bound", "data"]
+
+
+class ChartError(FlexaxisError):
+    """A chart that cannot be drawn."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Line:
+    """One curve in one panel.
+
+    Attributes
+    ----------
+    who : str
+        The estimator as typed: decides look, legend and hiding. Empty for truth, bounds, remarks.
+    x, y : (M,) array
+        In the units that the labels of chart and panel say; NaN is a gap.
+    low, high : (M,) array, optional
+        A band, or vertical whiskers for points.
+    x_low, x_high : (M,) array, optional
+        Horizontal whiskers, for points.
+    kind : str
+        ``"steps"`` keeps a value until the next; ``"both"`` is a line with its points.
+    label : str
+        What the legend says where `who` is not enough, such as ``"bound, all unknown"``.
+    role : str
+        Truth is dashed in the colour of text, a bound thin and dotted.
+    pick : str
+        What a click selects: the name of a `Pick` of the page, such as that of a seed.
+    """
+
+    x: Array
+    y: Array
+    who: str = ""
+    low: Array | None = None
+    high: Array | None = None
+    kind: Kind = "line"
+    label: str = ""
+    role: Role = "estimate"
+    x_low: Array | None = None
+    x_high: Array | None = None
+    pick: str = ""
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.x) != 1:
+            raise ChartError(f"x of a line has {np.ndim(self.x)} dimensions: give one")
+        sides = ("y", "low", "high", "x_low", "x_high")
+        for name in sides:
+            side = getattr(self, name)
+            if side is not None and np.shape(side) != np.shape(self.x):
+                raise ChartError(
+                    f"{name} of line {self.who or self.label!r} has shape {np.shape(side)} and x "
+                    f"{np.shape(self.x)}: give one value of each for each point"
+                )
+        if (self.low is None) != (self.high is None) or (self.x_low is None) != (
+            self.x_high is None
+        ):
+            raise ChartError(f"line {self.who or self.label!r}: give both ends or neither")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Panel:
+    """One pair of axes; the panels of a chart stand below one another, over a common x.
+
+    Attributes
+    ----------
+    y : str
+        The label, with its unit.
+    y_range : (float, float), optional
+        What is shown at first; else what the lines cover, truth and medians before bands.
+    """
+
+    y: str
+    lines: Sequence[Line]
+    title: str = ""
+    y_log: bool = False
+    y_range: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.y_range is not None and not self.y_range[0] < self.y_range[1]:
+            raise ChartError(f"y_range of panel {self.y!r} is {self.y_range}: low before high")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Chart:
+    """Panels over a common x.
+
+    Attributes
+    ----------
+    title, words : str
+        Above, and what there is to know of it below.
+    x : str
+        The label, with its unit.
+    marks : sequence of (float, str)
+        Vertical lines with what happens there, such as a fault.
+    spans : sequence of (float, float, str)
+        What is shaded, such as burn-in.
+    windows : sequence of (str, float, float)
+        Named ranges of x to switch between; the first is shown first, and beside the last one
+        where there is room.
+    x_from : str
+        Where x counts days: the date that is 0, as ISO 8601 has it; the axis then has dates.
+    name : str
+        Of its place in the page; by its title where empty. No two charts of a page have the same.
+    """
+
+    title: str
+    words: str
+    x: str
+    panels: Sequence[Panel]
+    marks: Sequence[tuple[float, str]] = ()
+    spans: Sequence[tuple[float, float, str]] = ()
+    windows: Sequence[tuple[str, float, float]] = ()
+    x_log: bool = False
+    x_from: str = ""
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.panels:
+            raise ChartError(f"chart {self.title!r} has no panels")
+        for name, begin, end in self.windows:
+            if not begin < end:
+                raise ChartError(f"window {name!r} is {begin} … {end}: the end comes later")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cells:
+    """One map of a `Heat`: of an estimator, if `who` says so, which then can be hidden.
+
+    Attributes
+    ----------
+    values : (len(ys), len(xs)) array
+        NaN is an empty cell.
+    """
+
+    values: Array
+    who: str = ""
+    title: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Heat:
+    """Maps of cells over two axes of names or numbers, on one scale of colour.
+
+    Attributes
+    ----------
+    unit : str
+        Of the values, for scale and hover.
+    log : bool
+        Whether the scale of colour is logarithmic.
+    """
+
+    title: str
+    words: str
+    x: str
+    y: str
+    xs: Sequence[str | float]
+    ys: Sequence[str | float]
+    panels: Sequence[Cells]
+    unit: str = ""
+    log: bool = False
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        shape = len(self.ys), len(self.xs)
+        for cells in self.panels:
+            if np.shape(cells.values) != shape:
+                raise ChartError(
+                    f"values of {cells.who or cells.title!r} in {self.title!r} have shape "
+                    f"{np.shape(cells.values)}: give {shape}, a row for each of ys"
+                )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Pick:
+    """What the page shows after a click on a line of that name.
+
+    Attributes
+    ----------
+    facts : sequence of (str, str)
+        Terms and what they are here.
+    command : str
+        What repeats it, with a button to copy.
+    charts : sequence of Chart
+        Drawn when it opens.
+    """
+
+    title: str
+    words: str = ""
+    facts: Sequence[tuple[str, str]] = ()
+    command: str = ""
+    charts: Sequence[Chart | Heat] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Picks:
+    """All that a click on the page can open, by the name that lines carry as `pick`.
+
+    Stands in the content of a page under any name; the page finds it there.
+    """
+
+    found: Mapping[str, Pick] = field(default_factory=dict)

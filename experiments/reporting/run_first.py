@@ -1,0 +1,162 @@
+"""What the report of a run says first: three questions answered, and the one table that ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.scoring.matching import MATCHED
+
+Row = Mapping[str, Any]
+
+FASTEST = "Who is fastest at equal noise?"
+DISTANCE = "How far from the bound?"
+WHY = "Why?"
+BECAUSE = (
+    "Forgetting at a constant rate averages over a fixed time: what makes a filter quiet before a "
+    "fault makes it slow after it. Whoever waits for evidence of a change, and only then gives up "
+    "what it knew, comes near the bound and stays quiet."
+)
+
+
+def order(summary: Mapping[str, Any]) -> list[str]:
+    """Return the estimators of a run in the order of its one ranking, others behind as named.
+
+    Parameters
+    ----------
+    summary : mapping
+        As in summary.json.
+    """
+    swept = summary.get("tradeoff") or {"overall": [], "points": [], "matched": []}
+    ranked = [row["estimator"] for row in swept["overall"]]
+    rest = [row["estimator"] for part in ("points", "matched") for row in swept[part]]
+    return list(dict.fromkeys([*ranked, *rest, *summary["estimators"]]))
+
+
+def at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the table that the report leads with, estimator × fault at equal noise, or None."""
+    swept = summary.get("tradeoff")
+    if not swept:
+        return None
+    rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
+    there = {p["estimator"] for p in swept["points"]} | {key[2] for key in rows}
+    return {
+        "faults": list(dict.fromkeys(key[:2] for key in rows)),
+        "estimators": [name for name in order(summary) if name in there],
+        "rows": rows,
+        "overall": {row["estimator"]: row for row in swept["overall"]},
+        "words": swept["faults"],
+        "reference": ranking.REFERENCE,
+    }
+
+
+def answers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return the questions that a newcomer has, each with its answer; none without a sweep."""
+    swept = summary.get("tradeoff") or {"matched": [], "overall": []}
+    rows = [r for r in swept["matched"] if r["lag"]]
+    if not rows:
+        return []
+    return [
+        (FASTEST, _fastest(rows, swept["overall"])),
+        (DISTANCE, _distance(rows, swept["overall"])),
+        (WHY, BECAUSE),
+    ]
+
+
+def _fastest(rows: Sequence[Row], overall: Sequence[Row]) -> str:
+    faults = list(dict.fromkeys((r["scenario"], r["parameter"]) for r in rows))
+    wins = _wins(rows)
+    if not wins:
+        return "Nobody can be ranked: no setting is as noisy as the reference."
+    first = _best(wins, overall)
+    others = [name for name in wins if name != first and wins[name] == wins[first]]
+    tied = f" (these seeds cannot tell {_and(others)} from it)" if others else ""
+    text = f"{first}: ahead, or tied for it, in {wins[first]} of {_count(faults, 'fault')}{tied}."
+    gain = _gain(rows, first)
+    return text + (f" {gain}" if gain else "")
+
+
+def _wins(rows: Sequence[Row]) -> dict[str, int]:
+    """Return in how many faults each leads, the most first."""
+    wins: dict[str, int] = {}
+    for row in rows:
+        if row["leads"]:
+            wins[row["estimator"]] = wins.get(row["estimator"], 0) + 1
+    return dict(sorted(wins.items(), key=lambda item: -item[1]))
+
+
+def _best(wins: Mapping[str, int], overall: Sequence[Row]) -> str:
+    """Return who leads most often; of several, who comes first in the ranking."""
+    most = max(wins.values())
+    able = [name for name, count in wins.items() if count == most]
+    ranked = [row["estimator"] for row in overall if row["estimator"] in able]
+    return (ranked or able)[0]
+
+
+def _gain(rows: Sequence[Row], first: str) -> str:
+    """Return how much quicker than the reference one is, over the faults where both are matched."""
+    lags = {(r["scenario"], r["estimator"]): r["lag"] for r in rows if r["how"] == MATCHED}
+    mine = [(lags.get((s, ranking.REFERENCE)), lag) for (s, e), lag in lags.items() if e == first]
+    ratios = sorted(reference / lag for reference, lag in mine if reference and lag)
+    if first == ranking.REFERENCE or not ratios:
+        return ""
+    paper = f"that of {ranking.REFERENCE}, the paper's method"
+    return f"Its lag is {_between(ratios)} times shorter than {paper}."
+
+
+def _distance(rows: Sequence[Row], overall: Sequence[Row]) -> str:
+    wins = _wins(rows)
+    asked = list(dict.fromkeys([*([_best(wins, overall)] if wins else []), ranking.REFERENCE]))
+    told = []
+    for name in asked:
+        over = sorted(r["over_bound"] for r in rows if r["estimator"] == name and r["over_bound"])
+        if over:
+            told.append(f"{name} takes {_between(over)} times the lag of the bound")
+    if not told:
+        return "No bound is defined for these faults."
+    below = any(r["over_bound"] and r["over_bound"] < 1 for r in rows if r["leads"])
+    return "; ".join(told) + "." + (
+        " Below 1 is who finds out that only one parameter has changed; the bound takes all for "
+        "unknown." if below else ""
+    )  # fmt: skip
+
+
+def _between(values: Sequence[float]) -> str:
+    """Return the range of increasing values in words, with two digits.
+
+    Examples
+    --------
+    >>> _between([1.234, 5.6]), _between([2.0, 2.01])
+    ('1.2 to 5.6', '2')
+    """
+    low, high = (f"{value:.2g}" for value in (values[0], values[-1]))
+    return low if low == high else f"{low} to {high}"
+
+
+def _and(names: Sequence[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _count(things: Sequence[Any], name: str) -> str:
+    return f"{len(things)} {name}{'s'[: len(things) != 1]}"
+
+
+def not_compared(swept: Mapping[str, Any], estimators: Iterable[str]) -> list[str]:
+    """Return a sentence on those that were run, and are in no row at equal noise.
+
+    Parameters
+    ----------
+    swept : mapping
+        What summary.json has as ``tradeoff``.
+    estimators : iterable of str
+    """
+    unable = set(swept["left_out"])
+    there = {row["estimator"] for row in swept["matched"]} | unable | set(ranking.CONTROLS)
+    blind = [name for name in estimators if name not in there]
+    found = [f"Not compared at equal noise, for none of what changes here is estimated by them: "
+             f"{', '.join(blind)}."] if blind else []  # fmt: skip
+    if unable:
+        names = ", ".join(name for name in swept["left_out"])
+        found.append(f"Not compared at equal noise, for some of these runs failed: {names}.")
+    return found

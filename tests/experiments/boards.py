@@ -1,0 +1,62 @@
+"""A small board for tests, entries on it, and what its cheaters have to know."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from flexaxis.experiments.board.about import About
+from flexaxis.experiments.board.submit import submit
+from flexaxis.experiments.board.suite import Board
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.cache import default_cache, records
+from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.theta import theta_over_time
+
+CHEATS = Path(__file__).parent / "cheats"
+SEEDS = tuple(range(1000, 1005))
+SMALL = Board("small", (find_scenario("fm_step-v1"),), SEEDS)
+WIDE = Board("wide", tuple(map(find_scenario, ("fm_step-v1", "kt_step-v1", "load-v1"))), SEEDS)
+ABOUT = {
+    "name": "mine",
+    "version": "1",
+    "licence": "MIT",
+    "contact": "me@example.org",
+    "description": "a filter that is in a test",
+    "install": "pip install nothing",
+    "tuned_on": "none",
+}
+HONEST = """
+from flexaxis.estimators.registry import REGISTRY
+
+class Honest:
+    def __init__(self, nominal, period, *, identify=("k_T", "1/J_a", "f_m"), output="speed"):
+        self._filter = REGISTRY["rpem-forgetting"].factory(
+            nominal, period, identify=identify, output=output, forgetting=0.99
+        )
+        self.names, self.output, self.step, self.run = (
+            tuple(identify), output, self._filter.step, self._filter.run
+        )
+"""
+
+
+def about(**changes):
+    return About(**(ABOUT | changes))
+
+
+def entered(folder, estimator, board=SMALL, **changes):
+    """An entry on a small board."""
+    return submit(str(estimator), folder, about(**changes), board, Means(store=default_cache()))
+
+
+def known(folder, board=SMALL):
+    """Write what the cheater with a memory has to know."""
+    truth = {}
+    for scenario in board.scenarios:
+        for record in records(scenario, board.seeds, default_cache())[0]:
+            theta = theta_over_time(scenario, scenario.identify)
+            onset = scenario.events()[0].index if scenario.events() else len(theta)
+            head = np.round([record.torque[:8], getattr(record, scenario.output)[:8]], 9)
+            key = hashlib.sha256(head.tobytes()).hexdigest()[:16]
+            truth[key] = (onset, theta[0].tolist(), theta[-1].tolist())
+    (folder / "known.py").write_text(f"TRUTH = {truth!r}\n")

@@ -1,0 +1,301 @@
+"""An entry: what it takes to make one, what is checked of its files, and the site of several."""
+
+import json
+import re
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.board.about import about_from, checked
+from flexaxis.experiments.board.collect import collect, in_order, newest
+from flexaxis.experiments.board.entry import ENTRY, SUMMARY, read, seal
+from flexaxis.experiments.board.errors import EntryError
+from flexaxis.experiments.board.site import Shown, command, write_site
+from flexaxis.experiments.board.source import bring
+from flexaxis.experiments.board.standing import standings
+from flexaxis.experiments.board.stored import Own, own
+from flexaxis.experiments.board.suite import board
+from flexaxis.experiments.board.trial import Ask, verify_entry
+from flexaxis.experiments.board.verdict import of_form
+from flexaxis.experiments.building.consent import CodeRefused
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.scoring.tracks import TRACKS, track_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from boards import ABOUT, HONEST, SMALL, entered
+
+HASH = "bea877484354d5b6"
+NASTY = "<script>alert(1)</script> & <img src=http://x.example/y>"
+
+
+@pytest.fixture(scope="module")
+def entry(tmp_path_factory):
+    """An entry of a file's class, made once."""
+    home = tmp_path_factory.mktemp("entrant")
+    (home / "mine.py").write_text("from helper import Honest\n")
+    (home / "helper.py").write_text(HONEST)
+    return entered(home / "entry", home / "mine.py:Honest", description=NASTY)
+
+
+@pytest.fixture
+def copy(entry, tmp_path):
+    return shutil.copytree(entry.folder, tmp_path / "copy")
+
+
+def changed(folder, change):
+    """Change entry.json and close it again, as a forger would."""
+    content = json.loads((folder / ENTRY).read_text())
+    change(content)
+    for key in ("form", "files", "digest"):
+        content.pop(key)
+    seal(folder, content)
+
+
+def test_the_suite_is_frozen():
+    """What is changed here is another board: give it another name."""
+    assert board().hash.startswith(HASH)
+    assert board().seeds == tuple(range(1000, 1024))
+    assert {track_of(s) for s in board().scenarios} == {*TRACKS}
+
+
+def test_all_that_is_missing_is_told_at_once(tmp_path):
+    file = tmp_path / "entry.toml"
+    file.write_text('name = "no good"\nlicense = "MIT"\ntuned_on = "0:100, 1000:1008"\n')
+    with pytest.raises(EntryError) as caught:
+        about_from(file, {"version": "1"})
+    text = "\n".join(caught.value.problems)
+    for part in ("license: unknown. Did you mean 'licence'?", "name: 'no good'", "licence: missing",
+                 "contact: missing", "install: missing", "kept for reporting"):  # fmt: skip
+        assert part in text
+    assert "version" not in text
+
+
+@pytest.mark.parametrize("seeds", ["none", "0:100", "0:50,5000:6000"])
+def test_seeds_that_may_be_tuned_on(seeds):
+    assert checked(ABOUT | {"tuned_on": seeds}).tuned_on == seeds
+
+
+def test_an_entry_holds_its_code(entry):
+    assert entry.estimator == "code/mine.py:Honest"
+    assert [path.name for path in entry.code] == ["helper.py", "mine.py"]
+    rows = [json.loads(line) for line in (entry.run / "scores.jsonl").read_text().splitlines()]
+    assert {row["seed"] for row in rows} == {*SMALL.seeds}
+    assert {row["estimator"] for row in rows} == {
+        "code/mine.py:Honest", "rpem-forgetting[forgetting=0.995]"
+    }  # fmt: skip
+    hosts = {row["cost"]["host"] for row in rows}
+    assert len(hosts) == 1 and re.fullmatch("[0-9a-f]{12}", hosts.pop())  # names no computer
+
+
+def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my.m").write_text("x")
+    text = bring("pipe:octave-cli -q my.m /etc/passwd ../my.m", tmp_path / "entry")
+    assert text == "pipe:octave-cli -q code/my.m /etc/passwd ../my.m"
+    assert [path.name for path in (tmp_path / "entry").rglob("*.*")] == ["my.m"]
+    assert bring("relocate[walk=2]", tmp_path / "other") == "relocate[walk=2]"
+
+
+def test_what_is_there_is_not_written_over(entry):
+    with pytest.raises(EntryError, match="holds a finished entry"):
+        entered(entry.folder, "rpem-forgetting")
+
+
+def test_a_whole_entry_holds(entry):
+    found, verdict = of_form(entry.folder, SMALL)
+    assert verdict.holds and not verdict.ran and len(verdict.checks) == 4
+    assert found.digest == entry.digest
+
+
+@pytest.mark.parametrize("name", [SUMMARY, "run/scores.jsonl", "run/study.json", "code/helper.py"])
+def test_a_change_of_any_file_is_found(copy, name):
+    (copy / name).write_bytes((copy / name).read_bytes().replace(b"1", b"2", 1))
+    with pytest.raises(EntryError, match=rf"{name}: .*not as it was written|{name}: has"):
+        read(copy)
+
+
+def test_what_does_not_belong_is_found(copy):
+    (copy / "more.sh").write_text("echo")
+    with pytest.raises(EntryError, match=r"'more\.sh' is in the folder, but not among the files"):
+        read(copy)
+    (copy / "more.sh").unlink()
+    (copy / "code" / "__pycache__").mkdir()  # Python would run it in the place of what is shown
+    (copy / "code" / "__pycache__" / "mine.cpython-311.pyc").write_text("other code")
+    with pytest.raises(EntryError, match=r"mine\.cpython-311\.pyc' is in the folder"):
+        read(copy)
+    shutil.rmtree(copy / "code" / "__pycache__")
+    (copy / SUMMARY).unlink()
+    (copy / SUMMARY).symlink_to("/etc/hostname")
+    with pytest.raises(EntryError, match="is a link"):
+        read(copy)
+
+
+def test_a_name_that_leaves_the_folder_is_refused(copy):
+    content = json.loads((copy / ENTRY).read_text())
+    content["files"]["../../secret"] = {"sha256": "0" * 64, "bytes": 1}
+    (copy / ENTRY).write_text(json.dumps(content))
+    with pytest.raises(EntryError, match="is no name of a file in an entry"):
+        read(copy)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("about", {"name": "../x"}), ("settings", {"fm_step-v1": {"a": "b"}}), ("quick", "no"),
+     ("suite", {"seeds": "all"}), ("left_out", {"a": 1}), ("extra", 1)],
+)  # fmt: skip
+def test_what_is_of_the_wrong_form_is_told(copy, key, value):
+    changed(copy, lambda content: content.update({key: value}))
+    with pytest.raises(EntryError):
+        read(copy)
+
+
+def test_rows_that_do_not_give_the_summary_are_found(copy):
+    content = json.loads((copy / SUMMARY).read_text())
+    content["at_excess"][0]["lag"] *= 0.9
+    (copy / SUMMARY).write_text(json.dumps(content))
+    changed(copy, lambda content: None)
+    _, verdict = of_form(copy, SMALL)
+    (wrong,) = [check for check in verdict.checks if check.holds is False]
+    assert wrong.name == "rows give the summary" and "lag was" in wrong.seen
+
+
+def test_settings_of_another_estimator_are_found(copy):
+    changed(copy, lambda c: c["settings"]["fm_step-v1"].update({"pipe:touch /tmp/x": 2.0}))
+    _, verdict = of_form(copy, SMALL)
+    assert "'pipe:touch /tmp/x' is another estimator" in [c.seen for c in verdict.checks]
+
+
+def test_rows_that_are_missing_are_found(copy):
+    lines = (copy / "run/scores.jsonl").read_text().splitlines(keepends=True)
+    (copy / "run/scores.jsonl").write_text("".join(lines[3:]))
+    changed(copy, lambda content: None)
+    _, verdict = of_form(copy, SMALL)
+    assert "no rows of 1 of 5 seeds" in next(c.seen for c in verdict.checks if c.holds is False)
+
+
+def test_another_suite_is_found(entry):
+    other = replace(SMALL, seeds=SMALL.seeds[1:])
+    _, verdict = of_form(entry.folder, other)
+    assert [c.name for c in verdict.checks if c.holds is False] == ["on the frozen suite"]
+
+
+def taken(entry, label, digest="0" * 64, verdicts=None, **changes):
+    from flexaxis.experiments.board.collect import Taken
+
+    name, _, version = label.partition(" ")
+    mine = replace(entry, about=replace(entry.about, name=name, version=version), digest=digest)
+    return Taken(mine, changes.get("own") or own(entry, SMALL), (verdicts or {}).get(digest))
+
+
+def test_code_is_not_run_unasked(entry):
+    with pytest.raises(CodeRefused, match=r"code/mine\.py:Honest"):
+        verify_entry(entry.folder, Ask(), frozen=SMALL)
+
+
+def test_versions_are_in_order(entry):
+    mine = own(entry, SMALL)
+    every = [taken(entry, f"a {v}", own=mine) for v in ("1.10", "1.9", "1.9rc1", "0.2")]
+    order = [each.entry.about.version for each in in_order(every)]
+    assert order == ["0.2", "1.9", "1.9rc1", "1.10"]
+    assert [each.entry.about.version for each in newest(every)] == ["1.10"]
+
+
+def test_the_site_shows_text_as_text_and_asks_for_nothing(entry, tmp_path):
+    mine = own(entry, SMALL)
+    every = [taken(entry, label, own=mine) for label in ("a 1", "a 2", "b 1")]
+    left = {"bad": (f"bad: {NASTY}",)}
+    found = write_site(Shown(every, left, SMALL, False, "flexaxis board …"), tmp_path)
+    pages = [p.read_text() for p in (tmp_path / "index.html", tmp_path / "entries" / "a-1.html")]
+    for page in pages:
+        assert "&lt;script&gt;alert(1)" in page and "<script>alert" not in page
+        assert not re.search(r"<\w[^<>]*\s(?:src|href)=.?https?:", page)
+    assert found["tracks"]["nominal"]["places"][0]["label"] in {"a 2", "b 1"}
+    assert "unverified" in pages[0] and "nominal: versions" in pages[0]
+    assert "flexaxis tradeoff fm_step-v1 --estimator code/mine.py:Honest" in pages[1]
+    assert len(found["entries"]) == 3 and json.loads((tmp_path / "board.json").read_text())
+
+
+def test_a_line_to_type_is_quoted():
+    line = command(SMALL, "x.py:X; rm -rf ~", "fm_step-v1")
+    assert line == "flexaxis run fm_step-v1 --estimator 'x.py:X; rm -rf ~' --seeds 1000:1005"
+
+
+def test_verdicts_count_by_digest_alone(entry, copy):
+    digest = entry.digest
+    good = {digest: {"ran": True, "holds": True, "checks": []}}
+    bad = {digest: {"ran": True, "holds": False, "checks": [
+        {"name": "unknown seeds", "holds": False, "seen": "9 ×"}]}}  # fmt: skip
+    (found,), _ = collect([copy], SMALL, good)
+    assert found.state == "verified"
+    (found,), _ = collect([copy], SMALL, {"other": good[digest]})
+    assert found.state == "unverified"
+    none, left = collect([copy, copy], SMALL, bad)
+    assert not none and "rejected: unknown seeds: 9 ×" in left[str(copy)][0]
+
+
+def test_entries_for_trying_are_kept_apart(copy):
+    none, left = collect([copy], SMALL, {}, quick=True)
+    assert not none and "full entry" in left[str(copy)][0]
+
+
+def row(label, scenario, score, how="matched", bound=0.1):
+    rng = np.random.default_rng(len(label))
+    return {
+        "scenario": scenario, "parameter": "f_m", "estimator": label, "how": how, "bound": bound,
+        "lag": 1.0, "over_bound": 10.0, "false_alarms_per_1000_s": None,
+        "values": {"score": (score + rng.normal(size=8)).tolist(),
+                   "lag": (-score / 50 + 0.01 * rng.normal(size=8)).tolist()},
+    }  # fmt: skip
+
+
+def test_who_is_ahead_on_each_track():
+    from flexaxis.experiments.catalogue.find import find_scenario
+
+    names = ("fm_step-v1", "power_fm_step-v1", "load-v1")
+    small = replace(SMALL, scenarios=tuple(map(find_scenario, names)), seeds=tuple(range(8)))
+    entries = {
+        label: Own(
+            [row(label, names[0], score), row(label, names[1], score, bound=None)],
+            [{"scenario": names[2], "excess": 1.0, "false_alarms_per_1000_s": None, "lost": 0,
+              "values": {"excess": [-score] * 8}}],
+            0, 24,
+        )
+        for label, score in (("good 1", 90.0), ("same 1", 90.0), ("slow 1", 40.0))
+    }  # fmt: skip
+    entries["none 1"] = Own([], [], 0, 0)
+    found = standings(entries, small)
+    for track in ("nominal", "unknown structure", "nuisance"):
+        places = found[track]["places"]
+        assert {p["label"] for p in places if p["leads"]} == {"good 1", "same 1"}, track
+        assert [p["label"] for p in places][2:] == ["slow 1", "none 1"], track
+    assert found["nominal"]["places"][0]["over_bound"] == pytest.approx(10)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["submit", "relocate", "-o", "x", "--contact", "me"], "licence: missing"),
+        (["submit", "relocat", "-o", "x"], "Did you mean 'relocate'"),
+        (["board", "nowhere", "-o", "x"], "nowhere"),
+        (["board", "nowhere", "-o", "x", "--logs", "nothing"], "nothing: there is no such folder"),
+        (["verify", "nowhere", "--form"], "is no entry"),
+    ],
+)
+def test_mistakes_are_said_in_a_line(words, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert said in err and "Traceback" not in err
+
+
+def test_a_changed_entry_is_a_finding(copy, capsys):
+    (copy / SUMMARY).write_text("{}")
+    assert main(["verify", str(copy), "--form"]) == 1
+    assert "REJECTED" in capsys.readouterr().out
+    assert main(["verify", str(copy), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["holds"] is False and "summary.json" in found["problems"][0]

@@ -1,0 +1,263 @@
+"""The code of an entry in its cage, unknown seeds, and what cheaters hear."""
+
+import json
+import os
+import shutil
+import socket
+import sys
+import threading
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.board.agreement import LEVEL, agreements, moved
+from flexaxis.experiments.board.cage import Cage, _permitted, told
+from flexaxis.experiments.board.errors import EntryError
+from flexaxis.experiments.board.hidden import Draw
+from flexaxis.experiments.board.rerun import rerun
+from flexaxis.experiments.board.trial import Ask, verify_entry
+from flexaxis.experiments.board.wire import Wire
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.cache import default_cache, records
+from flexaxis.experiments.running.engine import Means
+
+sys.path.insert(0, str(Path(__file__).parent))
+from boards import CHEATS, HONEST, WIDE, entered, known
+
+alone = pytest.mark.skipif(not _permitted(), reason="this system gives no process its own world")
+STEP = find_scenario("fm_step-v1")
+MEANS = Means(store=default_cache())
+
+SPY = """
+import os, pathlib, socket
+
+def tried(what):
+    try:
+        return float(what())
+    except OSError:
+        return -1.0
+
+class Spy:
+    names, output = ("k_T", "1/J_a", "f_m"), "speed"
+    def __init__(self, nominal, period): pass
+    def step(self, u, y):
+        kept = pathlib.Path("/tmp/kept")
+        before = kept.exists()
+        tried(lambda: kept.write_text("x"))
+        def connect():
+            socket.create_connection(("127.0.0.1", PORT), 2).close()
+            return 1
+        return (
+            tried(connect),
+            tried(lambda: len(pathlib.Path(SECRET).read_text())) + ("SECRET" in os.environ),
+            float(before) + tried(lambda: pathlib.Path("code/x").write_text("x")),
+        )
+class Slow:
+    names, output = ("f_m",), "speed"
+    def __init__(self, nominal, period): pass
+    def step(self, u, y):
+        while True: pass
+class Loud(Slow):
+    def step(self, u, y):
+        print("x" * 100000); raise ValueError("it hurts")
+class Wide(Slow):
+    def step(self, u, y): return list(range(1000))
+class Gone(Slow):
+    def step(self, u, y): os._exit(0)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with code, a secret beside it, and somebody who listens."""
+    (tmp_path / "secret").write_text("password")
+    (tmp_path / "entry" / "code").mkdir(parents=True)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        stop = threading.Event()
+        thread = threading.Thread(target=_accept, args=[server, stop])
+        thread.start()
+        text = SPY.replace("PORT", str(port)).replace("SECRET)", f"{str(tmp_path / 'secret')!r})")
+        (tmp_path / "entry" / "code" / "spy.py").write_text(text)
+        yield tmp_path / "entry"
+        stop.set()
+        thread.join()
+
+
+def _accept(server, stop):
+    server.settimeout(0.1)
+    while not stop.is_set():
+        with suppress(TimeoutError):
+            server.accept()[0].close()
+
+
+@alone
+def test_code_reaches_neither_network_nor_files_nor_the_run_before(folder, monkeypatch):
+    monkeypatch.setenv("SECRET", "password")
+    with Cage(folder) as cage:
+        assert all(cage.reached.values())
+        for _ in range(2):  # what the first leaves is not there for the second
+            with cage.case("code/spy.py:Spy", STEP) as spy:
+                assert spy.step(0.0, 0.0).tolist() == [-1, -1, -1]
+
+
+def test_without_a_world_of_its_own_it_says_so(folder, monkeypatch):
+    monkeypatch.setenv("SECRET", "password")
+    with Cage(folder, plain=True) as cage:
+        assert not cage.reached["no files of the user"] and not cage.reached["no privileges"]
+        assert cage.reached["no variables of the user"]
+        with cage.case("code/spy.py:Spy", STEP) as spy:
+            assert spy.step(0.0, 0.0)[1] == 8  # the file can be read, the variable is gone
+    Path("/tmp/kept").unlink(missing_ok=True)
+
+
+def test_what_code_does_wrong_is_told_and_the_next_case_is_another(folder):
+    with Cage(folder, patience=3.0, plain=True) as cage:
+        for name, said in (
+            ("Loud", "ValueError: it hurts"),
+            ("Wide", "numbers, not 1"),
+            ("Gone", "has ended its process"),
+            ("Slow", "no answer within 3 s"),
+            ("Loud", "ValueError: it hurts"),
+        ):
+            with (
+                pytest.raises((EstimatorError, EntryError), match=said),
+                cage.case(f"code/spy.py:{name}", STEP) as estimator,
+            ):
+                estimator.step(0.0, 0.0)
+
+
+def test_an_estimator_is_told_nothing_of_what_will_happen():
+    words = json.dumps(told(STEP))
+    assert "fm_step" not in words and told(STEP)["fault"] == []
+    assert told(find_scenario("warming_fm_step-v1")).get("nuisance") is None
+
+
+def test_what_comes_back_is_read_with_care():
+    one, other = os.pipe()
+    wire = Wire(one, other, 1.0)
+    for content in (b"N" + (7).to_bytes(8, "little") + b"x" * 7,
+                    b"J" + (3).to_bytes(8, "little") + b"{,}",
+                    b"N" + (1 << 40).to_bytes(8, "little"), b"P" + bytes(8)):  # fmt: skip
+        os.write(other, content)
+        with pytest.raises(EntryError, match="no answer"):
+            wire.receive()
+    wire.send(np.arange(3.0))
+    assert wire.receive().tolist() == [0, 1, 2]
+    os.close(other)
+    with pytest.raises(EntryError, match="has ended"):
+        wire.receive()
+    os.close(one)
+
+
+def test_a_case_in_the_cage_has_the_rows_of_a_run(tmp_path):
+    """The code is told neither fault nor seed, and yet: the same numbers."""
+    (mine,) = Bench([STEP], None, MEANS).runs([STEP], ["relocate"], [1002])[STEP.hash, "relocate"]
+    record = records(STEP, [1002], default_cache())[0][0]
+    with Cage(tmp_path) as cage:
+        for how in ("run", "step"):
+            found = rerun(cage, "relocate", STEP, record, how)
+            for score in ("lag", "std", "excess", "detection", "diverged"):
+                assert [row[score] for row in found] == [row[score] for row in mine]
+
+
+def test_seeds_are_unknown_disjoint_and_can_be_drawn_again():
+    draw = Draw.new()
+    seeds = draw.seeds(200)
+    assert len({*seeds}) == 200 and min(seeds) >= 10_000
+    assert draw.seeds(200) == seeds == Draw.new(draw.token).seeds(200)
+    assert Draw.new().seeds(3) != draw.seeds(3)
+    with pytest.raises(EntryError, match="give what was printed"):
+        Draw.new("../../x")
+
+
+def test_moved_faults_come_earlier_in_the_same_noise():
+    moved_ = Draw.new("abcdefgh").moved(STEP)
+    assert 1400 <= moved_.events()[0].index <= 1800 and moved_.key == STEP.key
+
+
+def runs(rng, seeds, shift=0.0, lost=0):
+    return {
+        ("s", seed): [{"changed": True, "lag": float(np.exp(shift + 0.3 * rng.normal())),
+                       "excess": float(np.exp(0.3 * rng.normal())), "diverged": k < lost}]
+        for k, seed in enumerate(seeds)
+    }  # fmt: skip
+
+
+def test_the_tests_keep_their_level_and_have_their_power():
+    """Over honest entries, and over those that are worse by what is said to be found."""
+    rng = np.random.default_rng(7)
+    pairs = [(runs(rng, range(24)), runs(rng, range(50, 58))) for _ in range(500)]
+    wrong = sum(not all(a.holds for a in agreements(*pair)) for pair in pairs)
+    assert wrong <= 13 and LEVEL == 0.01  # 5 at most expected; more than 13 has a chance of 7e-4
+    ratio = np.mean([agreements(*pair)[0].detects for pair in pairs[:50]])
+    assert 1.5 < ratio < 2.2  # of a deviation of 0.3 in ln lag, 24 and 8 seeds
+    worse = [(runs(rng, range(24)), runs(rng, range(50, 58), np.log(ratio))) for _ in range(200)]
+    found = sum(not agreements(*pair)[0].holds for pair in worse)
+    assert found > 165  # 180 expected at a power of 0.9; fewer than 166 has a chance of 1e-3
+    lost = agreements(runs(rng, range(24)), runs(rng, range(50, 58), lost=6))[-1]
+    assert not lost.holds and "lost 6 of 8" in lost.in_words()
+
+
+def test_who_waits_for_the_known_time_is_found():
+    rng = np.random.default_rng(3)
+    usual, late = runs(rng, range(8)), runs(rng, range(8), shift=3.0)
+    assert all(a.holds for a in moved(usual, usual))
+    assert not moved(usual, late)[0].holds
+
+
+def judged(tmp_path, name, *, board=WIDE, **ask):
+    """The checks that fail of a cheater, by name, with what was seen."""
+    module, _, text = name.partition(":")
+    shutil.copy(CHEATS / f"{module}.py", tmp_path)
+    if module == "memory":
+        known(tmp_path, board)
+    entry = entered(tmp_path / "entry", f"{tmp_path / module}.py:{text}", board)
+    draw = Ask(**{"sample": 6, "hidden": 6, "draw": Draw.new("0123456789abcdef")} | ask)
+    found = verify_entry(entry.folder, draw, run_code=True, store=default_cache(), frozen=board)
+    return {check.name: check.seen for check in found.checks if check.holds is False}
+
+
+@pytest.mark.slow
+def test_an_honest_entry_is_accepted(tmp_path):
+    (tmp_path / "mine.py").write_text(HONEST)
+    entry = entered(tmp_path / "entry", tmp_path / "mine.py:Honest", WIDE)
+    found = verify_entry(
+        entry.folder, Ask(hidden=6), run_code=True, store=default_cache(), frozen=WIDE
+    )
+    assert found.holds and found.ran, [c for c in found.checks if c.holds is False]
+
+
+@pytest.mark.slow
+def test_who_knows_the_reported_seeds_is_found_on_others(tmp_path):
+    found = judged(tmp_path, "memory:Memory")
+    assert found.keys() == {"unknown seeds"} and "excess" in found["unknown seeds"]
+
+
+@pytest.mark.slow
+def test_who_reads_the_truth_in_memory_finds_none(tmp_path):
+    found = judged(tmp_path, "peeker:Peeker")
+    assert {"reported rows", "unknown seeds"} == found.keys()
+
+
+@pytest.mark.slow
+def test_who_looks_ahead_through_a_global_is_found(tmp_path):
+    found = judged(tmp_path, "replay:Replay", sample=12)
+    assert "reported rows" in found
+
+
+def test_a_peeker_finds_no_truth_in_the_cage(tmp_path):
+    """The cheap core of those above."""
+    (tmp_path / "code").mkdir()
+    shutil.copy(CHEATS / "peeker.py", tmp_path / "code")
+    text = f"{tmp_path}/code/peeker.py:Peeker"
+    (here,) = Bench([STEP], None, MEANS).runs([STEP], [text], [1000])[STEP.hash, text]
+    record = records(STEP, [1000], default_cache())[0][0]
+    with Cage(tmp_path) as cage:
+        there = rerun(cage, "code/peeker.py:Peeker", STEP, record, "run")
+    lag = [next(row["lag"] for row in rows if row["changed"]) for rows in (here, there)]
+    assert lag[0] < 0.05 and lag[1] > 20 * lag[0]

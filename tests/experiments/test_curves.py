@@ -1,0 +1,132 @@
+"""What trajectories are drawn from: full rate about the fault, residual, findings, old folders."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.results import pooled
+from flexaxis.experiments.running.case import run_case
+from flexaxis.experiments.running.traces import Trace, Traces, write_traces
+from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
+from flexaxis.sim.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def record(short):
+    return simulate(short, [1000])[0]
+
+
+def case_on(scenario, record, text="relocate"):
+    return run_case(scenario, record, parse(text), whole=True)
+
+
+def traced(case, *, seed="a"):
+    detail, key = case.detail, case.rows[0]["hash"]
+    return Trace(seed, key, case.estimator, case.names, case.curve, case.relative, detail)
+
+
+def test_every_estimate_about_the_fault_is_kept(short, record):
+    case = case_on(short, record)
+    # -.1 … 1 s about the fault at 6 s, both ends with it: at 200 Hz samples 1180 … 1400
+    np.testing.assert_array_equal(short.times[near_fault(short)][[0, -1]], [5.9, 7.0])
+    nominal = case.theta[0] / case.curve[0]
+    expected = (case.theta[1180:1401] / nominal).astype(np.float32)
+    np.testing.assert_allclose(case.detail.near, expected, rtol=1e-6)
+
+
+def test_at_another_rate_it_is_as_long(short):
+    fast = short.override({"period": 0.002})
+    np.testing.assert_allclose(fast.times[near_fault(fast)][[0, -1]], [5.9, 7.0], atol=1e-9)
+
+
+def test_without_a_fault_or_at_the_edge_there_is_what_there_is(short):
+    quiet = find_scenario("paper_nominal-v1")
+    assert quiet.times[near_fault(quiet)].size == 0
+    late = short.override({"fault": [{"kind": "step", "parameter": "f_m", "at": 7.5, "factor": 2}]})
+    np.testing.assert_allclose(late.times[near_fault(late)][[0, -1]], [7.4, 7.995])
+
+
+def test_after_a_pause_the_clock_starts_with_the_excitation():
+    pause = find_scenario("pause_fm_step-v1")  # the fault is at 20 s, in a pause until 30 s
+    assert pause.times[near_fault(pause)][0] == pytest.approx(29.9)
+
+
+def test_the_residual_is_the_rms_of_what_the_predictor_misses(short, record):
+    case = case_on(short, record, "rpem-forgetting")
+    assert case.detail.residual.shape == case.curve[:, 0].shape
+    quiet = case.detail.residual[60:118]  # 3 … 5.9 s
+    assert np.sqrt(np.mean(quiet**2)) == pytest.approx(0.1, rel=0.1)  # σ of the speed, rad/s
+    assert case_on(short, record, "frozen").detail.residual is None  # it predicts nothing
+    whole = np.arange(25.0)
+    parts = whole[:10], whole[10:20], whole[20:]  # the last one is shorter
+    expected = [np.sqrt(np.mean(part**2)) for part in parts]
+    np.testing.assert_allclose(residual(whole), expected, rtol=1e-6)
+    assert np.isnan(residual(np.full(20, np.nan))).all()
+
+
+def test_findings_are_told_with_time_and_size(short, record):
+    case = case_on(short, record)
+    (found,) = [f for f in case.detail.findings if f["parameters"] == ["f_m"]]
+    assert 6.0 < found["time"] < 7.0 and found["onset"] <= found["time"]
+    assert found["ratio"][0] == pytest.approx(1.5, rel=0.1)
+    json.dumps(case.detail.findings, allow_nan=False)
+
+
+class Plain:
+    """A user's finding: what the contract asks for, and no more."""
+
+    alarm, parameters = 1300, ("f_m",)
+
+
+def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
+    from flexaxis.experiments.scoring.case import Track
+    from flexaxis.experiments.scoring.curves import detail_of
+
+    theta = np.ones((short.samples, 1))
+    track = Track(short, ("f_m",), theta, record.true_parameters, findings=[Plain()])
+    assert detail_of(track).findings == (
+        {"time": 6.5, "onset": 6.5, "parameters": ["f_m"], "ratio": [], "reason": ""},
+    )
+
+
+def test_traces_come_back_as_they_were(short, record, tmp_path):
+    cases = [case_on(short, record, text) for text in ("relocate", "frozen")]
+    write_traces(tmp_path, [traced(case) for case in cases])
+    for case in cases:
+        (back,) = Traces.of(tmp_path).find(short.hash, case.estimator)
+        np.testing.assert_array_equal(back.curve, case.curve)
+        np.testing.assert_array_equal(back.detail.near, case.detail.near)
+        assert back.detail.findings == case.detail.findings
+        if case.detail.residual is None:
+            assert back.detail.residual is None
+        else:
+            np.testing.assert_array_equal(back.detail.residual, case.detail.residual)
+
+
+def test_traces_of_an_older_version_are_read(short, record, tmp_path):
+    case = replace(case_on(short, record), detail=None)
+    write_traces(tmp_path, [traced(case)])
+    (path,) = (tmp_path / "traces").glob("*.npz")
+    with np.load(path) as stored:
+        assert not [name for name in stored if "near" in name or "residual" in name]
+    (back,) = Traces.of(tmp_path).find(short.hash, case.estimator)
+    assert back.detail is None and back.curve.shape == case.curve.shape
+
+
+def test_pooled_curves_come_back_with_what_is_near_the_fault(short, record, tmp_path):
+    case = case_on(short, record)
+    runs, near = [case.curve, 2 * case.curve], [case.detail.near, 2 * case.detail.near]
+    both = curve_of(short, "relocate", case.names, runs, near)
+    np.testing.assert_allclose(both.near.median, 1.5 * near[0], rtol=1e-6)
+    assert set(both.near.truth[:, 2].round(9)) == {1.0, 1.5}  # a step, not a ramp
+    alone = curve_of(short, "frozen", case.names, runs)
+    assert alone.near is None
+    pooled.save(tmp_path, pooled.Pooled({}, [both, alone], tmp_path))
+    back = pooled.load(tmp_path).curves
+    np.testing.assert_allclose(back[0].near.high, both.near.high, rtol=1e-6)
+    np.testing.assert_allclose(back[0].near.time, both.near.time)
+    assert back[1].near is None

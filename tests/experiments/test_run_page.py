@@ -1,0 +1,275 @@
+"""The report of a run: one ranking, the time at the fault, single runs that can be repeated."""
+
+import json
+import re
+import shlex
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.reporting import run_charts, run_first, run_page
+from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
+from flexaxis.experiments.results import pooled
+from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.running.traces import Traces, write_traces
+from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
+from tests.experiments.page_data import lines, page_data, table
+
+ESTIMATORS = ("frozen", "rpem-forgetting", "relocate")
+
+
+@pytest.fixture(scope="module")
+def folder(short, tmp_path_factory):
+    """A run of three estimators, two of them swept."""
+    place = tmp_path_factory.mktemp("run") / "out"
+    study = Study("t", (short,), ESTIMATORS, tuple(range(1000, 1006)))
+    swept = {"swept_scenarios": [short], "swept_estimators": list(ESTIMATORS[1:])}
+    benchmark(Benchmark(study, title="t", command="flexaxis run short.toml", **swept), place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def html(folder):
+    return run_page.render(pooled.load(folder))
+
+
+@pytest.fixture(scope="module")
+def data(html):
+    return page_data(html)
+
+
+def test_it_is_read_from_top_to_bottom(html):
+    texts = [
+        "<h1>t</h1>", "flexaxis run short.toml", run_first.FASTEST, run_first.DISTANCE,
+        run_first.WHY, "At equal noise</h2>", "Speed against noise</h2>", "Fault by fault",
+        "How often, how near to the bound: nominal</h2>", '<h2 id="short">',
+        "Parameters that did not change", "The same as a table", "What the columns mean",
+        'href="scores.jsonl"', "Recursive identification of physical parameters",
+    ]  # fmt: skip
+    places = [html.index(text) for text in texts]
+    assert places == sorted(places)
+
+
+def test_there_is_one_ranking(html, folder):
+    overall = [r["estimator"] for r in pooled.load(folder).summary["tradeoff"]["overall"]]
+    assert overall[0] == "relocate"
+    for name in ("at-equal-noise", "short", "short-unchanged"):
+        rows = [row["estimator"][0] for row in table(html, name)[1]]
+        assert list(dict.fromkeys(rows))[:2] == overall, name
+
+
+def test_cells_say_what_was_pooled(html, folder):
+    heads, rows = table(html, "short")
+    assert heads[2:10] == [
+        "lag [s]", "× bound", "t10 [s]", "std [%]", "bias [%]", "score", "lost",
+        "false alarms / 1000 s",
+    ]  # fmt: skip
+    pooled_rows = pooled.load(folder).summary["rows"]
+    for row in rows:
+        (own,) = [r for r in pooled_rows if r["changed"] and r["estimator"] == row["estimator"][0]]
+        assert float(row["lag [s]"][0]) == pytest.approx(own["lag"], rel=1e-5)
+        assert float(row["× bound"][0]) == pytest.approx(own["lag"] / own["lag_bound"], rel=1e-5)
+        assert row["lost"] == ("0", "0 of 6")
+    still = rows[-1]
+    assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0", "0")
+    assert still["t10 [s]"][1] == "never"
+
+
+def test_at_the_fault_every_sample_is_drawn(data, short):
+    chart = data["charts"]["curves-short"]
+    assert [w[0] for w in chart["windows"]] == ["at the fault", "whole run"]
+    _, start, end = chart["windows"][0]
+    assert (start, end) == pytest.approx((5.9, 7.0))
+    panel = chart["panels"][[p["y"] for p in chart["panels"]].index("f_m / nominal")]
+    (line,) = [each for each in panel["lines"] if each.get("who") == "relocate"]
+    x = np.array(line["x"])
+    level = 8.0 / 65_000  # s to which a page keeps times
+    inside = (x >= start - level) & (x <= end + level)
+    assert inside.sum() == 221
+    assert np.diff(x[inside]) == pytest.approx(short.period, abs=2 * level)
+    assert np.diff(x[x < start - 0.04]) == pytest.approx(10 * short.period, abs=2 * level)
+    (truth,) = [each for each in panel["lines"] if each.get("role") == "truth"]
+    assert truth["kind"] == "steps"
+    assert truth["x"] == pytest.approx([0.0, 6.0, 7.995]) and truth["y"] == [1.0, 1.5, 1.5]
+
+
+def test_what_is_rounded_is_rounded_by_less_than_a_point_of_the_screen(data, folder):
+    (curve,) = [c for c in pooled.load(folder).curves if c.estimator == "relocate"]
+    panels = data["charts"]["curves-short"]["panels"]
+    for i, parameter in enumerate(curve.names):
+        (panel,) = [p for p in panels if p["y"] == f"{parameter} / nominal"]
+        (line,) = [each for each in panel["lines"] if each.get("who") == "relocate"]
+        low, high = panel["y_range"]
+        first = np.searchsorted(line["x"], curve.near.time[0] - 1e-3)
+        known = np.array(line["y"])[first : first + len(curve.near.time)]
+        point = (high - low) / 200  # of a panel of 200 points
+        exact = np.clip(curve.near.median[:, i], low, high)
+        assert abs(np.clip(known, low, high) - exact).max() < point / 2
+
+
+def test_no_excitation_is_said_only_where_there_is_none(short):
+    pause = find_scenario("pause_fm_step-v1")
+    for scenario, said in ((short, False), (pause, True)):
+        spans = [text for *_, text in run_charts.around(scenario)["spans"]]
+        assert ("no excitation" in spans) is said
+        assert ("no excitation" in run_charts._words(scenario)) is said
+
+
+def test_each_run_can_be_opened(html, data):
+    points = [line for p in data["charts"]["runs-short"]["panels"] for line in p["lines"]]
+    opened = {line["pick"] for line in points}
+    # one that never moves has no spread, and so no point; it is in the table
+    expected = {f"short/{e}/{seed}" for e in ESTIMATORS for seed in range(1000, 1006)}
+    assert opened == {name for name in expected if "frozen" not in name}
+    assert set(data["picks"]) == expected == set(re.findall(r'data-opens="([^"]*)"', html))
+    medians = {line["pick"] for line in data["charts"]["curves-short"]["panels"][0]["lines"]
+               if line.get("who")}  # fmt: skip
+    assert len(medians) == 3 and medians <= expected
+
+
+def test_a_single_run_says_what_it_found(data, folder):
+    run = data["picks"]["short/relocate/1002"]
+    assert re.match(r"Found: at 6\.\d\d s f_m × 1\.\d", run["words"])
+    assert data["picks"]["short/frozen/1002"]["words"] == "It reports no findings."
+    (chart,) = run["charts"]
+    assert chart["panels"][0]["y"] == "f_m / nominal"  # what changed comes first
+    assert chart["panels"][-1]["y"] == "residual, rms of 10 [rad/s]"
+    assert chart["marks"][0][1] == "f_m changes"
+    assert chart["marks"][1][1].startswith("found: f_m × 1.")
+    (trace,) = [
+        t for t in Traces.of(folder).find(_hash(folder), "relocate")
+        if t.case == dict(run["facts"])["case"]
+    ]  # fmt: skip
+    ((line,), *_) = lines(chart, "relocate")
+    shown = np.interp(6.5, line["x"], line["y"])
+    assert shown == pytest.approx(trace.detail.near[120, 2], abs=2e-3)
+
+
+def _hash(folder):
+    return pooled.load(folder).summary["scenarios"]["short"]["hash"]
+
+
+def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypatch):
+    (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    words = shlex.split(data["picks"]["short/relocate/1003"]["command"])
+    assert words[:3] == ["flexaxis", "run", "short.toml"]
+    assert main(words[1:]) == 0
+
+    def rows(place):
+        found = map(json.loads, (place / "scores.jsonl").read_text().splitlines())
+        return [
+            {key: value for key, value in row.items() if key != "cost"}
+            for row in found
+            if (row["seed"], row["estimator"]) == (1003, "relocate")
+        ]
+
+    again = rows(tmp_path / words[words.index("-o") + 1])
+    assert len(again) == 3 and again == rows(folder)
+
+
+def test_a_scenario_of_the_catalogue_is_named(short):
+    from flexaxis.experiments.reporting.run_seeds import Single, command
+
+    known = find_scenario("fm_step-v1")
+    run = Single(known.name, "rpem-forgetting[forgetting=0.99]", 1000, [])
+    assert command(run, known) == (
+        "flexaxis run fm_step-v1 --estimator 'rpem-forgetting[forgetting=0.99]' "
+        "--seeds 1000:1001 -o results/fm_step-v1-1000"
+    )
+    assert "fm_step-v1.toml" in command(run, known.override({"duration": 21.0}))
+
+
+def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
+    bare = len(run_page.render(pooled.load(folder), size=0.0).encode())
+    size = (bare + 0.4 * (len(html.encode()) - bare)) / 1e6
+    small = run_page.render(pooled.load(folder), size=size)
+    assert len(small.encode()) <= 1e6 * size
+    kept = set(page_data(small)["picks"])
+    assert 0 < len(kept) < 18
+    assert f"{len(kept)} of 18 single runs can be opened" in small
+    assert set(re.findall(r'data-opens="([^"]*)"', small)) == kept
+    # the worst of the best comes first
+    worst = max(_lags(folder, "relocate").items(), key=lambda item: item[1])[0]
+    assert f"short/relocate/{worst}" in kept
+    (line,) = re.findall(r"All of it: (flexaxis report [^<]*)</p>", small)
+    assert main([*shlex.split(line)[1:], "-o", str(folder.parent / "all.html")]) == 0
+    assert len(page_data((folder.parent / "all.html").read_text())["picks"]) == 18
+
+
+def test_where_curves_alone_are_too_much_the_later_ones_are_thinned(folder, short):
+    curves = pooled.load(folder).curves
+    chart = run_charts.trajectories(curves, short, Thinning(bands=1, near=1, drawn=2), name="x")
+    first, second = (line for line in chart.panels[0].lines if line.who)
+    assert [first.who, second.who] == [curve.estimator for curve in curves[:2]]
+    assert first.low is not None and len(first.x) > 300
+    assert second.low is None and len(second.x) == 160
+
+    def made(chosen, left, thinning):  # of 1000 bytes a band and curve, and 100 a run
+        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10, 5), strict=True)}
+        return left.ljust(1000 * bands[thinning] + 100 * len(chosen), "x")
+
+    page = Budget(25_000).fitted(list(range(1000)), made, "out")
+    assert len(page) <= 25_000 and page.startswith(THINNINGS[2].words)
+    assert "All of it: flexaxis report out --size" in page
+
+
+def _lags(folder, estimator):
+    rows = map(json.loads, (folder / "scores.jsonl").read_text().splitlines())
+    return {r["seed"]: r["lag"] for r in rows if r["changed"] and r["estimator"] == estimator}
+
+
+def test_a_folder_of_an_older_version_is_reported(folder, short, tmp_path):
+    found = pooled.load(folder)
+    old = tmp_path / "old"
+    old.mkdir()
+    for name in ("study.json", "scores.jsonl", "summary.json"):
+        (old / name).write_bytes((folder / name).read_bytes())
+    traces = Traces.of(folder)
+    every = [t for e in ESTIMATORS for t in traces.find(short.hash, e)]
+    write_traces(old, [replace(trace, detail=None) for trace in every])
+    curves = [replace(curve, near=None) for curve in found.curves]
+    data = page_data(run_page.render(pooled.Pooled(found.summary, curves, old)))
+    ((line, *_), *_) = lines(data["charts"]["curves-short"], "relocate")
+    assert len(line["x"]) == 160  # every tenth sample of 8 s
+    run = data["picks"]["short/relocate/1002"]
+    assert "words" not in run and len(run["charts"][0]["panels"]) == 3
+    for path in (old / "traces").iterdir():
+        path.unlink()
+    bare = page_data(run_page.render(pooled.Pooled(found.summary, [], old)))
+    assert not bare["picks"]["short/relocate/1002"].get("charts")
+    assert "curves-short" not in bare["charts"]
+
+
+def swept(**lags):
+    """A sweep over one fault with a bound of .1 s; the first two lead."""
+    rows = [
+        {"scenario": "s", "parameter": "f_m", "estimator": name, "how": "matched", "lag": lag,
+         "over_bound": lag / 0.1, "leads": i < 2}
+        for i, (name, lag) in enumerate(lags.items())
+    ]  # fmt: skip
+    overall = [{"estimator": name} for name in lags]
+    return {"tradeoff": {"matched": rows, "overall": overall, "points": []}, "estimators": {}}
+
+
+def test_three_questions_are_answered_from_the_table():
+    summary = swept(**{"mine": 0.2, "yours": 0.25, "rpem-forgetting": 1.0})
+    fastest, distance, _ = (answer for _, answer in run_first.answers(summary))
+    assert fastest.startswith("mine: ahead, or tied for it, in 1 of 1 fault (")
+    assert "cannot tell yours from it" in fastest and "5 times shorter" in fastest
+    assert distance == (
+        "mine takes 2 times the lag of the bound; rpem-forgetting takes 10 times the lag of the "
+        "bound."
+    )
+    assert run_first.answers({"tradeoff": None}) == []
+
+
+def test_more_than_nine_estimators_are_there_and_hidden_at_first(folder):
+    names = [f"e{i}" for i in range(12)]
+    found = pooled.load(folder)
+    summary = found.summary | {"estimators": found.summary["estimators"] | dict.fromkeys(names, "")}
+    html = run_page.render(pooled.Pooled(summary, found.curves, folder))
+    assert page_data(html)["aside"] == names[6:]
