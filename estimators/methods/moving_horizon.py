@@ -1,7 +1,6 @@
 """Moving horizon: nonlinear least squares over a window that moves along, with an arrival cost."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,72 +12,16 @@ from flexaxis.estimators.models.axes import PAPER
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import Design, above_zero, make_design
 from flexaxis.estimators.recursion.filter import CompiledFilter
+from flexaxis.estimators.recursion.horizon import Series, Setting, Window
 from flexaxis.estimators.recursion.joint import state_covariance
+from flexaxis.estimators.recursion.records import Record, on_lanes
 from flexaxis.estimators.recursion.square_root import triangular_root
 from flexaxis.estimators.recursion.window import horizon_loop
+from flexaxis.estimators.sampling.pattern import split
 from flexaxis.estimators.sampling.plan import plan
-from flexaxis.estimators.sampling.sampled import terms
+from flexaxis.estimators.sampling.symmetric import padded
 
 Array = NDArray[np.float64]
-
-
-class Setting(NamedTuple):
-    """What stays as it is: the options of `moving_horizon`, and what θ̂ and its P may be."""
-
-    forgetting: float
-    every: int
-    iterations: int
-    known: bool
-    lower: Array
-    upper: Array
-    ceiling: Array
-
-
-class Window(NamedTuple):
-    """
-    What is known, and changes.
-
-    Attributes
-    ----------
-    u, y, present : (N,) arrays
-        Torque held before, output, and whether that was measured, at samples s+1, s+2, …
-    mean, root : (m,) and (m, m) arrays
-        ξ̄, and S, upper triangular, with P̄ = SᵀS.
-    xi : (m,) array
-        ξ̂ at sample s.
-    claimed : (p, p) array
-        Covariance of θ̂.
-    half : (m, m) array
-        P^½, with the covariance PᵀP of ξ̂ for a noise variance of one, after the data.
-    D : (1+p, n+1, n+1) array
-        The model sampled at θ̂, as from `flexaxis.estimators.sampling.sampled.sample`.
-    x, Z : (n+1,) and (n+1, m) arrays
-        State and output at the last sample as predicted from ξ̂, and their sensitivities by ξ.
-    taken : (2,) int array
-        Samples so far, and those of them in the window.
-    held : (1,) array
-        Torque since the last sample.
-    level : (2,) array
-        R̂, 0 while it is not known, and 1 if the last sample was beyond `ODD` deviations.
-    shown : (3,) array
-        ŷ, innovation and its variance at the last sample.
-    """
-
-    u: Array
-    y: Array
-    present: NDArray[np.bool_]
-    mean: Array
-    root: Array
-    xi: Array
-    claimed: Array
-    half: Array
-    D: Array
-    x: Array
-    Z: Array
-    taken: NDArray[np.int64]
-    held: Array
-    level: Array
-    shown: Array
 
 
 def moving_horizon(
@@ -152,7 +95,9 @@ def moving_horizon(
         x0=x0,
     )
     _check_window(window, every, iterations)
-    order, substeps = plan(design.model, design.lower, design.upper, period)
+    pattern, _ = split(design.model)
+    box = design.lower, design.upper
+    lanes, room = on_lanes(design, pattern, series=(1, *plan(design.model, *box, period)))
     setting = Setting(
         design.forgetting,
         int(every),
@@ -162,9 +107,14 @@ def moving_horizon(
         design.upper,
         design.theta0**2,
     )
-    tuning = terms(design.model, order, substeps, period), setting
-    start = _start(design, int(window), state_covariance(design, x0_covariance))
-    return CompiledFilter(horizon_loop, tuning, start, design, _read)
+    series = Series(
+        lanes["coefficients"][0],
+        lanes["weights"][0],
+        int(lanes["order"][0]),
+        int(lanes["substeps"][0]),
+    )
+    start = _start(design, room, int(window), state_covariance(design, x0_covariance))
+    return CompiledFilter(horizon_loop(pattern), (series, setting), start, design, _read)
 
 
 def _check_window(window: float, every: float, iterations: float) -> None:
@@ -176,15 +126,17 @@ def _check_window(window: float, every: float, iterations: float) -> None:
         )
 
 
-def _start(design: Design, window: int, covariance: Array) -> Window:
+def _start(design: Design, room: Record, window: int, covariance: Array) -> Window:
     p, n, x = len(design.theta0), design.model.n, design.x0
+    m = p + n
     root = np.zeros((p + n, p + n))
     root[:p, :p] = np.linalg.cholesky(design.P0).T
     root[p:, p:] = triangular_root(covariance)
     xi = np.concatenate([design.theta0, x])
     blocks = design.model.blocks(design.theta0)
-    Z = np.eye(n + 1, p + n, p)
-    Z[n, :p], Z[n, p:] = blocks[1:, n, :n] @ x, blocks[0, n, :n]
+    X = np.eye(n + 1, padded(1 + m), 1 + p)
+    X[:n, 0], X[n] = x, 0.0
+    X[n, : 1 + p], X[n, 1 + p : 1 + m] = blocks[:, n, :n] @ x, blocks[0, n, :n]
     return Window(
         u=np.zeros(window),
         y=np.zeros(window),
@@ -194,9 +146,13 @@ def _start(design: Design, window: int, covariance: Array) -> Window:
         xi=xi.copy(),
         claimed=design.P0.copy(),
         half=root.copy(),
-        D=np.zeros((1 + p, n + 1, n + 1)),
-        x=np.append(x, blocks[0, n, :n] @ x),
-        Z=Z,
+        D=np.zeros((n + 1, n + 1, padded(1 + p))),
+        X=X,
+        theta=design.theta0.copy(),
+        M=room["M"][0].copy(),
+        unit=np.zeros(room["X"][0].shape),
+        H=np.zeros((m, padded(m))),
+        g=np.zeros(padded(m)),
         taken=np.zeros(2, np.int64),
         held=np.zeros(1),
         level=np.array([design.noise**2, 0.0]),

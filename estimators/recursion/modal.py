@@ -72,8 +72,10 @@ def modal_records(
     X[-1, 1 : 1 + p], X[-1, 1 + p : 1 + m] = C[1:] @ design.x0, C[0, :n]
     P = np.zeros((J, m, padded(m)))
     P[:, :p, :p], P[:, p:, p:m] = design.P0, covariance
+    walk = np.zeros((p, p))
+    walk[np.diag_indices(p)] = modes.walk
     chain = record(
-        walk=np.diag(modes.walk),
+        walk=walk,
         jump=modes.jump,
         which=np.array(modes.which),
         quiet=1 - float(np.sum(modes.rate)) * period,

@@ -27,12 +27,13 @@ from flexaxis.estimators.recursion.seen import (
     seen,
 )
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.fit import normal_equations
 from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.normal import summing
 from flexaxis.estimators.relocate.remainder import Remainder, remainder
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
+from flexaxis.estimators.relocate.work import CALL, Work, of_sample
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -101,6 +102,8 @@ class Beginning:
         As it was told.
     told : tuple of str
         Parameters whose values were given.
+    grain : float
+        Operations of a piece of the work.
     """
 
     terms: Terms
@@ -108,6 +111,7 @@ class Beginning:
     roles: Roles
     model: Model
     told: tuple[str, ...]
+    grain: float = np.inf
 
     def prior(self, memory: Memory) -> Prior | None:
         """Return what was known before, in sizes of what has moved since; None while that rests."""
@@ -168,36 +172,37 @@ class Beginning:
             drift[np.ix_(turning, turning)] += np.outer(along, along)
         return drift
 
-    def fit(self, memory: Memory, prior: Prior) -> Fitted | None:
+    def fit(self, memory: Memory, prior: Prior) -> Work[Fitted | None]:
         """Explain all data that are remembered, with no more parameters than they ask for."""
         names, every = self.design.model.names, np.arange(self.roles.known)
         ripple = meaning.named(self.model.laws, ("sine", "cosine"))  # as linear as what is tracked
         few = np.array([i for i in every if i < self.roles.tracked or names[i] in ripple])
         now = memory.state["theta"].copy()
-        first = self._descend(memory, prior, few, (prior.theta, now))
-        whole = self._descend(memory, prior, every, (first.theta,))
+        first = yield from self._descend(memory, prior, few, (prior.theta, now))
+        whole = yield from self._descend(memory, prior, every, (first.theta,))
         if not np.isfinite(whole.square):
             return None
-        left = self._left(memory, whole)
+        left = yield from self._left(memory, whole)
         if not left.explained:  # something is far from what was told, and all may be that
             return Fitted(whole.theta, every, prior.noise, {})
         noise = max(left.variance * left.repeated, self.design.noise**2)
         if abs(np.log(noise / prior.noise)) > OTHER:  # what a white residual of it would tell
             prior = prior._replace(noise=noise)
-            whole = self._descend(memory, prior, every, (whole.theta, first.theta))
-            left = self._left(memory, whole)
-        return self._reduced(memory, prior, (first, whole), left)
+            whole = yield from self._descend(memory, prior, every, (whole.theta, first.theta))
+            left = yield from self._left(memory, whole)
+        return (yield from self._reduced(memory, prior, (first, whole), left))
 
-    def _left(self, memory: Memory, whole: Evaluated) -> Remainder:
+    def _left(self, memory: Memory, whole: Evaluated) -> Work[Remainder]:
         """Return what a fit leaves of all data."""
         u, y, present = memory.signals(memory.first)
-        x = memory.stretch(memory.first).x[0]
+        x = memory.state_at(memory.first)
         signals = u[:-1].copy(), y, present
+        yield CALL + of_sample(self.terms, 1) * len(y)
         return remainder(self.terms, whole.theta, x, signals, self.roles.known)
 
     def _reduced(
         self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
-    ) -> Fitted:
+    ) -> Work[Fitted]:
         """Return a fit with less parameters than the whole, or that if less explain much less."""
         first, whole = fits
         known, unit = self.roles.known, prior.deviation  # in these units no matrix is singular
@@ -217,9 +222,9 @@ class Beginning:
         for places, told in fixed:
             theta[places] = start[places] = told * unit[places]
         starts = np.clip(theta, *self.box), np.clip(start, *self.box)
-        found = self._descend(memory, prior, active.active, starts)
+        found = yield from self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
-            return self._shown(memory, prior, fits, unseen)
+            return (yield from self._shown(memory, prior, fits, unseen))
         because = self._because(active.active, unseen)
         return Fitted(found.theta, active.active, prior.noise, because)
 
@@ -229,14 +234,14 @@ class Beginning:
         prior: Prior,
         fits: tuple[Evaluated, Evaluated],
         unseen: Sequence[Question],
-    ) -> Fitted:
+    ) -> Work[Fitted]:
         """Return a fit with all but what the excitation does not show."""
         gone = np.concatenate([np.zeros(0, np.int64), *(q.places for q in unseen)])
         rest = np.setdiff1d(np.arange(self.roles.known), gone)
         starts = [fit.theta.copy() for fit in fits]
         for theta in starts:
             theta[gone] = prior.theta[gone]
-        found = self._descend(memory, prior, rest, starts)
+        found = yield from self._descend(memory, prior, rest, starts)
         return Fitted(found.theta, rest, prior.noise, self._because(rest, unseen))
 
     def _because(self, active: NDArray[np.int64], unseen: Sequence[Question]) -> dict[str, str]:
@@ -283,24 +288,27 @@ class Beginning:
 
     def _descend(
         self, memory: Memory, prior: Prior, active: NDArray[np.int64], starts: Sequence[Array]
-    ) -> Evaluated:
+    ) -> Work[Evaluated]:
         """Return the most probable values of some parameters, all others as they are."""
         u, y, present = memory.signals(memory.first)
-        x, nothing = memory.stretch(memory.first).x[0], np.zeros(ORDER)
+        x, nothing = memory.state_at(memory.first), np.zeros(ORDER)
         signals = u[:-1].copy(), y, present, nothing, nothing, prior.noise, active
         known, deviation = self.roles.known, prior.deviation
 
-        def evaluate(theta: Array) -> Evaluated:
-            square, H, g = normal_equations(self.terms, theta, x, *signals)
+        def evaluate(theta: Array) -> Work[Evaluated]:
+            square, H, g = yield from summing(self.terms, theta, x, *signals, grain=self.grain)
+            yield 2 * CALL
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
             off = (theta - prior.theta)[:known] / deviation
             H += np.diag(deviation[active] ** -2)
             return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
 
-        start = min((evaluate(theta) for theta in starts), key=lambda tried: tried.square)
+        seen = []
+        for theta in starts:
+            seen.append((yield from evaluate(theta)))
         descent = Descent(
-            start,
+            min(seen, key=lambda tried: tried.square),
             self.box,
             active,
             sizes=deviation[active],
@@ -308,5 +316,5 @@ class Beginning:
             converged=CONVERGED,
         )
         while not descent.done:
-            descent.take(evaluate(descent.trial))
+            descent.take((yield from evaluate(descent.trial)))
         return descent.at

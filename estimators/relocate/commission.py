@@ -6,8 +6,11 @@ from numpy.typing import NDArray
 from flexaxis.estimators.relocate.beginning import STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.rewind import Rewind
+from flexaxis.estimators.relocate.work import CALL, Work
 
 Array = NDArray[np.float64]
+
+PRIOR = 4 * CALL  # of a look at the motion
 
 
 class Commission:
@@ -52,7 +55,7 @@ class Commission:
         """Return whether there are more fits to come."""
         return self._beginning is not None and (self._prior is None or count < self._fits[-1])
 
-    def recover(self, memory: Memory) -> bool:
+    def recover(self, memory: Memory) -> Work[bool]:
         """
         Where the filter has diverged, begin anew with what was told; return whether it had.
 
@@ -62,16 +65,19 @@ class Commission:
         if not state["guarded"] or np.isfinite(state["theta"]).all():
             return False
         assert self._prior is not None and self._beginning is not None  # or it is not guarded
-        self._rewind.to_told(memory, self._beginning.design.theta0, self._prior.noise)
+        theta = self._beginning.design.theta0
+        yield from self._rewind.to_told(memory, theta, self._prior.noise)
+        state = memory.state
         state["guarded"] = bool(np.isfinite(state["theta"]).all())  # nothing more can be done
         return True
 
-    def attend(self, memory: Memory) -> bool:
+    def attend(self, memory: Memory) -> Work[bool]:
         """Do what is due at this sample; return whether the filter has begun anew."""
         beginning = self._beginning
         if beginning is None:
             return False
         if self._prior is None:
+            yield PRIOR
             prior = beginning.prior(memory)
             if prior is None:
                 return False
@@ -80,11 +86,12 @@ class Commission:
             self._fits = [memory.count + round((t - STARTED) / period) for t in beginning.fitted]
         if memory.count not in self._fits:
             return False
-        fitted = beginning.fit(memory, self._prior)
+        fitted = yield from beginning.fit(memory, self._prior)
         if fitted is not None:
             self._prior = self._prior._replace(noise=fitted.noise)
             self.fixed_because = fitted.because
-            self._rewind.to_fit(memory, self._prior, fitted)
+            yield from self._rewind.to_fit(memory, self._prior, fitted)
         # what has been found to be absent walks no more
+        yield CALL
         memory.drift = beginning.drift(memory.state, self._prior, self._walk)
         return fitted is not None

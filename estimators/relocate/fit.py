@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.follow import follow
+from flexaxis.estimators.relocate.normal import add, begun, finish
+from flexaxis.estimators.relocate.solving import moved, prior, product, put, solve
+from flexaxis.estimators.relocate.work import CALL, MOST, Work, of_sum, samples_of
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.prepared import prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -22,6 +23,10 @@ TRIALS = 2  # steps of the onset by one sample, at most
 ITERATIONS = 5  # of one fit, at most
 CONVERGED = 0.02  # nats that a further step would gain
 WIDEST, NARROWEST = 1e6, 1e-6  # damping
+TRIAL = 16  # samples that take as long as to begin another trial
+
+DONE, SAMPLE, TRIES, ONSET, DIRECTION, STEPS, BEST = range(7)  # of `Course.at`
+COST, MISFIT, DAMPING, EVIDENCE, LEFT = range(5)  # of `Course.value`
 
 
 class Past(NamedTuple):
@@ -83,6 +88,34 @@ class Change(NamedTuple):
     unexplained: float
 
 
+class Course(NamedTuple):
+    """
+    Where a search for the best onset is, and the fit at one: arrays, which compiled code writes.
+
+    Attributes
+    ----------
+    at : (7,) int array
+        Whether it is done, samples of the trial, trials before it, onset, direction of the search
+        and steps in it, and the best onset.
+    value : (5,) array
+        Cost and misfit of θ, damping, and evidence and misfit of the best onset.
+    theta, trial, after : (p,) arrays
+        The best of this fit, what is evaluated, and the best of all onsets.
+    step, deviation, g : (q,) arrays
+    H : (q, q) array
+    """
+
+    at: NDArray[np.int64]
+    value: Array
+    theta: Array
+    trial: Array
+    after: Array
+    step: Array
+    deviation: Array
+    g: Array
+    H: Array
+
+
 def explain(  # noqa: PLR0917
     terms: Terms,
     past: Past,
@@ -115,196 +148,147 @@ def explain(  # noqa: PLR0917
     return Change(*_explain(terms, past, active, lower, upper, spread, guess, theta))
 
 
+def explaining(  # noqa: PLR0917
+    terms: Terms,
+    past: Past,
+    active: NDArray[np.int64],
+    lower: Array,
+    upper: Array,
+    spread: float,
+    guess: int,
+    theta: Array,
+    *,
+    grain: float,
+) -> Work[Change]:
+    """Do as `explain`, in pieces of so many operations."""
+    cost = of_sum(terms, 1 + len(active))
+    samples = samples_of(grain, cost)
+    yield 2 * CALL + cost * TRIAL
+    sums, course = begin(terms, past, active, spread, guess, theta)
+    while not course.at[DONE]:
+        yield CALL + cost * (samples + TRIAL)
+        sums = proceed(terms, past, active, lower, upper, spread, sums, course, samples)
+    return Change(*result(past, course))
+
+
 @compiled
 def _explain(terms, past, active, lower, upper, spread, guess, theta):  # noqa: PLR0917
-    best, latest = guess, len(past.theta) - 1
-    after, evidence, misfit = _at(terms, past, active, lower, upper, spread, best, theta)
-    for direction in (-1, 1):
-        for _ in range(TRIALS):
-            onset = best + direction
-            if onset < 0 or onset > latest:
-                break
-            found, odds, left = _at(terms, past, active, lower, upper, spread, onset, after)
-            if odds <= evidence:
-                break
-            best, after, evidence, misfit = onset, found, odds, left
-    measured = 0
+    sums, course = begin(terms, past, active, spread, guess, theta)
+    proceed(terms, past, active, lower, upper, spread, sums, course, MOST)
+    return result(past, course)
+
+
+@compiled
+def begin(terms, past, active, spread, guess, theta):  # noqa: PLR0917
+    """Return `Sums` and `Course` before the first sample."""
+    q, p = len(active), len(theta)
+    at, value = np.array([0, 0, 0, guess, 0, 0, guess]), np.zeros(5)
+    points = np.empty(p), np.empty(p), theta.copy()
+    course = Course(at, value, *points, np.empty(q), np.empty(q), np.empty(q), np.empty((q, q)))
+    return _fit_at_onset(terms, past, active, spread, course), course
+
+
+@compiled
+def proceed(terms, past, active, lower, upper, spread, sums, course, most):  # noqa: PLR0917
+    """Go on for so many samples, of which a trial counts for `TRIAL`; return its `Sums`."""
+    taken, at = 0, course.at
+    while taken < most and not at[DONE]:
+        onset, first = at[ONSET], at[SAMPLE]
+        u, y, present = past.u[onset:], past.y[onset:], past.present[onset:]
+        last = min(len(u), first + most - taken)
+        add(sums, u, y, present, past.colour, first, last)
+        at[SAMPLE] = last
+        taken += last - first
+        if last == len(u):
+            taken += TRIAL
+            if not _ended(past, active, lower, upper, sums, course):
+                sums = _evaluate(terms, past, active, course)
+            elif not _searched(past, course):
+                sums = _fit_at_onset(terms, past, active, spread, course)
+    return sums
+
+
+@compiled
+def result(past, course):
+    """Return onset, θ, evidence and Σε²/σ² per sample of the best."""
+    best, measured = course.at[BEST], 0
     for k in range(best, len(past.present)):
         measured += past.present[k]
-    return best, after, evidence, misfit / max(measured, 1)
+    return best, course.after, course.value[EVIDENCE], course.value[LEFT] / max(measured, 1)
 
 
 @compiled
-def _at(terms, past, active, lower, upper, spread, onset, start):  # noqa: PLR0917
-    """Fit a change at a known sample; return θ, evidence and misfit Σε²/σ²."""
-    before = past.theta[onset]
-    theta, evidence, misfit = _refit(
-        terms,
-        before,
-        start,
-        past.x[onset],
-        past.u[onset:],
-        past.y[onset:],
-        past.present[onset:],
-        past.epsilon[onset + 1 : onset + 1 + len(past.colour)],
-        past.colour,
-        past.variance,
-        active,
-        lower,
-        upper,
-        spread,
-    )
-    return theta, past.likelihood[onset] + evidence, misfit
-
-
-@compiled
-def _refit(  # noqa: PLR0917
-    terms, before, start, x, u, y, present, epsilon, colour, variance, active, lower, upper, spread
-):
-    p, q = len(before), len(active)
-    theta, deviation = np.empty(p), np.empty(q)
-    for i in range(p):
-        theta[i] = before[i]
-    for a in range(q):
-        theta[active[a]] = start[active[a]]
-        deviation[a] = spread * abs(before[active[a]])
-    trial, step, damping = theta, np.zeros(q), 1e-3
-    for tries in range(1 + (ITERATIONS if q else 0)):
-        fit, H_trial, g_trial = normal_equations(
-            terms, trial, x, u, y, present, epsilon, colour, variance, active
-        )
-        tried = fit + _prior(trial, before, active, deviation, H_trial, g_trial)
-        if not tries:
-            misfit, cost, H, g = fit, tried, H_trial, g_trial
-        elif tried < cost:
-            gained = cost - tried
-            theta, misfit, cost, H, g = trial, fit, tried, H_trial, g_trial
-            damping = max(damping / 10, NARROWEST)
-            if gained < CONVERGED:
-                break
-        else:
-            damping *= 10
-            if damping > WIDEST or _product(step, g) < CONVERGED:
-                break
-        _solve(H, g, damping, step)
-        trial = _moved(theta, step, active, lower, upper)
-    logarithm = 0.0
-    if q:
-        logarithm = _solve(H, g, 0.0, step)
-        for a in range(q):
-            logarithm += 2 * np.log(deviation[a])
-    return theta, -(cost + logarithm) / 2, misfit
-
-
-@compiled
-def _product(a, b):
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@compiled
-def _moved(theta, step, active, lower, upper):
-    """Return θ with a step of some parameters, inside the box."""
-    trial = np.empty(len(theta))
-    for i in range(len(theta)):
-        trial[i] = theta[i]
-    for a in range(len(step)):
-        i = active[a]
-        trial[i] = min(max(theta[i] + step[a], lower[i]), upper[i])
-    return trial
-
-
-@compiled
-def _solve(H, g, damping, x):
-    """
-    Write x that solves (H + damping diag H) x = g for positive definite H; return log |…|.
-
-    Cholesky's factorisation; LAPACK's takes ten seconds more to compile.
-    """
-    n = len(g)
-    L, logarithm = np.empty((n, n)), 0.0
-    for i in range(n):
-        x[i] = g[i]
-        for j in range(i + 1):
-            L[i, j] = H[i, j] * (1.0 + damping) if i == j else H[i, j]
-            for m in range(j):
-                L[i, j] -= L[i, m] * L[j, m]
-            if j < i:
-                L[i, j] /= L[j, j]
-                x[i] -= L[i, j] * x[j]
-        L[i, i] = np.sqrt(L[i, i])
-        x[i] /= L[i, i]
-        logarithm += 2 * np.log(L[i, i])
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            x[i] -= L[j, i] * x[j]
-        x[i] /= L[i, i]
-    return logarithm
-
-
-@compiled
-def _prior(theta, before, active, deviation, H, g):  # noqa: PLR0917
-    """Add what is known of the change before the data to cost, curvature and slope."""
-    cost = 0.0
+def _fit_at_onset(terms, past, active, spread, course):
+    """Begin a fit at another onset, from the best θ so far."""
+    before = past.theta[course.at[ONSET]]
+    put(before, course.theta)
     for a in range(len(active)):
-        i = active[a]
-        moved = (theta[i] - before[i]) / deviation[a]
-        cost += moved**2
-        H[a, a] += 1 / deviation[a] ** 2
-        g[a] -= moved / deviation[a]
-    return cost
+        course.theta[active[a]] = course.after[active[a]]
+        course.deviation[a] = spread * abs(before[active[a]])
+        course.step[a] = 0.0
+    put(course.theta, course.trial)
+    course.at[TRIES], course.value[DAMPING] = 0, 1e-3
+    return _evaluate(terms, past, active, course)
 
 
 @compiled
-def normal_equations(terms, theta, x, u, y, present, epsilon, colour, variance, active):  # noqa: PLR0917
-    """
-    Return Σε²/σ², Σψψᵀ/σ² and Σψε/σ² over a stretch, of whitened ε and ψ.
+def _evaluate(terms, past, active, course):
+    """Begin the sums of a trial."""
+    onset, order = course.at[ONSET], len(past.colour)
+    course.at[SAMPLE] = 0
+    residuals = past.epsilon[onset + 1 : onset + 1 + order]
+    return begun(terms, course.trial, active, past.x[onset], residuals, order)
 
-    Parameters
-    ----------
-    terms, theta, active
-        As for `explain`.
-    x : (n,) array
-        State before the stretch, which does not depend on θ.
-    u, y, present : (N, 2), (N,), (N,) arrays
-    epsilon, colour, variance
-        As in `Past`, the residuals right before the stretch.
-    """
-    prepared = prepare(terms, theta, active)
-    n, q, order = terms.n, len(active), len(colour)
-    X = np.zeros((1 + q, n + 1))
-    for i in range(n):
-        X[0, i] = x[i]
-    moved = np.empty_like(X)
-    lags = np.zeros((1 + q, order))  # of ε and ψ, latest first
-    for i in range(order):
-        lags[0, i] = epsilon[order - 1 - i]
-    white = np.empty(1 + q)
-    H, g, misfit = np.zeros((q, q)), np.zeros(q), 0.0
-    for k in range(len(u)):
-        follow(prepared, X, moved, u[k])
-        X, moved = moved, X
-        for a in range(1 + q):
-            expected = 0.0
-            for i in range(order):
-                expected += colour[i] * lags[a, i]
-            fresh = X[a, n] if a else y[k] - X[0, n]
-            if not present[k]:  # as if it had come as expected
-                fresh = expected
-            white[a] = fresh - expected
-            for i in range(order - 1, 0, -1):
-                lags[a, i] = lags[a, i - 1]
-            lags[a, 0] = fresh
-        misfit += white[0] ** 2
-        for a in range(q):
-            g[a] += white[1 + a] * white[0]
-            for b in range(a + 1):
-                H[a, b] += white[1 + a] * white[1 + b]
-    for a in range(q):
-        g[a] /= variance
-        for b in range(a + 1):
-            H[a, b] /= variance
-            H[b, a] = H[a, b]
-    return misfit / variance, H, g
+
+@compiled
+def _ended(past, active, lower, upper, sums, course):  # noqa: PLR0917
+    """Take what came of a trial (Levenberg–Marquardt); return whether it was the last."""
+    value, at, step, deviation = course.value, course.at, course.step, course.deviation
+    before, ended = past.theta[at[ONSET]], False
+    fit = finish(sums, past.variance)
+    tried = fit + prior(course.trial, before, active, deviation, sums.H, sums.g)
+    if not at[TRIES] or tried < value[COST]:
+        if at[TRIES]:
+            ended = value[COST] - tried < CONVERGED
+            value[DAMPING] = max(value[DAMPING] / 10, NARROWEST)
+        value[COST], value[MISFIT] = tried, fit
+        put(course.trial, course.theta)
+        put(sums.g, course.g)
+        for a in range(len(step)):
+            put(sums.H[a], course.H[a])
+    else:
+        value[DAMPING] *= 10
+        ended = value[DAMPING] > WIDEST or product(step, course.g) < CONVERGED
+    at[TRIES] += 1
+    if ended or at[TRIES] > (ITERATIONS if len(active) else 0):
+        return True
+    solve(course.H, course.g, value[DAMPING], step)
+    put(moved(course.theta, step, active, lower, upper), course.trial)
+    return False
+
+
+@compiled
+def _searched(past, course):
+    """Judge what came of a fit by its evidence, and go to the next onset; true without one."""
+    at, value, latest, logarithm = course.at, course.value, len(past.theta) - 1, 0.0
+    if len(course.step):
+        logarithm = solve(course.H, course.g, 0.0, course.step)
+        for a in range(len(course.step)):
+            logarithm += 2 * np.log(course.deviation[a])
+    evidence = past.likelihood[at[ONSET]] - (value[COST] + logarithm) / 2
+    if at[DIRECTION] and evidence <= value[EVIDENCE]:
+        at[STEPS] = TRIALS  # no further this way
+    else:
+        at[BEST], value[EVIDENCE], value[LEFT] = at[ONSET], evidence, value[MISFIT]
+        at[STEPS] += 1
+        put(course.theta, course.after)
+    if not at[DIRECTION]:
+        at[DIRECTION], at[STEPS] = -1, 0
+    while True:
+        at[ONSET] = at[BEST] + at[DIRECTION]
+        if at[STEPS] < TRIALS and 0 <= at[ONSET] <= latest:
+            return False
+        if at[DIRECTION] > 0:
+            at[DONE] = 1
+            return True
+        at[DIRECTION], at[STEPS] = 1, 0

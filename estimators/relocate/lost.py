@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.memory import SEARCHED, Memory, Present
 from flexaxis.estimators.relocate.search import Evaluated, Search
+from flexaxis.estimators.relocate.work import CALL, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -53,11 +54,20 @@ class Lookout:
         How many of the parameters, the first, are identified.
     period : float
         Sampling period [s].
+    grain : float
+        Operations of a piece of the work.
     """
 
     def __init__(
-        self, terms: Terms, box: tuple[Array, Array], *, identified: int, period: float
+        self,
+        terms: Terms,
+        box: tuple[Array, Array],
+        *,
+        identified: int,
+        period: float,
+        grain: float = np.inf,
     ) -> None:
+        self._grain = grain
         self._terms, self._box, self._identified = terms, box, identified
         self._check, self._unknown = round(CHECK / period), round(UNKNOWN / period)
         self.reset()
@@ -69,11 +79,21 @@ class Lookout:
         self._next = self._wait = self._check  # count of the next search, samples between two
         self._said = False
 
+    def warm_up(self, memory: Memory) -> Work[None]:
+        """Let everything compile that a search needs."""
+        search = self._search_of(memory, memory.first, memory.state["theta"])
+        yield from search.advance()
+
+    @property
+    def searching(self) -> bool:
+        """Whether there is an evaluation to be done."""
+        return self._search is not None
+
     def due(self, count: int) -> int:
         """Return the count at which to look next."""
         return count + 1 if self._search else count - count % self._check + self._check
 
-    def look(self, memory: Memory, expected: Array) -> Found | None:
+    def look(self, memory: Memory, expected: Array) -> Work[Found | None]:
         """
         Do what is due at this sample; return what came of a search that has ended.
 
@@ -84,29 +104,35 @@ class Lookout:
             About how large each parameter may be.
         """
         if self._search is not None:
-            self._search.advance()
+            yield from self._search.advance()
+            yield 2 * CALL
             return self._end(memory, self._search.best) if self._search.done else None
         if memory.count % self._check == 0:
             if not left(memory.state, SUSPICIOUS):
                 self._said, self._wait, self._next = False, self._check, memory.count
             elif memory.count >= self._next:
+                yield 4 * CALL
                 self._begin(memory, expected)
         return None
 
     def _begin(self, memory: Memory, expected: Array) -> None:
         """Search the last seconds; of the state before them, only that of the start is known."""
         self._first = first = memory.count - self._check
+        self._search = self._search_of(memory, first, expected)
+
+    def _search_of(self, memory: Memory, first: int, expected: Array) -> Search:
         u, y, present = memory.signals(first)
         if first:
             present[: self._unknown] = False
-        self._search = Search(
+        return Search(
             self._terms,
             memory.state["theta"].copy(),
             self._box,
             expected=expected,
             identified=self._identified,
-            x=memory.stretch(first).x[0],
+            x=memory.state_at(first),
             signals=(u[:-1].copy(), y, present),
+            grain=self._grain,
         )
 
     def _end(self, memory: Memory, best: Evaluated | None) -> Found | None:

@@ -6,7 +6,6 @@ all parameters, whatever the filter carried at the time.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +13,19 @@ from numpy.typing import NDArray
 from flexaxis.estimators.recursion.records import Record, record
 from flexaxis.estimators.relocate.carried import AXES, Carried, narrowest
 from flexaxis.estimators.relocate.colour import NORMAL
+from flexaxis.estimators.relocate.front import Front, Present, taken
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
 from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, words_of
 from flexaxis.estimators.relocate.taking import HANDED_ON, HEARS, relearn
+from flexaxis.estimators.relocate.work import CALL, WORD, Work, samples_of
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 MEMORY = 5.12  # s
 SEARCHED = 4.0  # s of the past, that a search looks at …
-EVALUATIONS = 200  # … for so many samples at most, one evaluation in each
+EVALUATIONS = 200  # … for so many evaluations at most
 
 
 class Memory:
@@ -41,6 +42,8 @@ class Memory:
         That the loop needs, of all parameters.
     period : float
         Sampling period [s].
+    evaluation : int
+        Samples that an evaluation of a search takes.
     """
 
     def __init__(
@@ -51,16 +54,19 @@ class Memory:
         state: Record,
         *,
         period: float,
+        evaluation: int = 1,
     ) -> None:
         self._choices, self._row, self._set, self._begin = carried, row, tuning, state
         self._heard, self._carried, self._theta = heard(row), carried[-1], row["theta"][0]
         self._hears = record(**{name: tuning[name][0] for name in HEARS})
         self._kept = [name for name in state.dtype.names or () if name not in AXES]
         self._period = period
-        self._length = max(round(MEMORY / period), round(SEARCHED / period) + EVALUATIONS)
+        searched = round(SEARCHED / period) + EVALUATIONS * evaluation
+        self._length = max(round(MEMORY / period), searched)
         self.reset()
         for one in carried:  # what has to be compiled is compiled now, and not at the first alarm
-            self._go_on(one, {name: row[name] for name in OF_ALL}, 0)
+            values = {name: row[name] for name in OF_ALL}
+            self._go_on(one, one.packed(values), row["theta"][0], 0)
             self.run(np.empty(0), np.empty(0), np.empty(0, bool), *np.empty((2, 0, 3)))
         self.reset()
 
@@ -76,11 +82,14 @@ class Memory:
 
         What comes before is what is remembered, from some first sample on.
         """
-        carried = narrowest(self._choices, values["theta"][-1], np.diag(values["P"][-1]) != 0)
-        self._go_on(carried, values, first)
+        carried = self._narrowest(values)
+        self._go_on(carried, carried.packed(values), values["theta"][-1], first)
 
-    def _go_on(self, carried: Carried, values: Mapping[str, Array], first: int) -> None:
-        packed, theta = carried.packed(values), values["theta"][-1].copy()
+    def _narrowest(self, values: Mapping[str, Array]) -> Carried:
+        return narrowest(self._choices, values["theta"][-1], np.diag(values["P"][-1]) != 0)
+
+    def _go_on(self, carried: Carried, packed: Array, last: Array, first: int) -> None:
+        theta = last.copy()
         begun = self._states is not self._begin
         if not (begun and carried is self._carried and carried.same(theta, self._theta)):
             self._tuning, state = carried.records(theta)
@@ -96,9 +105,9 @@ class Memory:
         self._ring.words[self._places(first)[: len(packed) - 1], rows] = packed[:-1]
 
     @property
-    def state(self) -> "Present":
+    def state(self) -> Present:
         """The filter, ready for the next measurement."""
-        return Present(self)
+        return Present(self._carried, self._states, self._theta, self._row.dtype)
 
     @property
     def drift(self) -> Array:
@@ -179,7 +188,7 @@ class Memory:
 
     def freeze(self, parameter: int) -> None:
         """Take a parameter as known from now on."""
-        values = {name: self._now(name)[None] for name in OF_ALL}
+        values = {name: self.state[name][None] for name in OF_ALL}
         for M in (values["P"], values["claim"]):
             M[0, parameter, :] = M[0, :, parameter] = 0.0
         self._carry(values, self.count)
@@ -192,18 +201,23 @@ class Memory:
 
         Estimates (N, q) are those of the first q parameters.
         """
-        mine, q = self._carried.places, estimates.shape[1]
-        every = len(mine) >= q and mine[q - 1] == q - 1
-        mine = mine[mine < q]
-        found = estimates if every else np.empty((len(u), len(mine)))
-        words = words_of(self._states)
-        taken = self._carried.loop(
-            self._tuning, self._states, u, y, present, found, trace, words, self._ring.words
+        records = self._tuning, self._states
+        return taken(
+            self._carried,
+            records,
+            self._theta,
+            self._ring.words,
+            (u, y, present, estimates, trace),
         )
-        if not every:
-            estimates[:taken] = self._theta[:q]
-            estimates[:taken, mine] = found[:taken]
-        return int(taken)
+
+    def fork(self) -> Front:
+        """Return the filter of now, to go on by itself."""
+        tuning, state = self._tuning.copy(), self._states.copy()
+        return Front(self._carried, tuning, state, self._theta, self._row.dtype)
+
+    def state_at(self, sample: int) -> Array:
+        """Return the state (n,) after a sample."""
+        return self.stretch(sample, sample + 1).x[0]
 
     def beginning(self, count: int) -> np.void:
         """Return what would be remembered before the first sample, but for the count."""
@@ -211,11 +225,11 @@ class Memory:
         row["count"] = count
         return row[0]
 
-    def stretch(self, first: int) -> Stretch:
-        """Return what is known of each sample from one on."""
-        first = max(first, self.first)
-        rows = np.zeros(self.count - first, self._row.dtype)
-        for era, start, places in self._ring.parts(first, self.count):
+    def stretch(self, first: int, end: int | None = None) -> Stretch:
+        """Return what is known of each sample from one on, up to another."""
+        first, end = max(first, self.first), self.count if end is None else end
+        rows = np.zeros(end - first, self._row.dtype)
+        for era, start, places in self._ring.parts(first, end):
             part = rows[start - first :][: len(places)]
             era.carried.unpack(self._ring.words[places], era.theta, part)
         rows.flags.writeable = False
@@ -238,7 +252,7 @@ class Memory:
         y, valid = self.read("y", first + 1), self.read("valid", first + 1)
         return self.read("u", first), y, valid > 0
 
-    def rewrite(self, row: np.void, replayed: Replayed) -> None:
+    def rewriting(self, row: np.void, replayed: Replayed, *, grain: float = np.inf) -> Work[None]:
         """
         Make the past since a sample, and the present, what another filter makes of the data.
 
@@ -248,9 +262,31 @@ class Memory:
             What was known at that sample, before the other filter differs.
         replayed : Replayed
             The other filter at each later sample, and one sample ahead.
+        grain : float
+            Operations of a piece of the work.
         """
-        first = int(row["count"])
-        places, samples = self._places(first), slice(0, self._carried.samples)
+        first, values = int(row["count"]), replayed.of_all()
+        carried = self._narrowest(values)
+        packed = np.empty((len(replayed.theta), carried.size - carried.samples))
+        cost = WORD * (2 * packed.shape[1] + values["P"][0].size)
+        samples = samples_of(grain, cost)
+        for begin in range(0, len(packed), samples):
+            yield CALL + cost * min(samples, len(packed) - begin)
+            part = slice(begin, begin + samples)
+            packed[part] = carried.packed({name: of[part] for name, of in values.items()})
+        yield CALL + WORD * len(packed) * 4 * self._heard.itemsize / 8
+        rows = self._heard_again(row, replayed)
+        yield 2 * CALL + WORD * (self._length + len(packed)) * carried.size
+        for name in HANDED_ON:
+            self._states[name] = rows[name][-1]
+        self._states["turning"] = 1
+        self._go_on(carried, packed, values["theta"][-1], first)
+        places, samples = self._places(first), self._carried.samples
+        self._ring.words[places, :samples] = words_of(rows)[:, :samples]
+
+    def _heard_again(self, row: np.void, replayed: Replayed) -> Record:
+        """Return what is known of each sample but for the parameters, with another residual."""
+        places, samples = self._places(int(row["count"])), slice(0, self._carried.samples)
         rows, before = np.zeros(len(places), self._heard), np.zeros(1, self._heard)
         words_of(rows)[:, samples] = self._ring.words[places, samples]
         words_of(before)[:, samples] = words_of(np.array([row]))[:, samples]
@@ -266,38 +302,7 @@ class Memory:
         rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])
         if np.isnan(replayed.epsilon[-2]):
             rows["epsilon"][-1] = last
-        for name in HANDED_ON:
-            self._states[name] = rows[name][-1]
-        self._states["turning"] = 1
-        self._carry(replayed.of_all(), first)
-        self._ring.words[places, samples] = words_of(rows)[:, samples]
-
-    def _now(self, name: str) -> Array:
-        """Return what there is of every parameter, of all of them."""
-        values = self._theta.copy() if name == "theta" else np.zeros(self._row.dtype[name].shape)
-        self._carried.spread(name, self._states[name], values[None])
-        return values
+        return rows
 
     def _places(self, first: int) -> Places:
         return self._ring.places(first, self.count)
-
-
-class Present:
-    """
-    The filter as it is now; what there is of every parameter, of all of them.
-
-    Parameters
-    ----------
-    memory : Memory
-    """
-
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
-
-    def __getitem__(self, name: str) -> Any:
-        return self._memory._now(name) if name in OF_ALL else self._memory._states[name][0]
-
-    def __setitem__(self, name: str, value: object) -> None:
-        if name in OF_ALL:
-            raise KeyError(f"{name} of a filter changes by a rewind alone")
-        self._memory._states[name] = value

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import repetition
-from flexaxis.estimators.relocate.explain import Normal, Ranking
+from flexaxis.estimators.relocate.explain import Ranking
 from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.past import Normal
 from flexaxis.estimators.relocate.policy import TAKEN_BACK, dubious
 from flexaxis.estimators.relocate.rows import Stretch
 
@@ -38,6 +39,8 @@ class Opened:
         Hypothesis in use; `TAKEN_BACK` after one was.
     again : bool
         Whether the change is looked for after the alarm, as nothing before explains it.
+    looked : int
+        Samples after the alarm of the last look; −1 before the first.
     """
 
     alarm: int
@@ -49,6 +52,7 @@ class Opened:
     ranking: Ranking | None = None
     accepted: int | None = None
     again: bool = False
+    looked: int = -1
 
     @property
     def active(self) -> NDArray[np.int64]:

@@ -19,16 +19,21 @@ from flexaxis.estimators.relocate.commission import Commission
 from flexaxis.estimators.relocate.explain import Hypotheses
 from flexaxis.estimators.relocate.follow import measuring
 from flexaxis.estimators.relocate.lost import Lookout
-from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.memory import SEARCHED, Memory
 from flexaxis.estimators.relocate.policy import LATER, LOOKS, Policy
 from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.rows import row_of
 from flexaxis.estimators.relocate.suspects import Roles
+from flexaxis.estimators.relocate.work import LOOP, of_sample, spread_over
 from flexaxis.estimators.sampling.sampled import planned
 
 
 class Parts(NamedTuple):
-    """What a filter remembers, suspects, goes back by, begins with, looks out for, decides by."""
+    """
+    What a filter remembers, suspects, goes back by, begins with, looks out for, decides by.
+
+    And the operations of a sample, whatever it carries.
+    """
 
     memory: Memory
     hypotheses: Hypotheses
@@ -36,6 +41,7 @@ class Parts(NamedTuple):
     commission: Commission
     lookout: Lookout
     policy: Policy
+    sample: float
 
 
 def parts_of(
@@ -47,6 +53,7 @@ def parts_of(
     walk: float,
     alarm: float,
     gain: float,
+    grain: float = np.inf,
 ) -> Parts:
     """
     Return the parts of a filter.
@@ -63,6 +70,8 @@ def parts_of(
         Standard deviation of what is tracked after a second, relative to θ(0).
     alarm, gain : float
         Evidence that raises an alarm, and that a change needs [nats].
+    grain : float
+        Operations of a piece of their work.
     """
     period, box, learns = design.period, (design.lower, design.upper), roles.known > roles.tracked
     fading = roles.fading(design.forgetting, len(design.theta0))
@@ -72,8 +81,8 @@ def parts_of(
     tuning, state = _records(design, ceiling=ceiling, alarm=alarm)
     tuning["inflation"] = 1 / fading
     terms = planned(design.model, *box, period)
-    rewind = Rewind(terms, box, roles, fading)
-    beginning = Beginning(terms, design, roles, model, tuple(told)) if own else None
+    rewind = Rewind(terms, box, roles, fading, grain)
+    beginning = Beginning(terms, design, roles, model, tuple(told), grain) if own else None
     if beginning is not None:  # until the noise is known a prior has no size in units of it
         state["P"] = state["claim"] = 0.0
     policy = Policy(period, gain=gain)
@@ -86,6 +95,7 @@ def parts_of(
             tuning,
             state,
             period=period,
+            evaluation=spread_over(terms, 1 + roles.tracked, round(SEARCHED / period), grain),
         ),
         Hypotheses(
             terms,
@@ -96,8 +106,9 @@ def parts_of(
         ),
         rewind,
         Commission(beginning, rewind, walk),
-        Lookout(terms, box, identified=roles.tracked, period=period),
+        Lookout(terms, box, identified=roles.tracked, period=period, grain=grain),
         policy,
+        LOOP * of_sample(terms, 1 + len(design.theta0)),
     )
 
 

@@ -116,10 +116,14 @@ class Policy:
         """Samples after an alarm at which it is looked into."""
         return sorted({round(after / self.period) for after in self.looks})
 
+    def due(self, looked: int, age: int) -> bool:
+        """Return whether it is time for a look, so many samples after the alarm and the last."""
+        return any(looked < due <= age for due in self.ages)
+
     def ends(self, age: int, accepted: int | None) -> bool:
         """Return whether this look is the last; later ones only tell apart what was accepted."""
         late = self.adapting and age >= round(self.settled / self.period) and accepted is None
-        return late or age == self.ages[-1]
+        return late or age >= self.ages[-1]
 
     def decide(self, ranking: Ranking, case: Case) -> Decision:
         """

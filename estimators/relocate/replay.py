@@ -6,11 +6,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
+from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.prepared import prepare
+from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
+
+START = 16  # samples that take as long as to begin
+
+
+class Now(NamedTuple):
+    """
+    The filter between two samples, which compiled code writes.
+
+    Attributes
+    ----------
+    prepared : Prepared
+    X, moved : (1+p, n+1) arrays
+        State and output, and their sensitivities; room for the next.
+    P, claim : (p, p) arrays
+    delta : (p,) array
+        What the data have added to θ.
+    """
+
+    prepared: Prepared
+    X: Array
+    moved: Array
+    P: Array
+    claim: Array
+    delta: Array
 
 
 class Replayed(NamedTuple):
@@ -86,9 +111,43 @@ def replay(  # noqa: PLR0917
     before : (p,) array, optional
         Parameters at the start, if they are not those that the model is linearised at.
     """
+    return finished(
+        replaying(
+            terms,
+            theta,
+            X,
+            P,
+            claim,
+            signals,
+            forgetting=forgetting,
+            box=box,
+            drift=drift,
+            before=before,
+        )
+    )
+
+
+def replaying(  # noqa: PLR0917
+    terms: Terms,
+    theta: Array,
+    X: Array,
+    P: Array,
+    claim: Array,
+    signals: tuple[Array, Array, NDArray[np.bool_]],
+    *,
+    forgetting: float | Array,
+    box: tuple[Array, Array],
+    drift: Array | None = None,
+    before: Array | None = None,
+    grain: float = np.inf,
+) -> Work[Replayed]:
+    """Do as `replay`, in pieces of so many operations."""
     u, y, present = signals
     N, (rows, columns) = len(u), X.shape
     p = rows - 1
+    cost = of_sample(terms, rows) + 6 * p * p
+    samples = samples_of(grain, cost)
+    yield 2 * CALL + START * cost
     made = Replayed(
         np.empty((N, p)),
         np.empty((N, p, p)),
@@ -98,12 +157,14 @@ def replay(  # noqa: PLR0917
         np.ones(N),
         np.ones(N),
     )
-    start = X.copy(), P.copy(), claim.copy()
+    now = _begun(terms, theta, X, P, claim, np.zeros(p) if before is None else before - theta)
     fading = np.broadcast_to(forgetting, P.shape).copy()
     gained = np.zeros(P.shape) if drift is None else drift
-    delta = np.zeros(p) if before is None else before - theta
     known = np.r_[y, 0.0], np.r_[present, False]
-    _replay(terms, theta, delta, *start, u, *known, fading, gained, made)
+    for first in range(0, N, samples):
+        yield cost * min(samples, N - first)
+        _replay(now, theta, u, *known, fading, gained, made, first, min(first + samples, N))
+    yield 2 * CALL + 4 * N * p * columns
     moved = np.clip(made.theta, *box) - made.theta
     made.theta[:] += moved
     made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])
@@ -111,13 +172,19 @@ def replay(  # noqa: PLR0917
 
 
 @compiled
-def _replay(terms, theta, delta, X, P, claim, u, y, present, fading, drift, made):  # noqa: PLR0917
-    p, n = len(theta), terms.n
+def _begun(terms, theta, X, P, claim, delta):  # noqa: PLR0917
+    """Return `Now` before the first sample."""
+    p = len(theta)
     prepared = prepare(terms, theta, np.arange(p))
-    moved = np.empty_like(X)
-    ahead = X
+    return Now(prepared, X.copy(), np.empty_like(X), P.copy(), claim.copy(), delta.copy())
+
+
+@compiled
+def _replay(now, theta, u, y, present, fading, drift, made, first, last):  # noqa: PLR0917
+    prepared, ahead, moved, P, claim, delta = now
+    p, n = len(theta), ahead.shape[1] - 1
     gain, spread = np.zeros(p), np.zeros(p)
-    for k in range(len(u)):
+    for k in range(first, last):
         follow(prepared, ahead, moved, u[k])
         ahead, moved = moved, ahead
         # u[k] follows the measurement before; where that is missing, nothing is forgotten
@@ -145,6 +212,8 @@ def _replay(terms, theta, delta, X, P, claim, u, y, present, fading, drift, made
                     claim[i, j] += total * a * b - a * spread[j] - spread[i] * b
                     claim[j, i] = claim[i, j]
         _write(made, k, theta, delta, ahead, P, claim)
+    if (last - first) % 2:  # the two rooms have changed places
+        copy(ahead, now.X)
 
 
 @compiled

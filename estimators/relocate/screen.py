@@ -9,11 +9,46 @@ not where friction acts. So all slopes Σψε and curvatures Σψ² follow from 
 z, F and c, and one backwards, for their sums with c_k F_(k−1) … (the adjoint).
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
+from flexaxis.estimators.relocate.work import CALL, Work, of_sample, samples_of
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.prepared import prepare
+from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
+from flexaxis.estimators.sampling.sampled import Terms
+
+Array = NDArray[np.float64]
+
+START = 16  # samples that take as long as to begin
+
+
+class Ahead(NamedTuple):
+    """What is known of N samples forwards, and room for it: see the arrays of `_start`."""
+
+    prepared: Prepared
+    X: Array
+    moved: Array
+    z: Array
+    psi: Array
+    epsilon: Array
+    F: Array
+    c: Array
+
+
+class Back(NamedTuple):
+    """Sums of ε, ψ and c with c F … F, those of ψε and ψ², and what `screen` returns."""
+
+    a: Array
+    b: Array
+    W: Array
+    slope: Array
+    square: Array
+    onset: NDArray[np.int64]
+    change: Array
+    gain: Array
 
 
 @compiled
@@ -53,22 +88,68 @@ def screen(terms, theta, active, x, u, y, present, variance, lower, upper, sprea
     gain : (q,) array
         Logarithm of the evidence over that of no change [nats].
     """
-    ahead = _forwards(terms, theta, active, x, u, y, present)
-    return _backwards(ahead, theta, active, present, variance, lower, upper, spread)
+    N = len(u)
+    ahead = _start(terms, theta, active, x, N)
+    _forwards(ahead, u, y, present, 0, N)
+    back = _end(ahead)
+    _backwards(ahead, back, theta, active, present, variance, lower, upper, spread, N, 0)
+    return back.onset, back.change, back.gain
+
+
+def screening(  # noqa: PLR0917
+    terms: Terms,
+    theta: Array,
+    active: NDArray[np.int64],
+    x: Array,
+    u: Array,
+    y: Array,
+    present: NDArray[np.bool_],
+    variance: float,
+    lower: Array,
+    upper: Array,
+    spread: float,
+    *,
+    grain: float,
+) -> Work[tuple[NDArray[np.int64], Array, Array]]:
+    """Do as `screen`, in pieces of so many operations."""
+    N, p, n = len(u), len(active), len(x)
+    cost = of_sample(terms, 1 + p + n)
+    samples = samples_of(grain, cost)
+    yield CALL + START * cost + N * n * (p + n)
+    ahead = _start(terms, theta, active, x, N)
+    for first in range(0, N, samples):
+        yield CALL + cost * min(samples, N - first)
+        _forwards(ahead, u, y, present, first, min(first + samples, N))
+    cost = n * n * (3 * n + 2 * p)
+    samples = samples_of(grain, cost)
+    back = _end(ahead)
+    for last in range(N, 0, -samples):
+        yield CALL + cost * min(samples, last)
+        first = max(last - samples, 0)
+        judged = active, present, variance, lower, upper, spread
+        _backwards(ahead, back, theta, *judged, last, first)
+    return back.onset, back.change, back.gain
 
 
 @compiled
-def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
-    """Return z before each sample; ψ, ε (zero in gaps), F and c over it."""
-    N, p, n = len(u), len(active), len(x)
+def _start(terms, theta, active, x, N):
+    """Return `Ahead` before the first of N samples."""
+    p, n = len(active), len(x)
     prepared = prepare(terms, theta, active, n)
-    z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
-    F, c = np.empty((N, n, n)), np.empty((N, n))
     X = np.zeros((1 + p + n, n + 1))  # the last n rows: by the state before the sample
     for i in range(n):
         X[0, i] = x[i]
-    moved = np.empty_like(X)
-    for k in range(N):
+    z, psi, epsilon = np.zeros((N, p, n)), np.zeros((N, p)), np.zeros(N)
+    F, c = np.empty((N, n, n)), np.empty((N, n))
+    return Ahead(prepared, X, np.empty_like(X), z, psi, epsilon, F, c)
+
+
+@compiled
+def _forwards(ahead, u, y, present, first, last):  # noqa: PLR0917
+    """Write z before each sample; ψ, ε (zero in gaps), F and c over it."""
+    prepared, X, moved, z, psi, epsilon, F, c = ahead
+    p, n = psi.shape[1], F.shape[1]
+    for k in range(first, last):
         for i in range(p):
             for j in range(n):
                 z[k, i, j] = X[1 + i, j]
@@ -85,20 +166,31 @@ def _forwards(terms, theta, active, x, u, y, present):  # noqa: PLR0917
             for i in range(p):
                 psi[k, i] = X[1 + i, n]
             epsilon[k] = y[k] - X[0, n]
-    return z, psi, epsilon, F, c
+    if (last - first) % 2:  # the two rooms have changed places
+        copy(X, ahead.X)
 
 
 @compiled
-def _backwards(ahead, theta, active, present, variance, lower, upper, spread):  # noqa: PLR0917
-    """Return onset, change and gain of `screen`."""
-    z, psi, epsilon, F, c = ahead
-    N, p, n = z.shape
-    back = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))  # sums of ε, ψ, c with c F … F
+def _end(ahead):
+    """Return `Back` after the last sample."""
+    p, n = ahead.z.shape[1:]
+    sums = np.zeros((1, n)), np.zeros((p, n)), np.zeros((n, n))
+    found = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
+    return Back(*sums, np.zeros(p), np.zeros(p), *found)
+
+
+@compiled
+def _backwards(  # noqa: PLR0917
+    ahead, sums, theta, active, present, variance, lower, upper, spread, last, first
+):
+    """Write onset, change and gain of `screen`."""
+    z, psi, epsilon, F, c = ahead[3:]
+    slope, square, onset, change, gain = sums[3:]
+    p, n = z.shape[1:]
+    back = sums.a, sums.b, sums.W
     room = np.empty((1, n)), np.empty((p, n)), np.empty((n, n))
     half, Ft = np.empty((n, n)), np.empty((n, n))
-    slope, square = np.zeros(p), np.zeros(p)
-    onset, change, gain = np.zeros(p, np.int64), np.zeros(p), np.full(p, -np.inf)
-    for k in range(N - 1, -1, -1):
+    for k in range(last - 1, first - 1, -1):
         for i in range(n):
             for j in range(n):
                 Ft[j, i] = F[k, i, j]
@@ -106,7 +198,9 @@ def _backwards(ahead, theta, active, present, variance, lower, upper, spread):  
         _product(back[1], F[k], room[1])
         _product(back[2], F[k], half)
         _product(Ft, half, room[2])
-        back, room = room, back
+        copy(room[0], back[0])
+        copy(room[1], back[1])
+        copy(room[2], back[2])
         a, b, W = back
         for j in range(n if present[k] else 0):
             a[0, j] += c[k, j] * epsilon[k]
@@ -129,7 +223,6 @@ def _backwards(ahead, theta, active, present, variance, lower, upper, spread):  
             gained = g * delta - (H * delta**2 + np.log(H / prior)) / 2
             if gained > gain[i]:
                 onset[i], change[i], gain[i] = k, delta, gained
-    return onset, change, gain
 
 
 @compiled

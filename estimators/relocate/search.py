@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import ORDER
-from flexaxis.estimators.relocate.fit import normal_equations
+from flexaxis.estimators.relocate.normal import summing
+from flexaxis.estimators.relocate.work import CALL, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -51,6 +52,8 @@ class Search:
         State before the stretch.
     signals : u (N, 2), y (N,), present (N,)
         As of `flexaxis.estimators.relocate.fit.Past`.
+    grain : float
+        Operations of a piece of the work.
 
     Attributes
     ----------
@@ -69,8 +72,9 @@ class Search:
         identified: int,
         x: Array,
         signals: tuple[Array, Array, NDArray[np.bool_]],
+        grain: float = np.inf,
     ) -> None:
-        self._terms, self._x, self._signals = terms, x, signals
+        self._terms, self._x, self._signals, self._grain = terms, x, signals, grain
         self._active, self._box, self._expected = np.arange(identified), box, expected
         self._points = [self._point(theta, place) for place in halton(POINTS, identified)]
         self._seen: list[Evaluated] = []
@@ -84,16 +88,17 @@ class Search:
         point[self._active] = REACH ** (2 * place - 1) * self._expected[self._active]
         return np.clip(point, *self._box)
 
-    def advance(self) -> None:
+    def advance(self) -> Work[None]:
         """Evaluate one point."""
         if self._points:
-            self._seen.append(self._evaluate(self._points.pop(0)))
+            self._seen.append((yield from self._evaluate(self._points.pop(0))))
             if not self._points:
                 self._starts = sorted(self._seen, key=lambda seen: seen.square)[:DESCENTS]
             return
+        yield CALL
         if self._descent is None:
             self._descent = Descent(self._starts.pop(0), self._box, self._active)
-        self._descent.take(self._evaluate(self._descent.trial))
+        self._descent.take((yield from self._evaluate(self._descent.trial)))
         if self._descent.done:
             found = self._descent.at
             if self.best is None or found.square < self.best.square:
@@ -101,11 +106,10 @@ class Search:
             self._descent = None
             self.done = not self._starts
 
-    def _evaluate(self, theta: Array) -> Evaluated:
+    def _evaluate(self, theta: Array) -> Work[Evaluated]:
         nothing = np.zeros(ORDER)
-        square, H, g = normal_equations(
-            self._terms, theta, self._x, *self._signals, nothing, nothing, 1.0, self._active
-        )
+        stretch = self._x, *self._signals, nothing, nothing, 1.0, self._active
+        square, H, g = yield from summing(self._terms, theta, *stretch, grain=self._grain)
         if not np.isfinite(square):  # an axis that is unstable there explains nothing
             return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
         measured = max(int(np.sum(self._signals[2])), 1)

@@ -23,7 +23,8 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 PACKAGE = __name__.partition(".")[0]
-OVERLOADS = (  # of the functions in `lanes` and in `symmetric`
+OVERLOADS = (  # of the functions in `lanes`, `points`, `symmetric` and `dense`
+    "flexaxis.estimators.sampling.dense_code",
     "flexaxis.estimators.sampling.overloads",
     "flexaxis.estimators.sampling.symmetric_code",
 )

@@ -229,7 +229,7 @@ def _finding(found: Any) -> SimpleNamespace:
 
 
 def _python() -> list[str]:
-    return [sys.executable, "-I", "-m", "flexaxis.experiments.board.child"]
+    return [sys.executable, "-I", "-B", "-m", "flexaxis.experiments.board.child"]
 
 
 def _permitted() -> bool:

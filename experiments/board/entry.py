@@ -21,7 +21,6 @@ MOST_FILES, MOST_BYTES = 200, 64_000_000
 
 _PATH = re.compile(r"(?:[\w.+-]+/){0,6}[\w.+-]+")
 _HASH = re.compile(r"[0-9a-f]{64}")
-_HIDDEN = ("__pycache__", ".lock", ".columns.h5")
 _KINDS: Mapping[str, type | tuple[type, ...]] = {
     "form": int, "about": dict, "estimator": str, "suite": dict, "quick": bool, "left_out": dict,
     "settings": dict, "environment": dict, "command": str, "files": dict, "digest": str,
@@ -199,11 +198,10 @@ def _files(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def _names(folder: Path) -> list[str]:
-    """Return the files in an entry, without entry.json and what only a machine keeps there."""
+    """Return all files in an entry but entry.json: what Python has compiled is code as well."""
     every = (path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir())
-    names = (path.relative_to(folder) for path in every)
-    kept = (p for p in names if p.as_posix() != ENTRY and not set(p.parts) & {*_HIDDEN})
-    return sorted(path.as_posix() for path in kept)
+    names = (path.relative_to(folder).as_posix() for path in every)
+    return sorted(name for name in names if name != ENTRY)
 
 
 def _checksum(path: Path) -> str:

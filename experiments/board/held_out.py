@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import chdir
+from contextlib import chdir, contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -96,7 +97,7 @@ def _of_log(
             remark = "names code: --run-code runs it"
         else:
             try:
-                with chdir(entry.folder):
+                with chdir(entry.folder), _nothing_compiled():
                     spec = parse(entry.estimator)
                     tracked = track(first, axis, spec, identify=identify, start=START)
                 last = dict(zip(tracked.names, tracked.last.tolist(), strict=True))
@@ -104,6 +105,16 @@ def _of_log(
             except (EstimatorError, FlexaxisError) as problem:
                 remark = str(problem)
         yield LogScore(entry.about.name, entry.label, name, error, nominal, remark)
+
+
+@contextmanager
+def _nothing_compiled() -> Iterator[None]:
+    """Keep Python from writing into an entry what it compiles."""
+    usual, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = usual
 
 
 def error_of(record: Record, axis: Axis) -> float:
@@ -120,7 +131,7 @@ def with_values(axis: Axis, theta: Mapping[str, float]) -> Axis:
         name.removeprefix("1/"): 1 / value if name.startswith("1/") else value
         for name, value in theta.items()
     }
-    return replace(axis, model=replace(axis.model, nominal={**axis.model.nominal, **values}))
+    return axis.having(values)
 
 
 def _theta(axis: Axis, names: Sequence[str]) -> dict[str, float]:

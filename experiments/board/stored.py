@@ -74,6 +74,8 @@ class Stored(Bench):
                     raise EntryError(
                         f"{scenario.name}, {text}: no rows of {len(lacks)} of {len(seeds)} seeds"
                     )
+                if any(len(own[seed]) != own[seed][0]["rows"] for seed in seeds):
+                    raise EntryError(f"{scenario.name}, {text}: rows of a run twice, or not all")
                 found[scenario.hash, text] = [own[seed] for seed in seeds]
                 if any(rows[0]["error"] is not None for rows in found[scenario.hash, text]):
                     raise EntryError(f"{scenario.name}, {text}: a run has failed")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import shutil
 import sys
 from collections.abc import Callable
 from contextlib import chdir
@@ -83,8 +84,7 @@ def submit(
     rows = _masked(folder / RUN / SCORES)
     found = own_of(rows, f"{about.name} {about.version}", text, turned, mine)
     write_json(folder / SUMMARY, asdict(found))
-    for name in (LOCK, COLUMNS):
-        (folder / RUN / name).unlink(missing_ok=True)
+    _tidy(folder)
     content: dict[str, Any] = {
         "about": asdict(about),
         "estimator": text,
@@ -97,6 +97,14 @@ def submit(
     }
     seal(folder, content)
     return read(folder)
+
+
+def _tidy(folder: Path) -> None:
+    """Remove what is of this machine: locks, and what Python has compiled of the code."""
+    for name in (LOCK, COLUMNS):
+        (folder / RUN / name).unlink(missing_ok=True)
+    for path in list(folder.rglob("__pycache__")):
+        shutil.rmtree(path)
 
 
 def _check_folder(folder: Path, resume: bool) -> None:

@@ -24,6 +24,7 @@ from flexaxis.experiments.running.rows import row_files
 from flexaxis.experiments.running.verify import differences
 from flexaxis.experiments.scoring.tracks import NOMINAL, track_of
 from flexaxis.experiments.studies.sweep import reference
+from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
 Rows = list[dict[str, Any]]
@@ -95,10 +96,20 @@ def verify_entry(
     mine = frozen.quick() if entry.quick else frozen
     with Cage(entry.folder, patience=ask.patience) as cage:
         found.isolation = cage.reached
-        for check in _of_code(entry, mine, ask, cage, store):
+        for check in _said(_of_code(entry, mine, ask, cage, store)):
             found.checks.append(check)
             told(check)
     return found
+
+
+def _said(checks: Iterator[Check]) -> Iterator[Check]:
+    """Yield checks, and one that fails where rows are not what rows are."""
+    try:
+        yield from checks
+    except FlexaxisError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        yield Check("rows", False, f"are not what rows are: {error!r}")
 
 
 def _of_code(
@@ -134,25 +145,27 @@ def _same(
     rows: Sequence[Mapping[str, Any]], entry: Entry, frozen: Board, ask: Ask, run: Run
 ) -> Check:
     """Check that a sample of reported cases comes out again, also where nobody knows the truth."""
+    known = {scenario.hash: scenario for scenario in frozen.scenarios}
     cases: dict[tuple[str, str, int], list[Mapping[str, Any]]] = {}
     for row in rows:
-        cases.setdefault((row["scenario"], row["estimator"], row["seed"]), []).append(row)
+        if row["hash"] in known and row["seed"] in frozen.seeds:
+            cases.setdefault((row["hash"], row["estimator"], row["seed"]), []).append(row)
     others = [key for key in sorted(cases) if key[1] == reference()]
     mine = {text for line in entry.settings.values() for text in line} | {entry.estimator}
     own_ = [key for key in sorted(cases) if key[1] in mine]  # rows of anything else are not run
     random = ask.draw.random("sample")
     chosen = random.sample(own_, min(ask.sample, len(own_)))
     chosen += random.sample(others, min(max(1, ask.sample // 5), len(others)))
-    known = {scenario.name: scenario for scenario in frozen.scenarios}
     wrong: list[str] = []
-    for name, text, seed in chosen:
+    for key, text, seed in chosen:
+        what = f"{known[key].name}, {text}, seed {seed}"
         try:
-            made = run(text, known[name], [seed], "run")[seed]
+            made = run(text, known[key], [seed], "run")[seed]
         except (EstimatorError, EntryError) as error:
-            wrong.append(f"{name}, {text}, seed {seed}: {error}")
+            wrong.append(f"{what}: {error}")
             continue
-        told = next(iter(_differ(cases[name, text, seed], made)), "")
-        wrong += [f"{name}, {text}, seed {seed}: {told}"] if told else []
+        told = next(iter(_differ(cases[key, text, seed], made)), "")
+        wrong += [f"{what}: {told}"] if told else []
     words = f"{len(chosen) - len(wrong)} of {len(chosen)} reported cases come out again"
     words += " where the code is given samples and nothing else"
     return Check("reported rows", not wrong, f"{words}; {wrong[0]}" if wrong else words)

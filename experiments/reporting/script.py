@@ -21,6 +21,7 @@ PARTS = (
     "heat",
     "table",
     "save",
+    "picture",
     "terms",
     "pick",
     "bar",

@@ -1,6 +1,7 @@
 """A browser without a screen, driven over its DevTools protocol: no more than the test needs."""
 
 import base64
+import importlib.util
 import json
 import shutil
 import subprocess
@@ -64,6 +65,30 @@ def chromium(tmp_path_factory):
         pytest.skip("no Chromium on the path")
     with Browser(tmp_path_factory.mktemp("profile") / "profile") as page:
         yield page
+
+
+SERIOUS = """
+axe.run().then(r => window.found = r.violations
+  .filter(v => ["serious", "critical"].includes(v.impact))
+  .map(v => v.id + ": " + v.nodes.slice(0, 3).map(n => n.html.slice(0, 99)).join(" · "))); 1
+"""
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """A function that says what axe-core finds serious or critical in the page of a browser."""
+    place = importlib.util.find_spec("axe_core_python")
+    if place is None:
+        pytest.skip("axe-core-python is not installed")
+    code = Path(place.origin).with_name("axe.min.js").read_text(encoding="utf-8")
+
+    def found(browser):
+        browser.run(code + "; window.found = null; 1")
+        browser.run(SERIOUS)
+        browser.wait("window.found !== null", seconds=60, what="axe-core")
+        return browser.run("window.found")
+
+    return found
 
 
 class Browser:

@@ -64,7 +64,7 @@ def test_one_linearisation_is_all_there_is_where_the_model_is_linear():
     )
     modes = Modes(
         which=(0,),
-        walk=np.r_[walk**2 * T, np.zeros(5)],
+        walk=np.array([walk**2 * T]),
         jump=np.array([jump**2 * T / hold]),
         rate=np.array([rate]),
         hold=hold,

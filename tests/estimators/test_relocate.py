@@ -186,9 +186,9 @@ def test_a_long_gap_forgets_nothing(nominal, simulated, relocate):
     run = simulated(20.0, seed=1)
     gap = np.zeros(100_000)
     relocate.run(run.u[:2000], run.y[:2000])
-    P = relocate._memory.state["P"].copy()
+    P = relocate._judge.memory.state["P"].copy()
     relocate.run(gap, gap, gap > 0)
-    np.testing.assert_array_equal(relocate._memory.state["P"], P)
+    np.testing.assert_array_equal(relocate._judge.memory.state["P"], P)
     relocate.run(run.u, run.y)
     assert relocate.findings == ()
 
@@ -209,9 +209,9 @@ def test_a_suspect_that_changed_is_known_two_seconds_later(nominal, simulated, r
     run = simulated(12.0, seed=3, faults={6.0: dict(nominal) | {"k_g": 0.8 * nominal["k_g"]}})
     relocate.run(run.u[:1500], run.y[:1500])
     i = relocate._design.model.names.index("k_g")
-    assert relocate._memory.state["P"][i, i] > 0
+    assert relocate._judge.memory.state["P"][i, i] > 0
     relocate.run(run.u[1500:], run.y[1500:])
-    state = relocate._memory.state
+    state = relocate._judge.memory.state
     assert not state["P"][i].any() and not state["claim"][:, i].any()
     assert state["theta"][i] == pytest.approx(0.8, rel=0.02)
 
@@ -220,11 +220,11 @@ def test_a_late_finding_leaves_the_noise_as_it_was(nominal, simulated):
     """What came before the refit is judged by what the refitted filter makes of it."""
     run = simulated(12.0, seed=3, faults={6.0: dict(nominal) | {"f_m": 0.075}})
     slow = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T)
-    slow._policy = type(slow._policy)(T, looks=(0.35, 0.5))
+    slow._judge.policy = type(slow._judge.policy)(T, looks=(0.35, 0.5))
     slow.run(run.u, run.y)
     (finding,) = slow.findings
     assert finding.parameters == ("f_m",) and finding.alarm - 1200 > 60
-    assert slow._memory.state["noise"] == pytest.approx(0.01, rel=0.2)  # four deviations
+    assert slow._judge.memory.state["noise"] == pytest.approx(0.01, rel=0.2)  # four deviations
 
 
 def test_an_alarm_restores_what_was_normal(nominal, simulated):
@@ -232,9 +232,9 @@ def test_an_alarm_restores_what_was_normal(nominal, simulated):
     run = simulated(7.0, seed=3, faults={6.0: dict(nominal) | {"k_T": 0.5}})
     deaf = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T, alarm=1e9)
     deaf.run(run.u[:1220], run.y[:1220])
-    state = deaf._memory.state
+    state = deaf._judge.memory.state
     learnt = {name: state[name].copy() for name in NORMAL}
-    case = opened(deaf._memory, T)
+    case = opened(deaf._judge.memory, T)
     row = case.before.at(case.onset)
     assert 1190 < case.onset < 1205 and case.normal.variance == row["noise"]
     for name in NORMAL:
@@ -261,7 +261,7 @@ def test_a_copy_goes_on_by_itself(nominal, simulated, relocate):
         other.run(run.u[1003:], run.y[1003:]), relocate.run(run.u[1003:], run.y[1003:])
     )
     assert other.findings == relocate.findings
-    assert other._memory is not relocate._memory
+    assert other._judge.memory is not relocate._judge.memory
 
 
 @pytest.mark.parametrize("option", ["alarm", "gain", "period", "noise"])

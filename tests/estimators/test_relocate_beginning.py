@@ -86,7 +86,7 @@ def test_nothing_is_heard_before_the_last_fit():
     filter_, armed = relocate_friction(nominal, T), []
     for k in range(0, 1000, 100):
         filter_.run(u[k : k + 100], y[k : k + 100])
-        armed.append(int(filter_._memory.state["armed"]))
+        armed.append(int(filter_._judge.memory.state["armed"]))
     assert armed[2:] == [0] * 6 + [1] * 2  # before that no noise is known to listen with
     assert not filter_.findings
 
@@ -95,11 +95,11 @@ def test_the_noise_of_a_fit_is_what_it_leaves():
     u, y, nominal = drawn("coulomb_fm_step-v1")
     filter_ = relocate_friction(nominal, T)
     filter_.run(u[:205], y[:205])
-    first = filter_._commission._prior.noise
+    first = filter_._judge.commission._prior.noise
     filter_.run(u[205:1000], y[205:1000])
     # what a model without friction leaves of the first second is rougher than the noise is
     assert first == pytest.approx(0.01, rel=0.4)  # 200 samples less 16 parameters: 10 %, 4 times
-    assert filter_._commission._prior.noise == pytest.approx(0.01, rel=0.25)
+    assert filter_._judge.commission._prior.noise == pytest.approx(0.01, rel=0.25)
 
 
 def test_it_says_what_is_as_told_and_what_is_absent():
@@ -126,8 +126,8 @@ def test_a_change_behind_an_alarm_that_nothing_explains_is_found():
     u, y, nominal = drawn("coulomb_fm_step-v1")
     filter_ = relocate_friction(nominal, T)
     filter_.run(u[:1951], y[:1951])
-    filter_._case = opened(filter_._memory, T)  # a false alarm, .25 s before the change
-    filter_._memory.state["stop"] = filter_._next_stop()
+    filter_._judge.case = opened(filter_._judge.memory, T)  # a false alarm, .25 s before the change
+    filter_._judge.memory.state["stop"] = filter_._next_stop()
     filter_.run(u[1951:2300], y[1951:2300])
     (finding,) = filter_.findings
     assert finding.reason != UNEXPLAINED
@@ -139,13 +139,13 @@ def test_told_of_its_laws_it_is_commissioned_in_a_second():
     u, y, nominal = drawn("coulomb_fm_step-v1")
     filter_ = relocate_friction(nominal | LAWS, T)
     theta = filter_.run(u[:240], y[:240])
-    assert not filter_._commission.goes_on(240)
+    assert not filter_._judge.commission.goes_on(240)
     assert (abs(theta[:200, 3] - 0.1) < 1e-12).all()  # friction acts from the first sample on
     assert abs(theta[-1, 3] / 0.1 - 1) < 0.1
     part = {name: LAWS[name] for name in ("f_c", "f_s")}
     some = relocate_friction(nominal | part, T)
     some.run(u[:240], y[:240])
-    assert some._commission.goes_on(240) and FITTED[-1] > 1
+    assert some._judge.commission.goes_on(240) and FITTED[-1] > 1
 
 
 @pytest.mark.parametrize("make", [rpem_friction, imm_friction])
@@ -168,7 +168,7 @@ def test_its_prior_of_what_is_told_is_narrow():
     u, y, nominal = drawn("coulomb_fm_step-v1")
     filter_ = relocate_friction(nominal | LAWS, T)
     filter_.run(u[:205], y[:205])
-    prior, design = filter_._commission._prior, filter_._design
+    prior, design = filter_._judge.commission._prior, filter_._design
     where = design.model.names.index("f_c")
     assert prior.theta[where] * design.scale[where] == pytest.approx(0.1)
     assert prior.deviation[where] * design.scale[where] == pytest.approx(0.02)
@@ -181,7 +181,8 @@ def test_dry_friction_walks_relative_to_what_it_is_found_to_be():
     u, y, nominal = drawn("coulomb_fm_step-v1")
     filter_ = relocate_friction(nominal, T, walk=2e-3)
     filter_.run(u[:1000], y[:1000])
-    memory, prior, scale = filter_._memory, filter_._commission._prior, filter_._design.scale
+    judge, scale = filter_._judge, filter_._design.scale
+    memory, prior = judge.memory, judge.commission._prior
     walks = np.sqrt(np.diag(memory.drift) * prior.noise / T)[:4] * scale[:4]
     np.testing.assert_allclose(walks[:3], 2e-3 * np.array([1.0, 1.25, 3 * 0.05]), rtol=1e-9)
     assert walks[3] == pytest.approx(2e-3 * 3.0 * 0.1, rel=0.05)  # of .1 N m, as it is

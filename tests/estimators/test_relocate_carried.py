@@ -26,7 +26,7 @@ COGGING = {"c_sin": 0.1, "c_cos": 0.0, "poles": 24.0}
 
 def lanes(filter_):
     """How many lanes a sample takes, and how many parameters are carried along."""
-    memory = filter_._memory
+    memory = filter_._judge.memory
     return memory._states["X"].shape[-1], len(memory.carried)
 
 
@@ -35,14 +35,14 @@ def test_a_suspect_is_carried_only_while_it_is_estimated(nominal, simulated):
     filter_ = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T)
     filter_.run(run.u[:1199], run.y[:1199])
     assert lanes(filter_) == (4, 3)  # one register: a value and three derivatives
-    row = filter_._memory._ring.words.shape[1]
+    row = filter_._judge.memory._ring.words.shape[1]
     filter_.run(run.u[1199:1500], run.y[1199:1500])
     assert lanes(filter_) == (12, 11)
     filter_.run(run.u[1500:], run.y[1500:])
     assert lanes(filter_) == (4, 3)
     assert [finding.parameters for finding in filter_.findings] == [("k_g",)]
     # what was remembered of eleven is forgotten, and its room given back at the next change
-    memory = filter_._memory
+    memory = filter_._judge.memory
     memory._go_on(memory._carried, {name: memory._now(name)[None] for name in ROW}, memory.count)
     assert memory._ring.words.shape[1] > row
     filter_.run(run.u[:1100], np.zeros(1100), np.zeros(1100, bool))
@@ -59,7 +59,7 @@ def test_the_result_does_not_depend_on_what_is_carried(nominal, simulated, name)
     filter_ = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T)
     narrow, found = filter_.run(run.u, run.y), filter_.findings
     covariance = filter_.covariance
-    filter_._memory._choices = filter_._memory._choices[-1:]
+    filter_._judge.memory._choices = filter_._judge.memory._choices[-1:]
     filter_.reset()
     filter_.run(run.u[:1], run.y[:1])
     assert lanes(filter_) == (12, 11)
@@ -99,7 +99,7 @@ def test_a_law_that_does_nothing_is_not_carried():
 def test_a_real_axis_begins_as_a_linear_one():
     filter_ = relocate_friction(N1, T)
     assert lanes(filter_) == (4, 3)  # before anything is known of friction
-    axis, theta = filter_._memory._choices[0], filter_._design.theta0.copy()
+    axis, theta = filter_._judge.memory._choices[0], filter_._design.theta0.copy()
     used = np.zeros(len(theta), bool)
     used[:3] = True
     assert axis.has(theta, used)
@@ -156,9 +156,9 @@ def test_the_past_is_told_of_all_parameters_whatever_was_carried(nominal, simula
     run = simulated(8.0, seed=3, faults={6.0: dict(nominal) | {"k_g": 0.8 * nominal["k_g"]}})
     filter_ = Relocate(three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T)
     filter_.run(run.u[:1199], run.y[:1199])
-    before = filter_._memory.stretch(1100).rows.copy()
+    before = filter_._judge.memory.stretch(1100).rows.copy()
     filter_.run(run.u[1199:], run.y[1199:])
-    i, rows = filter_._design.model.names.index("k_g"), filter_._memory.stretch(1100).rows
+    i, rows = filter_._design.model.names.index("k_g"), filter_._judge.memory.stretch(1100).rows
     (finding,) = filter_.findings
     since = finding.onset + 1 - 1100
     assert 90 < since < 110
@@ -166,5 +166,5 @@ def test_the_past_is_told_of_all_parameters_whatever_was_carried(nominal, simula
     assert (rows["theta"][:since, i] == 1).all() and not rows["P"][:since, i].any()
     assert (rows["theta"][since:, i] < 0.95).all() and (rows["P"][since:, i, i] > 0).all()
     np.testing.assert_allclose(rows["psi"][-1], rows["X"][-1, -1, 1:], rtol=1e-12)
-    parts = filter_._memory._ring.parts(1100, 1600)
+    parts = filter_._judge.memory._ring.parts(1100, 1600)
     assert [len(era.carried.places) for era, *_ in parts] == [3, 11]

@@ -11,13 +11,10 @@ from flexaxis.estimators import three_mass
 from flexaxis.estimators.relocate.explain import (
     Explanation,
     Hypotheses,
-    Normal,
     Ranking,
-    likelihood,
-    outliers,
-    whitened,
 )
 from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.past import Normal, likelihood, outliers, whitened
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import sample, terms
 

@@ -6,7 +6,8 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from flexaxis.estimators import three_mass
-from flexaxis.estimators.relocate.fit import Past, explain, normal_equations
+from flexaxis.estimators.relocate.fit import Past, explain
+from flexaxis.estimators.relocate.normal import normal_equations
 from flexaxis.estimators.relocate.screen import screen
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import sample, terms

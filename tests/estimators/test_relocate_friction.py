@@ -165,7 +165,7 @@ def test_the_measured_angle_is_the_sum_of_what_was_measured(output):
     filter_ = relocate_friction(nominal, T, output=output, P0=[1e-4, 1e-4, 1e-6])
     y = np.random.default_rng(3).standard_normal(40)
     filter_.run(np.zeros(40), y)
-    angle = filter_._memory.read("u", 0)[:, 1]
+    angle = filter_._judge.memory.read("u", 0)[:, 1]
     means = y[1:] if output == "increment" else (y[1:] + y[:-1]) / 2
     np.testing.assert_allclose(angle, T * np.r_[0.0, np.cumsum(means)], atol=1e-12)
 
@@ -268,7 +268,7 @@ def test_no_law_acts_before_a_motion_is_measured():
     u, y = np.sin(np.arange(150) / 9), np.random.default_rng(6).standard_normal(150)
     theta = filter_.run(u, y)
     assert (theta[:, 3] < 1e-9 * abs(u).max()).all()
-    bristles = filter_._memory.stretch(0).x[:, 5]
+    bristles = filter_._judge.memory.stretch(0).x[:, 5]
     assert (abs(bristles) < 1e-9 * abs(u).max()).all()
 
 
@@ -295,7 +295,7 @@ def test_told_what_is_far_from_true_it_stays_finite_and_says_that_it_is_lost(by_
     for wrong in ({"J_m": 8 * N1["J_m"]}, {"J_m": 0.25 * N1["J_m"]}, {"k_g": 2 * N1["k_g"]}):
         filter_ = relocate_friction(N1 | wrong, T)
         assert np.isfinite(filter_.run(u, y)).all()
-        assert filter_._memory.state["noise"] < np.var(y)  # what diverged is no noise
+        assert filter_._judge.memory.state["noise"] < np.var(y)  # what diverged is no noise
         lost = [finding for finding in filter_.findings if finding.reason == LOST]
         assert 1 <= len(lost) <= 4  # at most one for each fit and one of the search
 

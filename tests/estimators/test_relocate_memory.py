@@ -24,7 +24,7 @@ def filtered(nominal, loop):
 
 def test_a_stretch_is_what_was_known_whatever_the_ring(filtered, loop):
     filter_, eta, valid = filtered
-    memory = filter_._memory
+    memory = filter_._judge.memory
     assert memory.count == COUNT and memory.first == COUNT - LENGTH
     for first in (memory.first, 2040, 2048, 2499):  # the ring closes at 2048
         stretch = memory.stretch(first)
@@ -41,19 +41,19 @@ def test_a_stretch_is_what_was_known_whatever_the_ring(filtered, loop):
 
 
 def test_before_what_is_remembered_there_is_nothing(nominal, loop, filtered):
-    memory = filtered[0]._memory
+    memory = filtered[0]._judge.memory
     assert memory.stretch(0).first == memory.first
     assert not memory.read("theta", memory.first - 3)[:3].any()
     young = filtered[0].copy()
     young.reset()
     young.run(loop.u[:10], loop.y[:10])
-    assert not young._memory.read("epsilon", -4)[:4].any()
-    assert young._memory.read("y", 0).tolist() == loop.y[:10].tolist()
+    assert not young._judge.memory.read("epsilon", -4)[:4].any()
+    assert young._judge.memory.read("y", 0).tolist() == loop.y[:10].tolist()
 
 
 def test_a_stretch_is_a_copy_that_nothing_changes(filtered, loop):
     filter_ = filtered[0].copy()
-    stretch = filter_._memory.stretch(2400)
+    stretch = filter_._judge.memory.stretch(2400)
     before = stretch.theta.copy()
     filter_.run(loop.u[:LENGTH], loop.y[:LENGTH])
     np.testing.assert_array_equal(stretch.theta, before)
@@ -66,6 +66,6 @@ def test_it_is_as_long_in_seconds_at_any_rate(nominal, loop, period):
     filter_ = Relocate(three_mass(nominal), P0=P0, period=period)
     N = round(6 / period)
     filter_.run(np.resize(loop.u, N), np.zeros(N), np.zeros(N, bool))
-    seconds = (filter_._memory.count - filter_._memory.first) * period
+    seconds = (filter_._judge.memory.count - filter_._judge.memory.first) * period
     # a search of the last 4 s takes up to 200 samples, at low rates longer than the rest
     assert seconds == pytest.approx(max(5.12, 4.0 + 200 * period))

@@ -6,12 +6,14 @@ import pytest
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.estimators.relocate.explain import SPREAD, Explanation, Normal, Ranking, past_of
+from flexaxis.estimators.relocate.explain import SPREAD, Explanation, Ranking
 from flexaxis.estimators.relocate.filter import Relocate
 from flexaxis.estimators.relocate.fit import Change
 from flexaxis.estimators.relocate.opened import Opened
+from flexaxis.estimators.relocate.past import Normal, past_of
 from flexaxis.estimators.relocate.replay import replay
 from flexaxis.estimators.relocate.rows import Stretch
+from flexaxis.estimators.relocate.work import finished
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import terms
@@ -55,7 +57,7 @@ def filtered(nominal, simulated):
 
 def opened(filter_, active, free=()):
     """Return the case of a change of some parameters at ONSET, found out at LAST."""
-    memory, first = filter_._memory, ONSET - 60
+    memory, first = filter_._judge.memory, ONSET - 60
     before = memory.stretch(first)
     rows = before.rows.copy()
     for i in free:  # as if it had been estimated at the time
@@ -124,10 +126,10 @@ def test_after_a_rewind_the_filter_is_batch_least_squares_since_the_onset(
 ):
     filter_, run = filtered[0].copy(), filtered[1]
     case, theta = opened(filter_, active)
-    past = past_of(case.before, filter_._memory, case.normal)
+    past = past_of(case.before, filter_._judge.memory, case.normal)
     delta, P, x, noise, S, moving = batch(filter_, run, case, theta, nominal)
-    filter_._rewind.to_change(filter_._memory, case, past, theta, free=set())
-    state = filter_._memory.state
+    finished(filter_._judge.rewind.to_change(filter_._judge.memory, case, past, theta, free=set()))
+    state = filter_._judge.memory.state
     assert np.any(delta[active] != 0)
     np.testing.assert_allclose(state["theta"], theta + delta, rtol=1e-7)
     np.testing.assert_allclose(state["P"], P, rtol=1e-6, atol=1e-9 * abs(P).max())
@@ -142,18 +144,18 @@ def test_what_is_remembered_is_what_the_refitted_filter_would_have_known(nominal
     """The next sample continues the rewritten past without a seam."""
     filter_, run = filtered[0].copy(), filtered[1]
     case, theta = opened(filter_, [2])
-    past = past_of(case.before, filter_._memory, case.normal)
-    before = filter_._memory.stretch(ONSET - 20).rows[:21].copy()
-    filter_._rewind.to_change(filter_._memory, case, past, theta, free=set())
-    rows = filter_._memory.stretch(ONSET - 20).rows
+    past = past_of(case.before, filter_._judge.memory, case.normal)
+    before = filter_._judge.memory.stretch(ONSET - 20).rows[:21].copy()
+    finished(filter_._judge.rewind.to_change(filter_._judge.memory, case, past, theta, free=set()))
+    rows = filter_._judge.memory.stretch(ONSET - 20).rows
     np.testing.assert_array_equal(rows["theta"][:21], before["theta"])
-    last, state = rows[-1], filter_._memory.state
+    last, state = rows[-1], filter_._judge.memory.state
     np.testing.assert_allclose(last["theta"], state["theta"], rtol=1e-12)
     np.testing.assert_allclose(last["P"] / FORGETTING, state["P"], rtol=1e-9)
     for name in ("noise", "samples", "colour", "correlations", "heard", "lags", "white"):
         np.testing.assert_array_equal(last[name], state[name])
     recent = rows["epsilon"][-60:]
-    assert np.std(recent) < 0.15 < np.std(filtered[0]._memory.read("epsilon", LAST - 60))
+    assert np.std(recent) < 0.15 < np.std(filtered[0]._judge.memory.read("epsilon", LAST - 60))
     y_hat = state["X"][5, 0]
     filter_.step(run.u[LAST + 1], run.y[LAST + 1])
     assert filter_.prediction == y_hat
@@ -163,8 +165,10 @@ def test_what_is_remembered_is_what_the_refitted_filter_would_have_known(nominal
 def test_a_retired_suspect_stays_fixed_by_a_rewind_behind_its_freezing(filtered, free, variance):
     filter_ = filtered[0].copy()
     case, theta = opened(filter_, [2], free=(3,))
-    past = past_of(case.before, filter_._memory, case.normal)
-    filter_._rewind.to_change(filter_._memory, case, past, theta, free=set(free))
-    P = filter_._memory.state["P"]
+    past = past_of(case.before, filter_._judge.memory, case.normal)
+    finished(
+        filter_._judge.rewind.to_change(filter_._judge.memory, case, past, theta, free=set(free))
+    )
+    P = filter_._judge.memory.state["P"]
     assert (P[3, 3] > 0) == (variance > 0)
     assert np.any(P[3, :3] != 0) == (variance > 0)

@@ -123,6 +123,11 @@ def test_what_does_not_belong_is_found(copy):
     with pytest.raises(EntryError, match=r"'more\.sh' is in the folder, but not among the files"):
         read(copy)
     (copy / "more.sh").unlink()
+    (copy / "code" / "__pycache__").mkdir()  # Python would run it in the place of what is shown
+    (copy / "code" / "__pycache__" / "mine.cpython-311.pyc").write_text("other code")
+    with pytest.raises(EntryError, match=r"mine\.cpython-311\.pyc' is in the folder"):
+        read(copy)
+    shutil.rmtree(copy / "code" / "__pycache__")
     (copy / SUMMARY).unlink()
     (copy / SUMMARY).symlink_to("/etc/hostname")
     with pytest.raises(EntryError, match="is a link"):

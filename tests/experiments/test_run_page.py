@@ -111,8 +111,11 @@ def test_what_is_rounded_is_rounded_by_less_than_a_point_of_the_screen(data, fol
 
 
 def test_no_excitation_is_said_only_where_there_is_none(short):
-    assert "orange" not in run_charts._words(short)
-    assert "orange" in run_charts._words(find_scenario("pause_fm_step-v1"))
+    pause = find_scenario("pause_fm_step-v1")
+    for scenario, said in ((short, False), (pause, True)):
+        spans = [text for *_, text in run_charts.around(scenario)["spans"]]
+        assert ("no excitation" in spans) is said
+        assert ("no excitation" in run_charts._words(scenario)) is said
 
 
 def test_each_run_can_be_opened(html, data):
@@ -206,7 +209,7 @@ def test_where_curves_alone_are_too_much_the_later_ones_are_thinned(folder, shor
     assert second.low is None and len(second.x) == 160
 
     def made(chosen, left, thinning):  # of 1000 bytes a band and curve, and 100 a run
-        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10), strict=True)}
+        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10, 5), strict=True)}
         return left.ljust(1000 * bands[thinning] + 100 * len(chosen), "x")
 
     page = Budget(25_000).fitted(list(range(1000)), made, "out")

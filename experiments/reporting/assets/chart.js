@@ -10,7 +10,8 @@ function setUpFigure(place, chart) {
   figure.legend = el("div", { class: "legend", role: "group", "aria-label": "Curves: press to hide everywhere" });
   figure.switch = el("div", { class: "windows", role: "group", "aria-label": "Range shown" });
   place.classList.add("chart");
-  place.replaceChildren(figure.legend, figure.switch, figure.frame);
+  const above = el("div", { class: "above" }, figure.switch, chartMenu(figure));
+  place.replaceChildren(figure.legend, above, figure.frame);
   const expected = 62 + (chart.panels.length > 1 ? 191 * chart.panels.length : 330);
   figure.frame.style.minHeight = `${expected}px`;
   figure.draw = () => drawFigure(figure);

@@ -1,4 +1,4 @@
-// Tables and charts as files: CSV and JSON, of what is shown or of all.
+// Tables as files: CSV and JSON, of what is shown or of all.
 
 /** A table as heads and rows of values; `all` takes what is hidden too. */
 function contentOf(live, all) {
