@@ -41,6 +41,13 @@ class Commission:
         self._fits: list[int] = []
         self.fixed_because: dict[str, str] = {}
 
+    def warm_up(self, memory: Memory) -> Work[None]:
+        """Let everything compile that a fit needs."""
+        if self._beginning is not None:
+            theta, known = self._beginning.design.theta0, self._beginning.roles.known
+            prior = Prior(theta, np.ones(known), 1.0)
+            yield from self._beginning.fit(memory, prior)
+
     def expected(self, p: int) -> Array:
         """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""
         return np.ones(p) if self._prior is None else np.abs(self._prior.theta)

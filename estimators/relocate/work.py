@@ -46,6 +46,11 @@ def operations(deadline: float) -> float:
     return above_zero("deadline", deadline, "seconds, such as 0.001") * PER_SECOND - STEP
 
 
+def seconds(pieces: float) -> float:
+    """Return the shortest deadline [s] of a step that does work of so many operations."""
+    return (pieces + STEP) / PER_SECOND
+
+
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
     return terms.steps * (2 * rows * (terms.n + 1) ** 2 + LAW * len(terms.kind) * rows)
