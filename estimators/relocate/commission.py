@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.beginning import STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.remainder import remaining
 from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.work import CALL, Work
 
@@ -43,10 +44,10 @@ class Commission:
 
     def warm_up(self, memory: Memory) -> Work[None]:
         """Let everything compile that a fit needs."""
-        if self._beginning is not None:
-            theta, known = self._beginning.design.theta0, self._beginning.roles.known
-            prior = Prior(theta, np.ones(known), 1.0)
-            yield from self._beginning.fit(memory, prior)
+        if (beginning := self._beginning) is not None:
+            u, y, present = memory.signals(memory.first)
+            given = beginning.design.theta0, memory.state_at(memory.first), (u[:-1], y, present)
+            yield from remaining(beginning.terms, *given, 0, grain=beginning.grain)
 
     def expected(self, p: int) -> Array:
         """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""
