@@ -33,7 +33,7 @@ from flexaxis.estimators.relocate.normal import summing
 from flexaxis.estimators.relocate.remainder import Remainder, remaining
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.relocate.work import CALL, Work
+from flexaxis.estimators.relocate.work import PAST, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -297,7 +297,7 @@ class Beginning:
 
         def evaluate(theta: Array) -> Work[Evaluated]:
             square, H, g = yield from summing(self.terms, theta, x, *signals, grain=self.grain)
-            yield 2 * CALL
+            yield PAST
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
             off = (theta - prior.theta)[:known] / deviation

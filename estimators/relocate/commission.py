@@ -11,7 +11,7 @@ from flexaxis.estimators.relocate.work import CALL, Work
 
 Array = NDArray[np.float64]
 
-PRIOR = 4 * CALL  # of a look at the motion
+PRIOR = 5 * CALL  # operations of a look at the motion
 
 
 class Commission:

@@ -154,7 +154,7 @@ class Relocate(RecursiveEstimator):
             gain=gain,
             grain=budget / PIECES,
         )
-        least = max(PAST, parts.memory.longest)
+        least = max(2 * PAST, parts.memory.longest)
         if budget < least:
             raise EstimatorError(
                 f"deadline = {deadline} s is too short: the longest piece of work that cannot be "

@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import repetition
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
 
-START = 16  # samples that take as long as to begin
 
 # Friction that depends on the angle or an unknown torque limit leaves up to 0.02 of the mean square
 # of y; told inertias and springs that are off by more than half leave 0.04 to 0.6, and of that many
@@ -75,7 +74,7 @@ def remaining(
     u, y, present = signals
     cost = of_sample(terms, 1)
     samples = samples_of(grain, cost)
-    yield 2 * CALL + START * cost
+    yield to_begin(terms, 1)
     prepared, X, left = _begun(terms, theta), np.r_[x, 0.0][None], np.zeros(len(u))
     for first in range(0, len(u), samples):
         last = min(first + samples, len(u))

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
-
-START = 16  # samples that take as long as to begin
 
 
 class Now(NamedTuple):
@@ -147,7 +145,7 @@ def replaying(  # noqa: PLR0917
     p = rows - 1
     cost = of_sample(terms, rows) + 6 * p * p + 4 * p * columns
     samples = samples_of(grain, cost)
-    yield 2 * CALL + START * cost
+    yield to_begin(terms, rows)
     made = Replayed(
         np.empty((N, p)),
         np.empty((N, p, p)),
