@@ -147,7 +147,7 @@ def test_score(flexaxis):
     pooled = json.loads((run / "summary.json").read_text(encoding="utf-8"))["rows"][-1]
     assert pooled["largest"] > 0 and pooled["largest_interval"] is None  # of two seeds
     page = (run / "report.html").read_text(encoding="utf-8")
-    assert "<th>largest error [%]</th>" in page and "Largest error before the fault." in page
+    assert ">largest error [%]</th>" in page and "Largest error before the fault." in page
 
     study = 'scenario = "short.toml"\nestimators = ["rpem-forgetting"]\nseeds = 1\n'
     (flexaxis.place / "small.toml").write_text(f"{study}[sweep]\nstart = [1.0, 1.1]", "utf-8")
