@@ -65,7 +65,7 @@ def test_a_page_without_a_place_is_seen(site, monkeypatch, tmp_path):
 
 
 def test_every_place_of_the_navigation_has_its_page(site, staged):
-    wanted = [p for section in site["pages"].sections() for p in section.pages]
+    wanted = [p for section in site["pages"].SECTIONS for p in section.pages]
     names = {site["pages"].name_of(path) for path in wanted}
     there = {p.relative_to(staged).with_suffix("").as_posix() for p in staged.rglob("*.*")}
     assert names <= there

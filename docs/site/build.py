@@ -21,7 +21,7 @@ import gallery
 import links
 import reference
 import sources
-from pages import ROOT, labs, line_of, name_of, sections, unplaced
+from pages import ROOT, SECTIONS, labs, line_of, name_of, unplaced
 from sphinx.cmd.build import main as sphinx
 from staging import Staged
 
@@ -81,7 +81,7 @@ def stage(folder: Path) -> None:
 
 def contents() -> str:
     """Return the navigation, which stands hidden on the first page."""
-    trees = [reference.toctree(map(line_of, s.pages), caption=s.title, depth=2) for s in sections()]
+    trees = [reference.toctree(map(line_of, s.pages), caption=s.title, depth=2) for s in SECTIONS]
     return "\n\n".join(trees) + "\n"
 
 

@@ -5,7 +5,6 @@ A page of `docs/` that no section names fails the build and `tests/test_site.py`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,8 +84,6 @@ SECTIONS = (
         ),
     ),
 )
-EXPECTED = ("docs/report.md", "docs/board.md")
-"""Pages with a place here from the day on that they exist."""
 
 
 def name_of(path: str) -> str:
@@ -107,17 +104,6 @@ def line_of(path: str) -> str:
     return f"Notebook for {whom} <{name}>" if path.endswith(".ipynb") else name
 
 
-def present(path: str) -> bool:
-    """Return whether there is such a page: those that others still write may lack."""
-    return path.startswith("made/") or path not in EXPECTED or (ROOT / path).exists()
-
-
-def sections() -> Iterator[Section]:
-    """Yield the sections with the pages that there are."""
-    for section in SECTIONS:
-        yield Section(section.title, tuple(filter(present, section.pages)))
-
-
 def labs() -> list[str]:
     """Return the labs, in order."""
     return sorted(path.relative_to(ROOT).as_posix() for path in ROOT.glob("docs/labs/lab*.py"))
@@ -125,7 +111,7 @@ def labs() -> list[str]:
 
 def written() -> dict[str, str]:
     """Return the pages that are files of the repository: path to name of the page."""
-    named = [path for section in sections() for path in section.pages]
+    named = [path for section in SECTIONS for path in section.pages]
     files = [FIRST, *(path for path in named if not path.startswith("made/")), *labs()]
     return {path: name_of(path) for path in files}
 

@@ -32,6 +32,7 @@ def relocate(
     alarm: float = 10.0,
     gain: float = 14.0,
     noise: float | None = None,
+    deadline: float | None = None,
 ) -> Relocate:
     """
     Make the filter that detects, rewinds and refits; every parameter that can change is a suspect.
@@ -44,6 +45,9 @@ def relocate(
         Evidence at which the residual is looked into, and that a change needs [nats].
     noise : float, optional
         Standard deviation of y, in its unit; estimated from the residual by default.
+    deadline : float, optional
+        Time that a sample may take [s], by operations that are counted; what an alarm asks for is
+        spread over the following samples. All at once by default.
     """
     model = model_of(nominal)
     weight = factor("relocate", forgetting, model, period, identify)
@@ -60,6 +64,7 @@ def relocate(
         gain=gain,
         output=output,
         noise=noise,
+        deadline=deadline,
     )
 
 
@@ -75,6 +80,7 @@ def relocate_friction(
     alarm: float = 10.0,
     gain: float = 14.0,
     noise: float | None = None,
+    deadline: float | None = None,
 ) -> Relocate:
     """
     Make the filter that rewinds and refits, on a real axis: with friction and what it has besides.
@@ -88,7 +94,7 @@ def relocate_friction(
     ----------
     walk : float
         Standard deviation by which what is tracked may have changed after a second, relative.
-    alarm, gain, noise
+    alarm, gain, noise, deadline
         As for `relocate`.
     """
     model = _with_laws(nominal, period)
@@ -110,6 +116,7 @@ def relocate_friction(
         gain=gain,
         output=output,
         noise=noise,
+        deadline=deadline,
     )
 
 

@@ -154,7 +154,7 @@ class Hypotheses:
     ) -> Work[Ranking]:
         """Do as `rank`, in pieces of so many operations."""
         seen = yield from self._screen(past, noise, grain)
-        yield CALL
+        yield 3 * CALL
         gains = np.array([np.max(seen.gain[active]) for active in self.choices]) - self.costs
         gains = np.nan_to_num(gains, nan=NOTHING)  # a filter that has diverged explains nothing
         behind = gains.max() - gains

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.normal import add, begun, finish
 from flexaxis.estimators.relocate.solving import moved, prior, product, put, solve
-from flexaxis.estimators.relocate.work import MOST, Work, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, MOST, Work, of_sum, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import Terms
 
@@ -161,11 +161,12 @@ def explaining(  # noqa: PLR0917
     grain: float,
 ) -> Work[Change]:
     """Do as `explain`, in pieces of so many operations."""
-    samples = samples_of(grain, cost := of_sample(terms, 1 + len(active)))
-    yield cost * TRIAL
+    cost = of_sum(terms, 1 + len(active))
+    samples = samples_of(grain, cost)
+    yield to_begin(terms, 1 + len(active))
     sums, course = begin(terms, past, active, spread, guess, theta)
     while not course.at[DONE]:
-        yield cost * (samples + TRIAL)
+        yield CALL + cost * (samples + TRIAL)
         sums = proceed(terms, past, active, lower, upper, spread, sums, course, samples)
     return Change(*result(past, course))
 

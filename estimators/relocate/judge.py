@@ -95,6 +95,9 @@ class Judge:
         variance, grain = case.normal.variance, self._grain
         ranking = yield from self.hypotheses.ranking(past, variance, None, grain=grain)
         yield from self._apply(replace(case, ranking=ranking), past, Accept())
+        if grain < np.inf:
+            yield from self.lookout.warm_up(memory)
+            yield from self.commission.warm_up(memory)
 
     def attend(self, *, present: bool) -> Work[None]:
         """

@@ -79,6 +79,11 @@ class Lookout:
         self._next = self._wait = self._check  # count of the next search, samples between two
         self._said = False
 
+    def warm_up(self, memory: Memory) -> Work[None]:
+        """Let everything compile that a search needs."""
+        search = self._search_of(memory, memory.first, memory.state["theta"])
+        yield from search.advance()
+
     @property
     def searching(self) -> bool:
         """Whether there is an evaluation to be done."""
@@ -113,10 +118,13 @@ class Lookout:
     def _begin(self, memory: Memory, expected: Array) -> None:
         """Search the last seconds; of the state before them, only that of the start is known."""
         self._first = first = memory.count - self._check
+        self._search = self._search_of(memory, first, expected)
+
+    def _search_of(self, memory: Memory, first: int, expected: Array) -> Search:
         u, y, present = memory.signals(first)
         if first:
             present[: self._unknown] = False
-        self._search = Search(
+        return Search(
             self._terms,
             memory.state["theta"].copy(),
             self._box,

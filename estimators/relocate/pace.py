@@ -33,7 +33,7 @@ class Pace:
     front : Front or None
         What goes on while there is work to be done.
     told : tuple of Finding
-        What had been found before that work.
+        What had been found before that.
     spent : float
         Operations that the last sample did.
     """
@@ -69,7 +69,7 @@ class Pace:
 
     def go_on(self) -> bool:
         """Do the work of a sample; return whether something has been found, and is told now."""
-        left = self._budget
+        left, known = self._budget, len(self.told)
         with np.errstate(all="ignore"):  # a filter that diverges is a result
             while self._work is not None or self._missed:
                 takes = self._next if self._work is not None else CALL + self._sample
@@ -77,7 +77,7 @@ class Pace:
                     break
                 left -= self._piece() if self._work is not None else self._catch_up(left)
         self.spent = self._budget - left
-        return not (self._work or self._missed) and self._tell()
+        return len(self.told) > known
 
     def _begin(self) -> None:
         """Say what is to be done after a sample; where there is something, go on without it."""
@@ -86,7 +86,7 @@ class Pace:
         if self._next < 0:
             self._work = None
         elif self.front is None:
-            self.front, self.told = self.judge.memory.fork(), tuple(self.judge.found)
+            self.front = self.judge.memory.fork()
 
     def _piece(self) -> float:
         """Do the next piece; return what it took."""
@@ -94,6 +94,7 @@ class Pace:
         took, self._next = self._next, next(self._work, -1.0)
         if self._next < 0:
             self._work = None
+            self._tell()
         return took
 
     def _catch_up(self, left: float) -> float:
@@ -103,15 +104,14 @@ class Pace:
         room = np.empty((N, self.judge.tracked)), np.empty((N, 3))
         taken = self.judge.memory.run(u, y, present, *room)
         del self._missed[:taken]
+        self._tell()
         self._begin()
         return CALL + taken * self._sample
 
-    def _tell(self) -> bool:
-        """Be what the filter is that has done its work; say what it has found, now."""
-        if self.front is None:
-            return False
-        found, told = self.judge.found, len(self.told)
-        now = self.judge.memory.count - 1
-        found[told:] = [replace(finding, alarm=now) for finding in found[told:]]
-        self.front = None
-        return len(found) > told
+    def _tell(self) -> None:
+        """Where nothing is missed any more, be the filter that waited, and tell its findings."""
+        if not self._missed:
+            now, told = self.judge.memory.count - 1, len(self.told)
+            found = self.judge.found
+            found[told:] = [replace(finding, alarm=now) for finding in found[told:]]
+            self.front, self.told = None, tuple(found)

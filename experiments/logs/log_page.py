@@ -62,5 +62,4 @@ def capital(text: str) -> str:
     ('No parameter changed.', 'f_c has grown.')
     """
     first, *_ = text.split(" ", 1)
-    plain = first.isalpha() and first.islower()
-    return (text[:1].upper() + text[1:] if plain else text).rstrip(".") + "."
+    return (text[:1].upper() + text[1:] if first.isalpha() else text).rstrip(".") + "."

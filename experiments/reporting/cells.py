@@ -20,14 +20,6 @@ def pair(interval: Sequence[float | None] | None) -> str:
     return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
 
 
-def shade(score: float | None) -> str:
-    """Return the background of a score: white for doing nothing, green on the bound, else red."""
-    if score is None:
-        return "transparent"
-    strength = min(abs(score), 100.0) / 100
-    return f"rgb({'0 158 115' if score >= 0 else '213 94 0'} / {0.45 * strength:.2f})"
-
-
 def settled(value: float | None, changed: bool) -> str:
     """Return a settling time for a table; never is said in words."""
     return number(value) if value is not None or not changed else "never"

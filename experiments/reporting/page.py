@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup, escape
 
 from flexaxis.experiments.reporting import looks, script
-from flexaxis.experiments.reporting.cells import number, pair, settled, shade
+from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Panel, Picks
 from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.reporting.packing import packed
@@ -154,7 +154,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         loader=FunctionLoader(_source),
     )
-    found.filters |= {"number": number, "pair": pair, "settled": settled, "shade": shade}
+    found.filters |= {"number": number, "pair": pair, "settled": settled}
     found.filters |= {"symbols": symbols, "term": term, "look": look}
     return found
 

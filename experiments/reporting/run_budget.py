@@ -10,6 +10,7 @@ from typing import Any
 
 SMALL, LARGE = 3.0, 12.0  # MB: of a report of a few scenarios, and of the whole catalogue
 FEW = 12  # scenarios
+ALL = 10_000  # estimators: more than there are
 AT_ONCE = 500  # runs of which there is no need to learn how much one takes, if all have room
 PROBES = 24  # runs that are tried to learn how much one takes
 CURVES = 0.85  # of the room that all but the single runs may take before curves are thinned
@@ -30,27 +31,31 @@ class Thinning:
         How many are drawn at all.
     """
 
-    bands: int = 1000
-    near: int = 1000
-    drawn: int = 1000
+    bands: int = ALL
+    near: int = ALL
+    drawn: int = ALL
 
     @property
     def words(self) -> str:
         """What that means for who looks at it; empty where nothing is left out."""
-        first = "Of the curves over time, those after the first {} of the ranking have {}."
-        parts = [
-            "no band" if self.bands < FULL.bands else "",
-            "every tenth sample only" if self.near < FULL.near else "",
-        ]
-        told = " and ".join(filter(None, parts))
-        if self.drawn < FULL.drawn:
-            return f"Curves over time are drawn of the first {self.drawn} of the ranking."
-        return first.format(self.bands, told) if told else ""
+        parts = {
+            "have a band": self.bands,
+            "are drawn sample by sample at the fault": self.near,
+            "are drawn over time": self.drawn,
+        }
+        limits = [f"only the first {n} {what}" for what, n in parts.items() if n < ALL]
+        return f"In the order of the ranking, {' and '.join(limits)}." if limits else ""
 
 
 Made = Callable[[Sequence[Any], str, Thinning], str]
 FULL = Thinning()
-THINNINGS = (FULL, Thinning(bands=9), Thinning(bands=9, near=9), Thinning(bands=9, near=9, drawn=9))
+THINNINGS = (
+    FULL,
+    Thinning(bands=9),
+    Thinning(bands=9, near=9),
+    Thinning(bands=3, near=9),
+    Thinning(bands=3, near=9, drawn=9),
+)
 """What is tried one after the other; nine are shown unless others are asked for."""
 
 

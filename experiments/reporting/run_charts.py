@@ -74,8 +74,10 @@ def _panel(parameter: str, lines: Sequence[Line], shown: tuple[float, float]) ->
 
 
 def _words(scenario: Scenario) -> str:
-    pause = "; orange: no excitation" if not scenario.excited().all() else ""
-    return f"Median and 10–90 % of the runs; truth dashed; grey: burn-in{pause}."
+    shaded = ["burn-in"] if scenario.burn_in else []
+    shaded += ["no excitation"] if not scenario.excited().all() else []
+    said = f"; shaded: {' and '.join(shaded)}" if shaded else ""
+    return f"Median and 10–90 % of the runs; truth dashed{said}."
 
 
 def around(scenario: Scenario) -> dict[str, Any]:

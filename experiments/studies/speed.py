@@ -18,6 +18,7 @@ from scipy.linalg import expm
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass
 from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.sampling.extended import extended_system
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.sim.plant import Plant
@@ -30,6 +31,9 @@ IDENTIFY = ("k_T", "1/J_a", "f_m")
 P0 = (2.97e-4, 5.19e-5, 4.69e-6)
 BOX = (0.2, 5.0)  # times nominal
 RUNS = 64  # of the plant
+REGISTERED = {"rpem-forgetting": 25, "ekf": 15, "imm": 4, "ukf": 8, "moving-horizon": 3,
+              "imm-friction": 1}  # fmt: skip
+"""Estimators that are timed by name, with runs a round; the first is the unit of the others."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,30 @@ def _estimators() -> list[Contender]:
         Contender("ekf-run", "joint_ekf().run, one run on one thread", unit,
                   _timed(lambda: [ekf.run(u, y) for _ in range(3)], 3 * N)),
         *_filterpy(few),
+        *_registered(u, y),
     ]  # fmt: skip
+
+
+def _registered(u: Array, y: Array) -> list[Contender]:
+    """Return shipped estimators as scenarios take them, and what one of them costs of the first."""
+    scenario = find_scenario("fm_step-v1")
+    found = []
+    for name, repeats in REGISTERED.items():
+        made: Any = REGISTRY[name].factory(
+            scenario.nominal.as_dict(),
+            scenario.period,
+            identify=scenario.identify,
+            output=scenario.output,
+        )
+        work = _repeated(made.run, u, y, repeats)
+        summary = REGISTRY[name].summary
+        time_of = _timed(work, repeats * len(u))
+        found.append(Contender(name, summary, next(iter(REGISTERED)), time_of, faster=False))
+    return found
+
+
+def _repeated(run: Callable, u: Array, y: Array, repeats: int) -> Callable[[], object]:
+    return lambda: [run(u, y) for _ in range(repeats)]
 
 
 def _c2d(F: Array, G: Array, period: float, count: int) -> Callable[[], object]:

@@ -113,6 +113,7 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}{% block body %}
 @pytest.fixture
 def block(monkeypatch):
     """A function that renders a page with some content and returns its data."""
+    page._environment.cache_clear()  # one made before reads as ordinary
     source = page._source
     monkeypatch.setattr(page, "_source", lambda name: TEMPLATE if name == "t" else source(name))
 

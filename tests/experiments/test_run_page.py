@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting import run_charts, run_first, run_page
+from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
@@ -78,6 +78,19 @@ def test_cells_say_what_was_pooled(html, folder):
     assert still["t10 [s]"][1] == "never"
 
 
+def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
+    known = run_tables.known_columns()
+    row = {
+        "changed": True, "std": 3e-14, "std_interval": [1e-14, 5e-14], "bias": -2e-13,
+        "lag": 5.0, "lag_interval": [5.0, 5.0], "t10": None, "t10_interval": [None, None],
+    }  # fmt: skip
+    cells = {name: known[name].of(row) for name in ("std", "bias", "lag", "t10")}
+    assert [(c.text, c.within) for c in cells.values()] == [
+        ("0", ""), ("0", ""), ("5", ""), ("never", ""),
+    ]  # fmt: skip
+    assert known["std"].of({"std": 1e-3, "std_interval": [9e-4, 2e-3]}).within == "0.0009 … 0.002"
+
+
 def test_at_the_fault_every_sample_is_drawn(data, short):
     chart = data["charts"]["curves-short"]
     assert [w[0] for w in chart["windows"]] == ["at the fault", "whole run"]
@@ -111,8 +124,11 @@ def test_what_is_rounded_is_rounded_by_less_than_a_point_of_the_screen(data, fol
 
 
 def test_no_excitation_is_said_only_where_there_is_none(short):
-    assert "orange" not in run_charts._words(short)
-    assert "orange" in run_charts._words(find_scenario("pause_fm_step-v1"))
+    pause = find_scenario("pause_fm_step-v1")
+    for scenario, said in ((short, False), (pause, True)):
+        spans = [text for *_, text in run_charts.around(scenario)["spans"]]
+        assert ("no excitation" in spans) is said
+        assert ("no excitation" in run_charts._words(scenario)) is said
 
 
 def test_each_run_can_be_opened(html, data):
@@ -152,7 +168,7 @@ def _hash(folder):
 def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypatch):
     (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    words = shlex.split(data["picks"]["short/relocate/1003"]["command"])
+    words = shlex.split(data["picks"]["short/rpem-forgetting/1003"]["command"])
     assert words[:3] == ["flexaxis", "run", "short.toml"]
     assert main(words[1:]) == 0
 
@@ -161,7 +177,7 @@ def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypat
         return [
             {key: value for key, value in row.items() if key != "cost"}
             for row in found
-            if (row["seed"], row["estimator"]) == (1003, "relocate")
+            if (row["seed"], row["estimator"]) == (1003, "rpem-forgetting")
         ]
 
     again = rows(tmp_path / words[words.index("-o") + 1])
@@ -206,7 +222,7 @@ def test_where_curves_alone_are_too_much_the_later_ones_are_thinned(folder, shor
     assert second.low is None and len(second.x) == 160
 
     def made(chosen, left, thinning):  # of 1000 bytes a band and curve, and 100 a run
-        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10), strict=True)}
+        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10, 5), strict=True)}
         return left.ljust(1000 * bands[thinning] + 100 * len(chosen), "x")
 
     page = Budget(25_000).fitted(list(range(1000)), made, "out")

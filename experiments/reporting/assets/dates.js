@@ -44,10 +44,11 @@ function everyMonths(chart, x, room) {
   return found;
 }
 
-/** The first tick, and each beginning of a year, say the year. */
+/** The first tick, and each beginning of a year, say the year; of hours the first says the day. */
 function tickText(date, first, hours) {
-  if (hours < 24 && date.getUTCHours()) return date.toISOString().slice(11, 16);
   const day = `${date.getUTCDate()} ${MONTHS[date.getUTCMonth()]}`;
+  const hour = date.toISOString().slice(11, 16);
+  if (hours < 24 && date.getUTCHours()) return first ? `${day} ${hour}` : hour;
   const opens = first || (date.getUTCMonth() === 0 && date.getUTCDate() <= (hours ?? 24) / 24);
   return opens ? `${day} ${date.getUTCFullYear()}` : day;
 }

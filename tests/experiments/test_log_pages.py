@@ -1,0 +1,110 @@
+"""Pages of logs: what they say first, and that no spike of a long log is lost on its chart."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.logs.changes import Change
+from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.import_page import _finding as of_import
+from flexaxis.experiments.logs.log_charts import log_chart
+from flexaxis.experiments.logs.log_page import LogPage, capital, write_page
+from flexaxis.experiments.logs.track import Tracked
+from flexaxis.experiments.logs.track_page import track_page
+from flexaxis.experiments.reporting.thinning import COLUMNS, extremes
+from flexaxis.sim.record import Record
+
+sys.path.insert(0, str(Path(__file__).parent))
+from page_text import charts_of, text_of
+
+N = 200_000
+
+
+def spiked(n=N):
+    """Noise with a single spike, and a gap."""
+    y = np.random.default_rng(3).normal(size=n)
+    y[n // 3], y[n // 2 : n // 2 + n // 50] = 50.0, np.nan
+    return y
+
+
+@pytest.mark.parametrize("log", [False, True])
+def test_no_spike_and_no_gap_is_lost(log):
+    x, y = np.arange(1.0, N + 1), spiked()
+    kept = extremes(x, y, log=log)
+    assert len(kept) < 4 * COLUMNS and np.all(np.diff(kept) > 0)
+    assert np.nanmax(y[kept]) == 50 and np.nanmin(y[kept]) == np.nanmin(y)
+    gap = np.flatnonzero(np.isnan(y))
+    assert set(kept) & set(gap) and kept[0] == 0 and kept[-1] == N - 1
+    # In each column of the screen what is kept reaches as far as all samples there.
+    place = np.log(x) if log else x
+    wide = (place[-1] - place[0]) / COLUMNS
+    column = np.minimum((place - place[0]) / wide, COLUMNS - 1).astype(int)
+    for one in np.unique(column)[::97]:
+        here = np.flatnonzero(column == one)
+        if np.isfinite(y[here]).any():
+            assert np.nanmax(y[here]) == np.nanmax(y[np.intersect1d(here, kept)])
+
+
+def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
+    speed = np.nan_to_num(spiked())
+    record = Record(time=1e-3 * np.arange(N), torque=np.sin(0.01 * np.arange(N)), speed=speed)
+    page = LogPage("a log", "flexaxis import a.csv", ("ok", "fine."), (), [log_chart(record)], ())
+    write_page(page, tmp_path / "log.html")
+    assert (tmp_path / "log.html").stat().st_size < 200_000
+    html = (tmp_path / "log.html").read_text(encoding="utf-8")
+    _, motion = charts_of(html)["the-log"]["panels"]
+    kind, _, count, low, step = motion["lines"][0]["y"]["array"]
+    assert kind == "i2" and low + step * 32_500 == pytest.approx(50, rel=1e-3)
+    assert count < 4 * COLUMNS and f"Of {N} samples" in text_of(html)
+
+
+def doubt(name, verdict):
+    return Doubt(name, 1.0, "", verdict, "text")
+
+
+def test_an_import_says_first_what_spoils_it():
+    bad, known, fine = doubt("units", "problem"), doubt("gaps", "note"), doubt("rate", "ok")
+    assert of_import([bad, known, fine]) == (
+        "problem",
+        "As it is, this log spoils estimates: units.",
+    )
+    kind, text = of_import([known, fine])
+    assert kind == "note" and text.endswith("to be known: gaps.")
+    assert of_import([fine]) == ("ok", "Nothing speaks against this log, in 1 looks at it.")
+
+
+def tracked(changes=(), doubts=()):
+    time = 0.005 * np.arange(4000)
+    theta = np.where(time < 8, 1.0, 1.5)[:, None]
+    return Tracked(
+        names=("f_m",), time=time, theta=theta, deviations=0.1 * theta, nominal=np.ones(1),
+        usable=time > 1, fit=97.0, residual=np.random.default_rng(0).normal(size=4000),
+        correlation=0.01, white=True, alarms=np.array([8.2]), changes=list(changes),
+        doubts=list(doubts), load=None,
+    )  # fmt: skip
+
+
+def test_a_tracked_log_says_first_what_changed():
+    changed = tracked([Change("f_m", 8.0, 0.5, 40.0)])
+    said = [("note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter)")]
+    told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
+    page = track_page(changed, 0.005, remarks=said, problems=[], **told)
+    assert page.finding == ("note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter).")
+    estimates = page.charts[0]
+    assert estimates.marks == [(8.0, "f_m +50.0 %"), (8.2, "alarm")]
+    assert estimates.windows[0] == ("at the change", 7.0, 13.0)
+    line, nominal = estimates.panels[0].lines
+    assert line.who == "ekf" and nominal.role == "bound"
+    np.testing.assert_allclose(line.high - line.y, 0.2 * line.y)  # ±2σ
+    quiet = track_page(tracked(), 0.005, remarks=[("ok", "no parameter changed")],
+                       problems=["clipping: much"], **told)  # fmt: skip
+    kind, text = quiet.finding
+    assert kind == "problem" and text.startswith("No parameter changed; last over nominal: f_m 1.5")
+    assert quiet.remarks[0] == ("problem", "the log: clipping: much")
+
+
+def test_a_sentence_keeps_its_symbol():
+    assert capital("f_c has grown") == "f_c has grown."
+    assert capital("no parameter changed.") == "No parameter changed."
