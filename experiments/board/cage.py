@@ -69,6 +69,11 @@ class Cage:
 
     def __enter__(self) -> Self:
         """Start the process, shut in if that is possible."""
+        if not hasattr(os, "fork"):
+            raise EntryError(
+                "an entry's code is run on Linux and macOS only, where a process can be split for "
+                "each case: verify it there; --form looks at its files"
+            )
         self._home = tempfile.mkdtemp(prefix="flexaxis-")
         self._start()
         return self

@@ -147,7 +147,8 @@ def _history(shown: Shown) -> Iterator[Chart]:
         yield Chart(
             title=f"{track}: versions",
             words="The versions of each name in their order, first to newest, with 95 % intervals: "
-            + MEASURES[table["measure"]] + ".",
+            + MEASURES[table["measure"]]
+            + ". Who cannot be made as noisy as the reference is drawn at its nearest setting.",
             x="version, in order",
             panels=[Panel(y=table["measure"], lines=lines, y_log=table["measure"] != "score")],
         )  # fmt: skip

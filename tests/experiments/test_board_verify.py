@@ -28,6 +28,7 @@ from flexaxis.experiments.running.engine import Means
 sys.path.insert(0, str(Path(__file__).parent))
 from boards import CHEATS, HONEST, WIDE, entered, known
 
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
 alone = pytest.mark.skipif(not _permitted(), reason="this system gives no process its own world")
 STEP = find_scenario("fm_step-v1")
 MEANS = Means(store=default_cache())
