@@ -30,10 +30,10 @@ from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.normal import summing
-from flexaxis.estimators.relocate.remainder import Remainder, remainder
+from flexaxis.estimators.relocate.remainder import Remainder, remaining
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.relocate.work import CALL, Work, of_sample
+from flexaxis.estimators.relocate.work import PAST, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -197,8 +197,8 @@ class Beginning:
         u, y, present = memory.signals(memory.first)
         x = memory.state_at(memory.first)
         signals = u[:-1].copy(), y, present
-        yield CALL + of_sample(self.terms, 1) * len(y)
-        return remainder(self.terms, whole.theta, x, signals, self.roles.known)
+        given = self.terms, whole.theta, x, signals, self.roles.known
+        return (yield from remaining(*given, grain=self.grain))
 
     def _reduced(
         self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
@@ -297,18 +297,18 @@ class Beginning:
 
         def evaluate(theta: Array) -> Work[Evaluated]:
             square, H, g = yield from summing(self.terms, theta, x, *signals, grain=self.grain)
-            yield 2 * CALL
+            yield PAST
             if not np.isfinite(square):
                 return Evaluated(theta, np.inf, np.zeros_like(H), np.zeros_like(g))
             off = (theta - prior.theta)[:known] / deviation
             H += np.diag(deviation[active] ** -2)
-            return Evaluated(theta, square + off @ off, H, g - (off / deviation)[active])
+            return Evaluated(theta, float(square + off @ off), H, g - (off / deviation)[active])
 
         seen = []
         for theta in starts:
             seen.append((yield from evaluate(theta)))
         descent = Descent(
-            min(seen, key=lambda tried: tried.square),
+            min(seen, key=_square),
             self.box,
             active,
             sizes=deviation[active],
@@ -318,3 +318,7 @@ class Beginning:
         while not descent.done:
             descent.take((yield from evaluate(descent.trial)))
         return descent.at
+
+
+def _square(tried: Evaluated) -> float:
+    return tried.square

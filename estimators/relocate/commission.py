@@ -5,12 +5,13 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.beginning import STARTED, Beginning, Prior
 from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.remainder import remaining
 from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.work import CALL, Work
 
 Array = NDArray[np.float64]
 
-PRIOR = 4 * CALL  # of a look at the motion
+PRIOR = 5 * CALL  # operations of a look at the motion
 
 
 class Commission:
@@ -40,6 +41,13 @@ class Commission:
         self._prior: Prior | None = None  # what was known before, once it is known
         self._fits: list[int] = []
         self.fixed_because: dict[str, str] = {}
+
+    def warm_up(self, memory: Memory) -> Work[None]:
+        """Let everything compile that a fit needs."""
+        if (beginning := self._beginning) is not None:
+            u, y, present = memory.signals(memory.first)
+            given = beginning.design.theta0, memory.state_at(memory.first), (u[:-1], y, present)
+            yield from remaining(beginning.terms, *given, 0, grain=beginning.grain)
 
     def expected(self, p: int) -> Array:
         """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""

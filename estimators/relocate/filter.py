@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.recursion.design import above_zero, make_design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -24,7 +25,7 @@ from flexaxis.estimators.relocate.judge import Judge
 from flexaxis.estimators.relocate.pace import Pace
 from flexaxis.estimators.relocate.parts import parts_of
 from flexaxis.estimators.relocate.suspects import widened
-from flexaxis.estimators.relocate.work import PIECES, finished, operations
+from flexaxis.estimators.relocate.work import PAST, PIECES, finished, operations, seconds
 
 Array = NDArray[np.float64]
 
@@ -153,6 +154,12 @@ class Relocate(RecursiveEstimator):
             gain=gain,
             grain=budget / PIECES,
         )
+        least = max(2 * PAST, parts.memory.longest)
+        if budget < least:
+            raise EstimatorError(
+                f"deadline = {deadline} s is too short: the longest piece of work that cannot be "
+                f"cut takes {seconds(least):.2g} s; give more, or none"
+            )
         self._judge = Judge(parts, self._design, self._roles, grain=budget / PIECES)
         self._pace = None if deadline is None else Pace(self._judge, budget, parts.sample)
         self._warm_up()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.normal import add, begun, finish
 from flexaxis.estimators.relocate.solving import moved, prior, product, put, solve
-from flexaxis.estimators.relocate.work import CALL, MOST, Work, of_sum, samples_of
+from flexaxis.estimators.relocate.work import CALL, MOST, Work, of_sum, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.sampled import Terms
 
@@ -163,7 +163,7 @@ def explaining(  # noqa: PLR0917
     """Do as `explain`, in pieces of so many operations."""
     cost = of_sum(terms, 1 + len(active))
     samples = samples_of(grain, cost)
-    yield 2 * CALL + cost * TRIAL
+    yield to_begin(terms, 1 + len(active))
     sums, course = begin(terms, past, active, spread, guess, theta)
     while not course.at[DONE]:
         yield CALL + cost * (samples + TRIAL)

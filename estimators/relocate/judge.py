@@ -97,6 +97,7 @@ class Judge:
         yield from self._apply(replace(case, ranking=ranking), past, Accept())
         if grain < np.inf:
             yield from self.lookout.warm_up(memory)
+            yield from self.commission.warm_up(memory)
 
     def attend(self, *, present: bool) -> Work[None]:
         """

@@ -66,7 +66,7 @@ class Memory:
         self.reset()
         for one in carried:  # what has to be compiled is compiled now, and not at the first alarm
             values = {name: row[name] for name in OF_ALL}
-            self._go_on(one, one.packed(values), row["theta"][0], 0)
+            self._go_on(one, one.packed(values)[0], row["theta"][0], 0)
             self.run(np.empty(0), np.empty(0), np.empty(0, bool), *np.empty((2, 0, 3)))
         self.reset()
 
@@ -83,7 +83,9 @@ class Memory:
         What comes before is what is remembered, from some first sample on.
         """
         carried = self._narrowest(values)
-        self._go_on(carried, carried.packed(values), values["theta"][-1], first)
+        packed = carried.packed(values)
+        self._go_on(carried, packed[-1], values["theta"][-1], first)
+        self._remember(packed[:-1], first)
 
     def _narrowest(self, values: Mapping[str, Array]) -> Carried:
         return narrowest(self._choices, values["theta"][-1], np.diag(values["P"][-1]) != 0)
@@ -98,11 +100,15 @@ class Memory:
             self._carried, self._states = carried, state
             self.drift = self._drift
         self._theta, rows = theta, slice(carried.samples, carried.size)
-        words_of(self._states)[0, rows] = packed[-1]
+        words_of(self._states)[0, rows] = packed
         if "force" in (self._states.dtype.names or ()):
             self._states["force"] = 0.0  # from where Newton's method starts
         self._ring.begin(first, carried, theta)
-        self._ring.words[self._places(first)[: len(packed) - 1], rows] = packed[:-1]
+
+    def _remember(self, packed: Array, first: int) -> None:
+        """Write what was known of all parameters from a sample on."""
+        places = self._places(first)[: len(packed)]
+        self._ring.words[places, self._carried.samples : self._carried.size] = packed
 
     @property
     def state(self) -> Present:
@@ -215,6 +221,11 @@ class Memory:
         tuning, state = self._tuning.copy(), self._states.copy()
         return Front(self._carried, tuning, state, self._theta, self._row.dtype)
 
+    @property
+    def longest(self) -> float:
+        """Operations of the longest piece of a `rewriting`, however small a grain is."""
+        return CALL + WORD * self._length * self._heard.itemsize / 2
+
     def state_at(self, sample: int) -> Array:
         """Return the state (n,) after a sample."""
         return self.stretch(sample, sample + 1).x[0]
@@ -274,15 +285,22 @@ class Memory:
             yield CALL + cost * min(samples, len(packed) - begin)
             part = slice(begin, begin + samples)
             packed[part] = carried.packed({name: of[part] for name, of in values.items()})
-        yield CALL + WORD * len(packed) * 4 * self._heard.itemsize / 8
+        yield CALL + WORD * len(packed) * self._heard.itemsize / 2
         rows = self._heard_again(row, replayed)
-        yield 2 * CALL + WORD * (self._length + len(packed)) * carried.size
+        yield from self._ring.widening(first, carried, grain=grain)
+        yield 2 * CALL
         for name in HANDED_ON:
             self._states[name] = rows[name][-1]
         self._states["turning"] = 1
-        self._go_on(carried, packed, values["theta"][-1], first)
-        places, samples = self._places(first), self._carried.samples
-        self._ring.words[places, :samples] = words_of(rows)[:, :samples]
+        self._go_on(carried, packed[-1], values["theta"][-1], first)
+        words, samples = words_of(rows), samples_of(grain, WORD * carried.size)
+        for begin in range(0, len(words), samples):
+            yield CALL + WORD * min(samples, len(words) - begin) * carried.size
+            places = self._places(first)[begin : begin + samples]
+            self._ring.words[places, : carried.samples] = words[
+                begin : begin + samples, : carried.samples
+            ]
+            self._remember(packed[:-1][begin : begin + samples], first + begin)
 
     def _heard_again(self, row: np.void, replayed: Replayed) -> Record:
         """Return what is known of each sample but for the parameters, with another residual."""

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, of_sum, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, of_sum, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
-
-START = 16  # samples that take as long as to begin
 
 
 class Sums(NamedTuple):
@@ -155,7 +153,7 @@ def summing(  # noqa: PLR0917
         yield np.inf
         given = x, u, y, present, epsilon, colour, variance, active
         return normal_equations(terms, theta, *given)  # type: ignore[no-any-return]
-    yield CALL + START * cost
+    yield to_begin(terms, 1 + len(active))
     sums = begun(terms, theta, active, x, epsilon, len(colour))
     for first in range(0, len(u), samples):
         yield CALL + cost * min(samples, len(u) - first)

@@ -109,7 +109,7 @@ class Pace:
         return CALL + taken * self._sample
 
     def _tell(self) -> None:
-        """Where nothing is missed any more, be the filter that has done its work, and tell of it."""
+        """Where nothing is missed any more, be the filter that waited, and tell its findings."""
         if not self._missed:
             now, told = self.judge.memory.count - 1, len(self.told)
             found = self.judge.found

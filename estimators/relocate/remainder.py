@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.colour import repetition
 from flexaxis.estimators.relocate.follow import follow
+from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import prepare
 from flexaxis.estimators.sampling.sampled import Terms
@@ -44,13 +45,15 @@ class Remainder(NamedTuple):
         return self.share < POOR[0] or self.repeated < POOR[1]
 
 
-def remainder(
+def remaining(
     terms: Terms,
     theta: Array,
     x: Array,
     signals: tuple[Array, Array, NDArray[np.bool_]],
     parameters: int,
-) -> Remainder:
+    *,
+    grain: float = np.inf,
+) -> Work[Remainder]:
     """
     Return what a model leaves of a stretch, with ρ the correlation of a residual with the next.
 
@@ -65,9 +68,18 @@ def remainder(
         As of `flexaxis.estimators.relocate.fit.Past`.
     parameters : int
         That were fitted.
+    grain : float
+        Operations of a piece of the work.
     """
-    left = _left(terms, theta, x, *signals)
-    y, present = signals[1:]
+    u, y, present = signals
+    cost = of_sample(terms, 1)
+    samples = samples_of(grain, cost)
+    yield to_begin(terms, 1)
+    prepared, X, left = _begun(terms, theta), np.r_[x, 0.0][None], np.zeros(len(u))
+    for first in range(0, len(u), samples):
+        last = min(first + samples, len(u))
+        yield CALL + cost * (last - first)
+        X = _left(prepared, X, *signals, left, first, last)
     square, whole = float(left @ left), float(y[present] @ y[present])
     free = max(int(present.sum()) - parameters, 1)
     correlation = float(left[1:] @ left[:-1]) / square if square > 0 else 0.0
@@ -75,18 +87,29 @@ def remainder(
     return Remainder(square / free, float(repetition.function(correlation)), share)
 
 
+def remainder(
+    terms: Terms,
+    theta: Array,
+    x: Array,
+    signals: tuple[Array, Array, NDArray[np.bool_]],
+    parameters: int,
+) -> Remainder:
+    """Do as `remaining`, at once."""
+    return finished(remaining(terms, theta, x, signals, parameters))
+
+
 @compiled
-def _left(terms, theta, x, u, y, present):  # noqa: PLR0917
-    """Return the residual (N,), zero in gaps."""
-    n = terms.n
-    prepared = prepare(terms, theta, np.zeros(0, np.int64))
-    X = np.zeros((1, n + 1))
-    for i in range(n):
-        X[0, i] = x[i]
-    moved, left = np.empty_like(X), np.zeros(len(u))
-    for k in range(len(u)):
+def _begun(terms, theta):
+    return prepare(terms, theta, np.zeros(0, np.int64))
+
+
+@compiled
+def _left(prepared, X, u, y, present, left, first, last):  # noqa: PLR0917
+    """Write the residual (N,), zero in gaps, of some samples; return the state (1, n+1) then."""
+    n, moved = X.shape[1] - 1, np.empty_like(X)
+    for k in range(first, last):
         follow(prepared, X, moved, u[k])
         X, moved = moved, X
         if present[k]:
             left[k] = y[k] - X[0, n]
-    return left
+    return X

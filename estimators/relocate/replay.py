@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, finished, of_sample, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
-
-START = 16  # samples that take as long as to begin
 
 
 class Now(NamedTuple):
@@ -145,9 +143,9 @@ def replaying(  # noqa: PLR0917
     u, y, present = signals
     N, (rows, columns) = len(u), X.shape
     p = rows - 1
-    cost = of_sample(terms, rows) + 6 * p * p
+    cost = of_sample(terms, rows) + 6 * p * p + 4 * p * columns
     samples = samples_of(grain, cost)
-    yield 2 * CALL + START * cost
+    yield to_begin(terms, rows)
     made = Replayed(
         np.empty((N, p)),
         np.empty((N, p, p)),
@@ -162,12 +160,13 @@ def replaying(  # noqa: PLR0917
     gained = np.zeros(P.shape) if drift is None else drift
     known = np.r_[y, 0.0], np.r_[present, False]
     for first in range(0, N, samples):
-        yield cost * min(samples, N - first)
-        _replay(now, theta, u, *known, fading, gained, made, first, min(first + samples, N))
-    yield 2 * CALL + 4 * N * p * columns
-    moved = np.clip(made.theta, *box) - made.theta
-    made.theta[:] += moved
-    made.X[:, 0] += np.einsum("kp,kpn->kn", moved, made.X[:, 1:])
+        last = min(first + samples, N)
+        yield 2 * CALL + cost * (last - first)
+        _replay(now, theta, u, *known, fading, gained, made, first, last)
+        some = slice(first, last)
+        moved = np.clip(made.theta[some], *box) - made.theta[some]
+        made.theta[some] += moved
+        made.X[some, 0] += np.einsum("kp,kpn->kn", moved, made.X[some, 1:])
     return made
 
 

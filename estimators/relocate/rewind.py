@@ -14,7 +14,7 @@ from flexaxis.estimators.relocate.opened import Opened
 from flexaxis.estimators.relocate.replay import replaying
 from flexaxis.estimators.relocate.search import Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.relocate.work import CALL, Work
+from flexaxis.estimators.relocate.work import CALL, PAST, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Rewind:
 
     def to_start(self, memory: Memory, first: int, found: Evaluated, expected: Array) -> Work[None]:
         """Go back to a sample, and begin anew there with parameters that a search has found."""
-        yield CALL
+        yield 2 * PAST
         row, n, mine = memory.beginning(first + 1), self.terms.n, np.arange(self.roles.tracked)
         X, P = np.zeros((1 + len(found.theta), n + 1)), np.zeros_like(row["P"])
         X[0, :n] = memory.state_at(first)
@@ -88,7 +88,7 @@ class Rewind:
 
     def to_fit(self, memory: Memory, prior: Prior, fitted: Fitted) -> Work[None]:
         """Go back as far as is remembered, and begin anew near parameters that explain it all."""
-        yield CALL
+        yield 2 * PAST
         (theta, active), first, n = fitted[:2], memory.first, self.terms.n
         X, P, before = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2), theta.copy()
         X[0, :n] = memory.state_at(first)
@@ -99,7 +99,7 @@ class Rewind:
 
     def to_told(self, memory: Memory, theta: Array, noise: float) -> Work[None]:
         """Go back as far as is remembered, and begin anew near what was told, all else fixed."""
-        yield CALL
+        yield 2 * PAST
         first, n, mine = memory.first, self.terms.n, np.arange(self.roles.given)
         X, P = np.zeros((1 + len(theta), n + 1)), np.zeros((len(theta),) * 2)
         P[mine, mine] = SPREAD**2 / noise

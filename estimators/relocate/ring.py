@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.carried import Carried
+from flexaxis.estimators.relocate.work import CALL, WORD, Work, finished, samples_of
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -43,15 +44,27 @@ class Ring:
 
     def begin(self, first: int, carried: Carried, theta: Array) -> None:
         """Forget what was carried from a sample on, and carry something else."""
-        eras = [*(era for era in self._eras if era.first < first), Era(first, carried, theta)]
-        # with what has been forgotten goes the room that it took
-        last = [era for era, later in pairwise(eras) if later.first > first - self.length]
-        self._eras = [*last, eras[-1]]
-        size = max(era.carried.size for era in self._eras)
-        if size != self.words.shape[1]:
-            words, common = np.zeros((self.length, size)), min(size, self.words.shape[1])
-            words[:, :common] = self.words[:, :common]
-            self.words = words
+        finished(self.widening(first, carried))
+        self._eras = [*self._before(first), Era(first, carried, theta)]
+
+    def widening(self, first: int, carried: Carried, *, grain: float = np.inf) -> Work[None]:
+        """Make room for something else from a sample on, in pieces of so many operations."""
+        size = max(one.size for one in (carried, *(era.carried for era in self._before(first))))
+        if size == self.words.shape[1]:
+            return
+        words, common = np.zeros((self.length, size)), min(size, self.words.shape[1])
+        samples = samples_of(grain, WORD * size)
+        for begin in range(0, self.length, samples):
+            yield CALL + WORD * size * min(samples, self.length - begin)
+            rows = slice(begin, begin + samples)
+            words[rows, :common] = self.words[rows, :common]
+        self.words = words
+
+    def _before(self, first: int) -> list[Era]:
+        """Return what was carried before a sample, but for what has been forgotten."""
+        eras = [era for era in self._eras if era.first < first]
+        ends = [*(era.first for era in eras), first][1:]
+        return [era for era, end in zip(eras, ends, strict=True) if end > first - self.length]
 
     def places(self, first: int, end: int) -> Places:
         """Return where the samples from first to end are."""

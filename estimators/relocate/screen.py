@@ -15,14 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.relocate.follow import follow
-from flexaxis.estimators.relocate.work import CALL, Work, of_sample, samples_of
+from flexaxis.estimators.relocate.work import CALL, Work, of_sample, samples_of, to_begin
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
-
-START = 16  # samples that take as long as to begin
 
 
 class Ahead(NamedTuple):
@@ -115,7 +113,7 @@ def screening(  # noqa: PLR0917
     N, p, n = len(u), len(active), len(x)
     cost = of_sample(terms, 1 + p + n)
     samples = samples_of(grain, cost)
-    yield CALL + START * cost + N * n * (p + n)
+    yield to_begin(terms, 1 + p + n) + N * n * (p + n)
     ahead = _start(terms, theta, active, x, N)
     for first in range(0, N, samples):
         yield CALL + cost * min(samples, N - first)

@@ -22,9 +22,11 @@ CALL = 2e4  # operations, as many as small arrays and a call of compiled code ta
 WORD = 0.25  # operations, as many as to move a number of eight bytes takes
 PAST = 5 * CALL  # operations, as many as reading the past of an alarm takes
 STEP = 2 * CALL  # operations, as many as a step without work takes
-LOOP = 4.0  # operations of the filter's loop over those of the model alone
+LOOP = 2.0  # operations of the filter's loop over those of the model alone
+PREPARE = 40.0  # operations of an element of a matrix and of its derivatives, to sample it
 WHITE = 50.0  # operations, as many as to whiten one signal takes, and to sum it up
-LAW = 40.0  # operations of a law in a part of a sample, and of each of its derivatives
+LAW = 20.0  # operations of a law in a part of a sample, for each row of the states, …
+SOLVED = 15  # … and of as many rows more, as it has to be solved
 
 
 def finished(work: Work[T]) -> T:
@@ -46,9 +48,20 @@ def operations(deadline: float) -> float:
     return above_zero("deadline", deadline, "seconds, such as 0.001") * PER_SECOND - STEP
 
 
+def seconds(pieces: float) -> float:
+    """Return the shortest deadline [s] of a step that does work of so many operations."""
+    return (pieces + STEP) / PER_SECOND
+
+
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
-    return terms.steps * (2 * rows * (terms.n + 1) ** 2 + LAW * len(terms.kind) * rows)
+    laws = LAW * len(terms.kind) * (SOLVED + rows)
+    return terms.steps * ((2 + rows) * (terms.n + 1) ** 2 + laws)
+
+
+def to_begin(terms: Terms, rows: int) -> float:
+    """Return the operations of preparing a model with so many rows."""
+    return 2 * CALL + PREPARE * rows * (terms.n + 1) ** 2
 
 
 def of_sum(terms: Terms, rows: int) -> float:

@@ -53,6 +53,11 @@ class About:
     install: str
     tuned_on: str
 
+    @property
+    def label(self) -> str:
+        """Name and version."""
+        return f"{self.name} {self.version}"
+
 
 def about_from(
     file: Path | None,

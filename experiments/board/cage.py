@@ -130,7 +130,7 @@ class Cage:
 
     def _started(self, words: Sequence[str], *, cwd: str, home: str) -> subprocess.Popen[bytes]:
         kept = cache_folder()
-        shut_in = home == "/tmp"
+        self._shut_in = shut_in = home == "/tmp"
         environment = {
             "PATH": PATH,
             "LANG": "C.UTF-8",
@@ -150,6 +150,10 @@ class Cage:
             with suppress(OSError):
                 if stream is not None:
                     stream.close()
+        with suppress(subprocess.TimeoutExpired):  # a case has a group of its own, to be ended too
+            if not self._shut_in:  # a world of its own ends as a whole
+                self._process.terminate()
+                self._process.wait(5)
         with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()

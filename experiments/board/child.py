@@ -123,6 +123,7 @@ def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
     sys.stdout.flush()
     child = os.fork()
     if not child:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         os.setsid()
         os.environ["HOME"] = os.environ["TMPDIR"] = tempfile.tempdir = home
         _compiled_before(Path(home))
@@ -133,10 +134,20 @@ def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
                 wire.send({"error": f"{type(error).__name__}: {error}"[:2000]})
         finally:
             os._exit(ENDED)
+    signal.signal(signal.SIGTERM, lambda number, frame: _stop(child, home))
     _, status = os.waitpid(child, 0)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _clean(child, home)
     if os.waitstatus_to_exitcode(status) != ENDED:  # else it has said what went wrong, if it did
         wire.send({"error": "the code has ended its process"})
+
+
+def _stop(child: int, home: str) -> None:
+    """End a case that does not end, and this process."""
+    _clean(child, home)
+    with suppress(OSError):
+        os.waitpid(child, 0)
+    os._exit(0)
 
 
 def _compiled_before(home: Path) -> None:

@@ -66,7 +66,7 @@ class Entry:
     @property
     def label(self) -> str:
         """Name and version."""
-        return f"{self.about.name} {self.about.version}"
+        return self.about.label
 
     @property
     def run(self) -> Path:

@@ -28,6 +28,7 @@ from flexaxis.experiments.running.files import dumps, make_folder, write_json, w
 from flexaxis.experiments.running.names import COLUMNS, LOCK, SCORES
 from flexaxis.experiments.running.rows import read as read_rows
 from flexaxis.experiments.running.work import made_with
+from flexaxis.experiments.scoring.ranking import CONTROLS
 from flexaxis.experiments.studies.sweep import FACTORS, reference, settings, sweep
 
 
@@ -54,11 +55,8 @@ def submit(
     about : About
     board : Board
     means : Means, optional
-        With what cases are run.
-    quick : bool
-        Whether the board is one for trying.
-    resume : bool
-        Whether to go on with what was run before.
+    quick, resume : bool
+        Whether the board is one for trying; whether to go on with what was run before.
     command : str
         The line that was typed.
     say : callable, optional
@@ -71,18 +69,17 @@ def submit(
     EstimatorError, StudyError
         If the estimator cannot be made, or fails on a record.
     """
-    _check_folder(folder, resume)
+    _check_may(estimator, folder, resume)
     make_folder(folder)
     text = bring(estimator, folder)
     with chdir(folder):
         scenarios, left_out = readable(board.scenarios, [text])
         for name, reason in left_out.items():
-            say(f"{name} is left out, and counts as lost: {reason}")
+            say(f"{name} is left out, and counts as doing nothing: {reason}")
         mine = Board(board.name, tuple(scenarios), board.seeds)
         turned = _run(text, mine, means or Means(), resume=resume)
         code = digest(text)
-    rows = _masked(folder / RUN / SCORES)
-    found = own_of(rows, f"{about.name} {about.version}", text, turned, mine)
+    found = own_of(_masked(folder / RUN / SCORES), about.label, text, turned, mine)
     write_json(folder / SUMMARY, asdict(found))
     _tidy(folder)
     content: dict[str, Any] = {
@@ -107,7 +104,12 @@ def _tidy(folder: Path) -> None:
         shutil.rmtree(path)
 
 
-def _check_folder(folder: Path, resume: bool) -> None:
+def _check_may(estimator: str, folder: Path, resume: bool) -> None:
+    if estimator.partition("[")[0].strip() in CONTROLS:
+        raise EntryError(
+            f"{estimator} is a control: it knows more than an estimator may, or does nothing, and "
+            "enters no board"
+        )
     if is_entry(folder):
         raise EntryError(
             f"{folder} holds a finished entry: choose another folder with -o, or remove it"

@@ -166,7 +166,7 @@ def test_figure(flexaxis):
     scenario(flexaxis, "drawn", STEP)
     page, _ = ran(flexaxis, "drawn.toml")
     _, title, after = page.partition("<h2>Lag by lag</h2>")
-    assert title and after.lstrip().startswith("<svg")
+    assert title and after.lstrip().startswith('<figure class="chart" id="lag-by-lag"')
     assert "The lags of 1 runs, one by one." in after
 
 
@@ -190,7 +190,7 @@ FORGOTTEN = {
     "sensor": "OffsetConfig (flexaxis.sim.sensors) can be used by nobody: give Scenario a key",
     "nonlinearity": "ReturnConfig (flexaxis.sim.nonlinear) can be used by nobody: give Scenario",
     "scenario": 'fm_triple-v1: not frozen yet; when it is as it should be, add the line "fm_triple',
-    "figure": "lag_by_lag is on no page: name it in FIGURES at the end of run_page.py",
+    "figure": "lag_by_lag is on no page: name it in CHARTS at the end of run_page.py",
 }
 TELLING = (
     "tests/sim/test_tables.py",

@@ -1,11 +1,14 @@
 """The joint extended Kalman filter against a textbook one, written out with matrix exponentials."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import EstimatorError, three_mass
 from flexaxis.estimators.methods.ekf import joint_ekf
+from flexaxis.estimators.models.axes import LIMIT, with_angle
 
 NAMES = ("k_T", "1/J_a", "f_m")
 T = 0.005
@@ -100,6 +103,22 @@ def test_a_gap_lets_the_covariance_grow(nominal, loop):
     np.testing.assert_array_equal(ekf.theta, theta)
     growth = (ekf.covariance - before).diagonal() / (2e-4 * np.array([1.0, 1.25, 0.05])) ** 2
     np.testing.assert_allclose(growth, 100, rtol=1e-6)
+
+
+@pytest.mark.slow  # a loop with laws is compiled for it
+def test_a_law_that_does_nothing_changes_nothing(nominal, loop):
+    """With a limit of the torque far away the states of the filter end before those of its law."""
+    linear = with_angle(three_mass(nominal))
+    limited = replace(with_angle(three_mass(nominal | {"torque_limit": 1e3})), laws=(LIMIT,))
+    options = {"P0": (0.2, 0.2, 0.01), "drift": (4e-8, 6e-8, 1e-10), "period": T, "noise": 0.1}
+    one, other = (
+        joint_ekf(model, identify=("k_T", "1/J_a", "f_m"), **options).run(
+            loop.u[:400], loop.y[:400]
+        )
+        for model in (linear, limited)
+    )
+    assert abs(one[-1] / one[0] - 1).min() > 1e-3
+    np.testing.assert_allclose(other, one, rtol=1e-7)  # the series of a part is good to 1e-9
 
 
 def test_the_covariance_stays_positive_definite(nominal, loop):

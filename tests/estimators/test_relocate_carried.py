@@ -43,10 +43,12 @@ def test_a_suspect_is_carried_only_while_it_is_estimated(nominal, simulated):
     assert [finding.parameters for finding in filter_.findings] == [("k_g",)]
     # what was remembered of eleven is forgotten, and its room given back at the next change
     memory = filter_._judge.memory
-    memory._go_on(memory._carried, {name: memory._now(name)[None] for name in ROW}, memory.count)
+    now = memory._carried.packed({name: memory.state[name][None] for name in ROW})
+    memory._go_on(memory._carried, now[0], memory.state["theta"], memory.count)
     assert memory._ring.words.shape[1] > row
     filter_.run(run.u[:1100], np.zeros(1100), np.zeros(1100, bool))
-    memory._go_on(memory._carried, {name: memory._now(name)[None] for name in ROW}, memory.count)
+    now = memory._carried.packed({name: memory.state[name][None] for name in ROW})
+    memory._go_on(memory._carried, now[0], memory.state["theta"], memory.count)
     assert memory._ring.words.shape[1] == row < 100
 
 

@@ -105,6 +105,12 @@ def test_what_is_there_is_not_written_over(entry):
         entered(entry.folder, "rpem-forgetting")
 
 
+@pytest.mark.parametrize("control", ["oracle-reset", "frozen"])
+def test_controls_enter_no_board(control, tmp_path):
+    with pytest.raises(EntryError, match="is a control"):
+        entered(tmp_path / "entry", control)
+
+
 def test_a_whole_entry_holds(entry):
     found, verdict = of_form(entry.folder, SMALL)
     assert verdict.holds and not verdict.ran and len(verdict.checks) == 4
@@ -255,11 +261,14 @@ def row(label, scenario, score, how="matched", bound=0.1):
 def test_who_is_ahead_on_each_track():
     from flexaxis.experiments.catalogue.find import find_scenario
 
-    names = ("fm_step-v1", "power_fm_step-v1", "load-v1")
+    names = ("fm_step-v1", "power_fm_step-v1", "load-v1", "directional_fm_step-v1")
     small = replace(SMALL, scenarios=tuple(map(find_scenario, names)), seeds=tuple(range(8)))
     entries = {
         label: Own(
-            [row(label, names[0], score), row(label, names[1], score, bound=None)],
+            [
+                row(label, names[0], score),
+                *(row(label, name, score, bound=None) for name in names[1::2]),
+            ],
             [{"scenario": names[2], "excess": 1.0, "false_alarms_per_1000_s": None, "lost": 0,
               "values": {"excess": [-score] * 8}}],
             0, 24,
@@ -267,11 +276,14 @@ def test_who_is_ahead_on_each_track():
         for label, score in (("good 1", 90.0), ("same 1", 90.0), ("slow 1", 40.0))
     }  # fmt: skip
     entries["none 1"] = Own([], [], 0, 0)
+    # fast where it runs: where it does not, it counts as doing nothing
+    entries["half 1"] = Own([row("half 1", names[1], 150.0, bound=None)], [], 0, 0)
     found = standings(entries, small)
     for track in ("nominal", "unknown structure", "nuisance"):
         places = found[track]["places"]
         assert {p["label"] for p in places if p["leads"]} == {"good 1", "same 1"}, track
-        assert [p["label"] for p in places][2:] == ["slow 1", "none 1"], track
+        rest = ["slow 1", *(["half 1", "none 1"] if track[0] == "u" else ["none 1", "half 1"])]
+        assert [p["label"] for p in places][2:] == rest, track
     assert found["nominal"]["places"][0]["over_bound"] == pytest.approx(10)
 
 

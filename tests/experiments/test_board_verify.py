@@ -58,7 +58,7 @@ class Spy:
         )
 class Slow:
     names, output = ("f_m",), "speed"
-    def __init__(self, nominal, period): pass
+    def __init__(self, nominal, period): self.pid = os.getpid()
     def step(self, u, y):
         while True: pass
 class Loud(Slow):
@@ -66,6 +66,8 @@ class Loud(Slow):
         print("x" * 100000); raise ValueError("it hurts")
 class Wide(Slow):
     def step(self, u, y): return list(range(1000))
+class Who(Slow):
+    def step(self, u, y): return self.pid if u < 1 else super().step(u, y)
 class Gone(Slow):
     def step(self, u, y): os._exit(0)
 """
@@ -131,6 +133,16 @@ def test_what_code_does_wrong_is_told_and_the_next_case_is_another(folder):
                 estimator.step(0.0, 0.0)
 
 
+def test_code_that_does_not_end_is_ended(folder):
+    with Cage(folder, patience=3.0, plain=True) as cage, pytest.raises(EntryError):  # noqa: SIM117
+        with cage.case("code/spy.py:Who", STEP) as estimator:
+            pid = int(estimator.step(0.0, 0.0)[0])
+            os.kill(pid, 0)  # it is there
+            estimator.step(2.0, 0.0)
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
 def test_an_estimator_is_told_nothing_of_what_will_happen():
     words = json.dumps(told(STEP))
     assert "fm_step" not in words and told(STEP)["fault"] == []
@@ -144,7 +156,7 @@ def test_what_comes_back_is_read_with_care():
                     b"J" + (3).to_bytes(8, "little") + b"{,}",
                     b"N" + (1 << 40).to_bytes(8, "little"), b"P" + bytes(8)):  # fmt: skip
         os.write(other, content)
-        with pytest.raises(EntryError, match="no answer"):
+        with pytest.raises(EntryError, match="sent something that is no answer"):
             wire.receive()
     wire.send(np.arange(3.0))
     assert wire.receive().tolist() == [0, 1, 2]

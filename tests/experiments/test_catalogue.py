@@ -194,7 +194,8 @@ def test_the_pause():
 
 
 def test_suites():
-    assert suite_names() == ["board-v1", "faults", "gate", "mismatch", "nuisance", "smoke", "standard"]
+    names = ["board-v1", "faults", "gate", "mismatch", "nuisance", "smoke", "standard"]
+    assert suite_names() == names
     standard = find_suite("standard")
     assert set(standard.scenarios) == set(FROZEN)
     assert set(standard.estimators) == set(REGISTRY) - {"literal-rpem"}

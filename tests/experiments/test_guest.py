@@ -292,10 +292,10 @@ def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
 
 
 def test_who_is_in_no_row_at_equal_noise_is_named():
-    from flexaxis.experiments.reporting.run_page import _not_compared
+    from flexaxis.experiments.reporting.run_first import not_compared
 
     swept = {"matched": [{"estimator": "ekf"}], "left_out": ["mine.py:Breaks"]}
-    told = _not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
+    told = not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])
     assert len(told) == 2 and "mine.py:Blind" in told[0] and "mine.py:Breaks" in told[1]
     assert not any("ekf" in text or "frozen" in text for text in told)
 

@@ -65,6 +65,7 @@ def test_any_nine_look_different_and_the_leading_ones_as_always():
     assert len({look.place for look in found.values()}) == 9
     assert [found[name] for name in page[:3]] == list(looks.NINE[:3])
     assert found == looks.assigned(reversed(page))
+    assert looks.assigned(["frozen", "ukf"])["frozen"] == looks.NINE[-1]
 
 
 def test_all_that_are_registered_look_different():

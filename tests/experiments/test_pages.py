@@ -75,7 +75,7 @@ def test_every_figure_is_on_its_page(module, kind, known):
     ]
     assert made
     for name in made:
-        place = f"{known} at the end of {Path(module.__file__).name}"
+        place = f"name it in {known} at the end of {Path(module.__file__).name}"
         assert getattr(module, name) in getattr(module, known), f"{name} is on no page: {place}"
 
 

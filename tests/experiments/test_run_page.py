@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting import run_charts, run_first, run_page
+from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
@@ -76,6 +76,19 @@ def test_cells_say_what_was_pooled(html, folder):
     still = rows[-1]
     assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0", "0")
     assert still["t10 [s]"][1] == "never"
+
+
+def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
+    known = run_tables.known_columns()
+    row = {
+        "changed": True, "std": 3e-14, "std_interval": [1e-14, 5e-14], "bias": -2e-13,
+        "lag": 5.0, "lag_interval": [5.0, 5.0], "t10": None, "t10_interval": [None, None],
+    }  # fmt: skip
+    cells = {name: known[name].of(row) for name in ("std", "bias", "lag", "t10")}
+    assert [(c.text, c.within) for c in cells.values()] == [
+        ("0", ""), ("0", ""), ("5", ""), ("never", ""),
+    ]  # fmt: skip
+    assert known["std"].of({"std": 1e-3, "std_interval": [9e-4, 2e-3]}).within == "0.0009 … 0.002"
 
 
 def test_at_the_fault_every_sample_is_drawn(data, short):
@@ -155,7 +168,7 @@ def _hash(folder):
 def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypatch):
     (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    words = shlex.split(data["picks"]["short/relocate/1003"]["command"])
+    words = shlex.split(data["picks"]["short/rpem-forgetting/1003"]["command"])
     assert words[:3] == ["flexaxis", "run", "short.toml"]
     assert main(words[1:]) == 0
 
@@ -164,7 +177,7 @@ def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypat
         return [
             {key: value for key, value in row.items() if key != "cost"}
             for row in found
-            if (row["seed"], row["estimator"]) == (1003, "relocate")
+            if (row["seed"], row["estimator"]) == (1003, "rpem-forgetting")
         ]
 
     again = rows(tmp_path / words[words.index("-o") + 1])

@@ -1,0 +1,159 @@
+"""Work after an alarm that is spread over samples: never too much in one, and the same findings."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import three_mass
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.offline.priors import known_P
+from flexaxis.estimators.relocate.filter import Relocate
+from flexaxis.estimators.relocate.past import Normal, past_of
+from flexaxis.estimators.relocate.rows import Stretch
+from flexaxis.estimators.relocate.work import finished
+
+NAMES = ("k_T", "1/J_a", "f_m")
+SUSPECTS = ("J_m", "J_g", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")
+T = 0.005
+P0 = known_P(NAMES, forgetting=0.995)
+ONSET = 600
+
+
+@pytest.fixture(scope="module")
+def make(nominal):
+    made = {
+        deadline: Relocate(
+            three_mass(nominal), suspects=SUSPECTS, P0=P0, period=T, deadline=deadline
+        )
+        for deadline in (None, 0.2 * T)
+    }
+
+    def of(deadline=0.2 * T):
+        made[deadline].reset()
+        return made[deadline]
+
+    return of
+
+
+@pytest.fixture(scope="module")
+def faulty(nominal, simulated):
+    return simulated(5.0, seed=3, faults={ONSET * T: nominal | {"f_m": 1.5 * nominal["f_m"]}})
+
+
+def stepped(estimator, u, y, each=lambda: None):
+    theta = []
+    for one, other in zip(u, y, strict=True):
+        theta.append(estimator.step(one, other))
+        each()
+    return np.array(theta)
+
+
+def busy(estimator, run):
+    """Take samples until there is work left over."""
+    k = 0
+    while estimator._pace.front is None:
+        estimator.step(run.u[k], run.y[k])
+        k += 1
+    return k
+
+
+def test_no_step_does_more_than_its_budget_and_the_finding_is_the_same(make, faulty):
+    at_once, spread, spent = make(None), make(), []
+    whole = at_once.run(faulty.u, faulty.y)
+    theta = stepped(
+        spread, faulty.u, faulty.y, lambda: spent.append(spread._pace.spent / spread._pace._budget)
+    )
+    assert 0.5 < max(spent) <= 1.0
+    (early,), (late,) = at_once.findings, spread.findings
+    assert late.parameters == early.parameters == ("f_m",)
+    assert late.ratio == pytest.approx(early.ratio, rel=0.01)
+    assert early.alarm <= late.alarm <= early.alarm + 30  # three looks, of ten samples each
+    # before the alarm nothing differs, and in the end what is told is the same
+    np.testing.assert_array_equal(theta[:ONSET], whole[:ONSET])
+    np.testing.assert_allclose(theta[-1], whole[-1], rtol=1e-3)
+
+
+def test_an_alarm_is_said_when_it_is_told(make, faulty):
+    spread, alarms = make(), []
+    stepped(spread, faulty.u, faulty.y, lambda: alarms.append(spread.alarm))
+    assert np.flatnonzero(alarms).tolist() == [spread.findings[0].alarm]
+
+
+def test_steps_blocks_and_the_whole_agree(make, faulty):
+    spread = make()
+    whole, found = spread.run(faulty.u, faulty.y), spread.findings
+    spread.reset()
+    cut = ONSET + 8  # in the middle of the work
+    parts = [
+        spread.run(faulty.u[:cut], faulty.y[:cut]),
+        stepped(spread, faulty.u[cut:], faulty.y[cut:]),
+    ]
+    np.testing.assert_array_equal(np.vstack(parts), whole)
+    assert spread.findings == found
+
+
+@pytest.mark.parametrize(
+    "copied", [lambda e: e.copy(), copy.deepcopy, lambda e: pickle.loads(pickle.dumps(e))]
+)
+def test_a_copy_in_the_midst_of_work_disturbs_nothing_and_goes_on_alike(make, faulty, copied):
+    spread = make()
+    k = busy(spread, faulty)
+    whole = spread.run(faulty.u[k:], faulty.y[k:])
+    found = spread.findings
+    spread.reset()
+    assert busy(spread, faulty) == k
+    other = copied(spread)
+    for estimator in (spread, other):
+        assert estimator.findings == ()
+        theta = estimator.run(faulty.u[k:], faulty.y[k:])
+        np.testing.assert_array_equal(theta, whole)
+        assert estimator.findings == found
+
+
+def test_a_reset_throws_the_work_away(make, faulty):
+    spread = make()
+    whole = spread.run(faulty.u, faulty.y)
+    spread.reset()
+    busy(spread, faulty)
+    spread.reset()
+    np.testing.assert_array_equal(spread.run(faulty.u, faulty.y), whole)
+
+
+def test_gaps_and_hostile_samples_in_the_midst_of_work_keep_the_budget(make, faulty):
+    spread = make()
+    k = busy(spread, faulty)
+    rng = np.random.default_rng(0)
+    for y in [*[None] * 20, *1e6 * rng.standard_normal(300), *faulty.y[k:]]:
+        theta = spread.step(float(rng.standard_normal()), y)
+        assert spread._pace.spent <= spread._pace._budget
+        assert np.isfinite(theta).all()
+
+
+def test_what_is_copied_of_a_judgement_is_all_that_is_left_of_it(make, faulty):
+    spread = make()
+    busy(spread, faulty)
+    left = list(copy.deepcopy(spread)._pace._work)
+    assert left == list(spread._pace._work) and 0 < max(left) <= spread._pace._budget
+
+
+def test_pieces_are_bit_for_bit_the_whole(make, faulty):
+    whole = make(None)
+    whole.run(faulty.u[: ONSET + 4], faulty.y[: ONSET + 4])
+    memory, rank = whole._judge.memory, whole._judge.hypotheses.ranking
+    known, normal = memory.stretch(ONSET - 100), Normal(0.01, np.r_[0.1, 0.0, 0.0, 0.0, 0.99])
+    past = past_of(Stretch(known.first, known.rows[:100]), memory, normal)
+    first, *others = [finished(rank(past, 0.01, None, grain=g)) for g in (np.inf, 1e9, 1e5, 1.0)]
+    for other in others:
+        for a, b in zip(first.explanations, other.explanations, strict=True):
+            assert a.odds == b.odds and (a.change is None) == (b.change is None)
+            if a.change is not None and b.change is not None:
+                assert a.change[:1] + a.change[2:] == b.change[:1] + b.change[2:]
+                np.testing.assert_array_equal(a.change.theta, b.change.theta)
+
+
+@pytest.mark.parametrize("deadline", [0.0, -1.0, np.nan, 1e-6])
+def test_a_deadline_too_short_for_any_work_is_refused(nominal, deadline):
+    with pytest.raises(EstimatorError, match="deadline"):
+        Relocate(three_mass(nominal), P0=P0, period=T, deadline=deadline)
