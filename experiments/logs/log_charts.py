@@ -11,7 +11,7 @@ from scipy.signal import welch
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
-from flexaxis.experiments.logs.doubts.sketch import LOG, line, points
+from flexaxis.experiments.logs.doubts.sketch import LOG, line, panel, points
 from flexaxis.experiments.logs.friction import linear_part
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.validate import Validation, liveliest
@@ -33,8 +33,8 @@ def log_chart(record: Record) -> Chart:
         words=f"Shaded: missing, or before the end of the burn-in.{thinned(record.time)}",
         x="time [s]",
         panels=[
-            Panel(y="torque [as logged]", lines=[line(record.time, record.torque)]),
-            Panel(y="speed [rad/s]", lines=[line(record.time, motion)]),
+            panel("torque [as logged]", line(record.time, record.torque)),
+            panel("speed [rad/s]", line(record.time, motion)),
         ],
         spans=gaps(record.time, usable(record)),
     )
@@ -59,7 +59,7 @@ def spectrum_chart(record: Record) -> Chart:
         title="What the torque excites",
         words="Amplitude spectral density of the torque, over segments of 4 s.",
         x="frequency [Hz]",
-        panels=[Panel(y="torque [as logged, per √Hz]", lines=[density], y_log=True)],
+        panels=[panel("torque [as logged, per √Hz]", density, y_log=True)],
         x_log=True,
     )
 
@@ -107,9 +107,9 @@ def bode_chart(found: Identification, period: float) -> Chart:
         words=_of_response(bool(found.axis.model.laws)),
         x="frequency [Hz]",
         panels=[
-            Panel(
-                y="|torque to speed| [rad/s per unit]",
-                lines=[_response(name, f, np.abs(g)) for name, (f, g) in shown.items()],
+            panel(
+                "|torque to speed| [rad/s per unit]",
+                *(_response(name, f, np.abs(g)) for name, (f, g) in shown.items()),
                 y_log=True,
             ),
             Panel(
@@ -154,13 +154,12 @@ def validation_chart(found: Validation) -> Chart:
         "torque alone, the prediction the motion up to the sample before as well.",
         x="time [s]",
         panels=[
-            Panel(
-                y="speed [rad/s]",
-                lines=[log, *(line(time, values, who) for who, values in sides.items())],
+            panel(
+                "speed [rad/s]", log, *(line(time, values, who) for who, values in sides.items())
             ),
-            Panel(
-                y="error [rad/s]",
-                lines=[line(time, measured - values, who) for who, values in sides.items()],
+            panel(
+                "error [rad/s]",
+                *(line(time, measured - values, who) for who, values in sides.items()),
             ),
         ],
     )

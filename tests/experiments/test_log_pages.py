@@ -57,6 +57,7 @@ def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
     _, motion = charts_of(html)["the-log"]["panels"]
     kind, _, count, low, step = motion["lines"][0]["y"]["array"]
     assert kind == "i2" and low + step * 32_500 == pytest.approx(50, rel=1e-3)
+    assert motion["y_range"][1] > 50  # nor does the axis cut it off
     assert count < 4 * COLUMNS and f"Of {N} samples" in text_of(html)
 
 

@@ -11,6 +11,7 @@ from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.thinning import extremes
 
 LOG = "log"  # what a line of the log is called, on every page of one
+ROOM = 0.05  # above and below what is drawn
 
 
 def sketch(x: str, y: str, *lines: Line, y_log: bool = False, **more: Any) -> Chart:
@@ -25,7 +26,21 @@ def sketch(x: str, y: str, *lines: Line, y_log: bool = False, **more: Any) -> Ch
     **more
         Of the `Chart`: its marks, and whether x is logarithmic.
     """
-    return Chart(title="", words="", x=x, panels=[Panel(y=y, lines=lines, y_log=y_log)], **more)
+    return Chart(title="", words="", x=x, panels=[panel(y, *lines, y_log=y_log)], **more)
+
+
+def panel(y: str, *lines: Line, y_log: bool = False) -> Panel:
+    """Return a panel that shows all there is: what sticks out of a log is what one looks for."""
+    sides = [s for each in lines for s in (each.y, each.low, each.high) if s is not None]
+    values = np.concatenate([np.zeros(0), *sides])
+    values = values[np.isfinite(values) & ((values > 0) | (not y_log))]
+    if not values.size or values.min() == values.max():
+        return Panel(y=y, lines=lines, y_log=y_log)
+    low, high = float(values.min()), float(values.max())
+    if y_log:
+        return Panel(y=y, lines=lines, y_log=True, y_range=(low / 1.1, high * 1.1))
+    room = ROOM * (high - low)
+    return Panel(y=y, lines=lines, y_range=(low - room, high + room))
 
 
 def line(x: ArrayLike, y: ArrayLike, who: str = LOG, *, log: bool = False, **more: Any) -> Line:
