@@ -25,8 +25,7 @@ STEP = 2 * CALL  # operations, as many as a step without work takes
 LOOP = 2.0  # operations of the filter's loop over those of the model alone
 PREPARE = 40.0  # operations of an element of a matrix and of its derivatives, to sample it
 WHITE = 50.0  # operations, as many as to whiten one signal takes, and to sum it up
-LAW = 20.0  # operations of a law in a part of a sample, for each row of the states, …
-SOLVED = 15  # … and of as many rows more, as it has to be solved
+LAW = 250.0  # operations of solving for a law in a part of a sample
 
 
 def finished(work: Work[T]) -> T:
@@ -55,8 +54,7 @@ def seconds(pieces: float) -> float:
 
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
-    laws = LAW * len(terms.kind) * (SOLVED + rows)
-    return terms.steps * ((2 + rows) * (terms.n + 1) ** 2 + laws)
+    return terms.steps * ((2 + rows) * (terms.n + 1) ** 2 + LAW * len(terms.kind))
 
 
 def to_begin(terms: Terms, rows: int) -> float:
