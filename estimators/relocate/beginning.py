@@ -8,7 +8,6 @@ until they say more than that.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +29,7 @@ from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.memory import Memory, Present
 from flexaxis.estimators.relocate.needed import Posterior, Question, needed
 from flexaxis.estimators.relocate.normal import summing
+from flexaxis.estimators.relocate.prior import Fitted, Prior, output_gain
 from flexaxis.estimators.relocate.remainder import Remainder, remaining
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
@@ -46,44 +46,6 @@ CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 WARMING = 3.0
 """How much faster than inertias frictions walk with it, for what they are expected to be."""
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
-
-
-class Prior(NamedTuple):
-    """θ (p,) before the first sample, standard deviations of the (known,) first, noise variance."""
-
-    theta: Array
-    deviation: Array
-    noise: float
-
-
-class Fitted(NamedTuple):
-    """
-    Parameters that explain the data.
-
-    Attributes
-    ----------
-    theta : (p,) array
-    active : (q,) int array
-        Those that are learnt; the others are as they were told.
-    noise : float
-        Its variance.
-    because : dict of str to str
-        Why the others are not learnt.
-    """
-
-    theta: Array
-    active: NDArray[np.int64]
-    noise: float
-    because: dict[str, str]
-
-
-def output_gain(design: Design) -> float:
-    """Return y over the motor speed, one unless y has another unit."""
-    A, _, C = design.model.matrices(design.theta0)
-    gain = float(np.abs(C).sum())
-    if design.output == "increment":  # its state integrates the speed over a sample
-        gain *= design.period * float(np.abs(A[design.model.reset[-1]]).sum())
-    return gain
 
 
 @dataclass(frozen=True)

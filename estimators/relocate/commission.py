@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import STARTED, Beginning, Prior
+from flexaxis.estimators.relocate.beginning import STARTED, Beginning
 from flexaxis.estimators.relocate.memory import Memory
+from flexaxis.estimators.relocate.prior import Prior
 from flexaxis.estimators.relocate.remainder import remaining
 from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.work import CALL, Work

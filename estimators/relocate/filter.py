@@ -25,7 +25,7 @@ from flexaxis.estimators.relocate.judge import Judge
 from flexaxis.estimators.relocate.pace import Pace
 from flexaxis.estimators.relocate.parts import parts_of
 from flexaxis.estimators.relocate.suspects import widened
-from flexaxis.estimators.relocate.work import PAST, PIECES, finished, operations, seconds
+from flexaxis.estimators.relocate.work import CALL, PAST, PIECES, finished, operations, seconds
 
 Array = NDArray[np.float64]
 
@@ -154,7 +154,7 @@ class Relocate(RecursiveEstimator):
             gain=gain,
             grain=budget / PIECES,
         )
-        least = max(2 * PAST, parts.memory.longest)
+        least = max(2 * PAST, parts.memory.longest, CALL + parts.sample)
         if budget < least:
             raise EstimatorError(
                 f"deadline = {deadline} s is too short: the longest piece of work that cannot be "

@@ -16,8 +16,8 @@ from flexaxis.estimators.relocate.colour import NORMAL
 from flexaxis.estimators.relocate.front import Front, Present, taken
 from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.relocate.ring import Ring
-from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, words_of
-from flexaxis.estimators.relocate.taking import HANDED_ON, HEARS, relearn
+from flexaxis.estimators.relocate.rows import OF_ALL, Stretch, heard, roughness, words_of
+from flexaxis.estimators.relocate.taking import HANDED_ON, HEARS, hear_again
 from flexaxis.estimators.relocate.work import CALL, WORD, Work, samples_of
 
 Array = NDArray[np.float64]
@@ -146,16 +146,9 @@ class Memory:
         return bool(np.any(self._states["evidence"] > self._tuning["threshold"]))
 
     def roughness(self, samples: int) -> float:
-        """
-        Return the variance of the noise by the last residuals, whatever a wrong model adds.
-
-        Mean of (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20, as in
-        `flexaxis.estimators.recursion.level`; zero where nothing is known.
-        """
+        """Return the variance of the noise by the last residuals, whatever a wrong model adds."""
         last = self.read("epsilon", max(self.count - samples, self.first))
-        rough = np.convolve(last, [1.0, -3.0, 3.0, -1.0], "valid")
-        known = rough[~np.isnan(rough)]
-        return float(np.mean(known**2) / 20) if len(known) > samples // 2 else 0.0
+        return roughness(last, samples // 2)
 
     def unlearn(self, row: np.void) -> None:
         """
@@ -207,14 +200,8 @@ class Memory:
 
         Estimates (N, q) are those of the first q parameters.
         """
-        records = self._tuning, self._states
-        return taken(
-            self._carried,
-            records,
-            self._theta,
-            self._ring.words,
-            (u, y, present, estimates, trace),
-        )
+        samples, records = (u, y, present, estimates, trace), (self._tuning, self._states)
+        return taken(self._carried, records, self._theta, self._ring.words, samples)
 
     def fork(self) -> Front:
         """Return the filter of now, to go on by itself."""
@@ -308,18 +295,7 @@ class Memory:
         rows, before = np.zeros(len(places), self._heard), np.zeros(1, self._heard)
         words_of(rows)[:, samples] = self._ring.words[places, samples]
         words_of(before)[:, samples] = words_of(np.array([row]))[:, samples]
-        last = rows["epsilon"][-1]
-        rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
-        rows["psi"] = replayed.X[:-1, 1:, -1]
-        if self._states["guarded"][0]:  # what has diverged says nothing of how large y is
-            rows["expected"] = replayed.X[:-1, 0, -1]
-            rows["signal"] = self._states["signal"] = self._states["power"]
-        relearn(self._hears, rows, replayed.spread, before)
-        # what the other filter left out is left out for good, but for the last sample, of which it
-        # is not known yet whether it is an outlier
-        rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])
-        if np.isnan(replayed.epsilon[-2]):
-            rows["epsilon"][-1] = last
+        hear_again(self._hears, self._states, rows, before, replayed)
         return rows
 
     def _places(self, first: int) -> Places:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import Fitted, Prior
 from flexaxis.estimators.relocate.explain import SPREAD
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.opened import Opened
+from flexaxis.estimators.relocate.prior import Fitted, Prior
 from flexaxis.estimators.relocate.replay import replaying
 from flexaxis.estimators.relocate.search import Evaluated
 from flexaxis.estimators.relocate.suspects import Roles

@@ -85,3 +85,15 @@ def heard(row: Record) -> np.dtype:
 def words_of(records: Record) -> Array:
     """Return records (N,) as their numbers of eight bytes (N, K), to read and to write."""
     return records.view(float).reshape(len(records), -1)
+
+
+def roughness(residuals: Array, enough: int) -> float:
+    """
+    Return the variance of the noise by residuals (N,), whatever a wrong model adds.
+
+    Mean of (e[k] − 3e[k−1] + 3e[k−2] − e[k−3])²/20, as in
+    `flexaxis.estimators.recursion.level`; zero where no more than ``enough`` are known.
+    """
+    rough = np.convolve(residuals, [1.0, -3.0, 3.0, -1.0], "valid")
+    known = rough[~np.isnan(rough)]
+    return float(np.mean(known**2) / 20) if len(known) > enough else 0.0

@@ -10,8 +10,10 @@ from flexaxis.estimators.recursion.measurement import (
     predict,
     publish,
 )
+from flexaxis.estimators.recursion.records import Record
 from flexaxis.estimators.relocate.colour import listen, resting
 from flexaxis.estimators.relocate.follow import integrate
+from flexaxis.estimators.relocate.replay import Replayed
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern
 
@@ -69,6 +71,35 @@ def relearn(tunings, rows, spread, before):
             listen(tuning, row, row["y"])
             learn(tuning, row, row["epsilon"] ** 2 / spread[k])
         earlier = row
+
+
+def hear_again(
+    tuning: Record, state: Record, rows: Record, before: Record, replayed: Replayed
+) -> None:
+    """
+    Write what is known of each sample but for the parameters, by what another filter makes of it.
+
+    Parameters
+    ----------
+    tuning, state : (1,) records
+        The tuning as of `HEARS`; the filter now.
+    rows, before : (N,), (1,) records
+        What was known of each sample, and before the first.
+    replayed : Replayed
+        The other filter.
+    """
+    last = rows["epsilon"][-1]
+    rows["epsilon"], rows["scale"] = replayed.epsilon[:-1], replayed.scale[:-1]
+    rows["psi"] = replayed.X[:-1, 1:, -1]
+    if state["guarded"][0]:  # what has diverged says nothing of how large y is
+        rows["expected"] = replayed.X[:-1, 0, -1]
+        rows["signal"] = state["signal"] = state["power"]
+    relearn(tuning, rows, replayed.spread, before)
+    # what the other filter left out is left out for good, but for the last sample, of which it
+    # is not known yet whether it is an outlier
+    rows["valid"][:-1] = ~np.isnan(replayed.epsilon[:-2])
+    if np.isnan(replayed.epsilon[-2]):
+        rows["epsilon"][-1] = last
 
 
 @inlined

@@ -127,7 +127,7 @@ def test_a_change_behind_an_alarm_that_nothing_explains_is_found():
     filter_ = relocate_friction(nominal, T)
     filter_.run(u[:1951], y[:1951])
     filter_._judge.case = opened(filter_._judge.memory, T)  # a false alarm, .25 s before the change
-    filter_._judge.memory.state["stop"] = filter_._next_stop()
+    filter_._judge.memory.state["stop"] = filter_._judge._next_stop(present=True)
     filter_.run(u[1951:2300], y[1951:2300])
     (finding,) = filter_.findings
     assert finding.reason != UNEXPLAINED
