@@ -213,7 +213,8 @@ class Tracker(RecursiveEstimator):
             self._keep(u[kept], y[kept], valid[kept])
             done += taken
             self._attend()
-            estimates[done - 1] = self.state["given"][0, : len(self.names)]
+            if self._drawn:  # it may just have begun anew
+                estimates[done - 1] = self.state["given"][0, : len(self.names)]
         estimates *= self._design.scale[: len(self.names)]
 
     def _keep(self, u: Array, y: Array, valid: NDArray[np.bool_]) -> None:

@@ -234,6 +234,15 @@ def test_what_is_shown_is_what_a_run_returned():
     assert deviations[3] < undrawn["deviations"]["f_c"]
 
 
+def test_the_sample_in_which_it_begins_anew_has_an_estimate():
+    estimator, u = made("fm_step-v1", commissioning=0.0), RNG.normal(size=20)
+    estimator.run(u, np.zeros(20))
+    estimator.state["anew"] = 1.0
+    theta = estimator.run(u, np.zeros(20))
+    assert estimator.state["samples_taken"][0] == 19  # it did
+    assert (theta[0] != 0).all()
+
+
 def test_friction_is_told_from_viscous_friction_and_a_fault_is_named():
     u, y, *_ = drawn("coulomb_fm_step-v1")
     estimator = made("coulomb_fm_step-v1")
