@@ -107,8 +107,8 @@ class Memory:
 
     def _remember(self, packed: Array, first: int) -> None:
         """Write what was known of all parameters from a sample on."""
-        places = self._places(first)[: len(packed)]
-        self._ring.words[places, self._carried.samples : self._carried.size] = packed
+        rows = slice(self._carried.samples, self._carried.size)
+        self._ring.words[self._places(first)[: len(packed)], rows] = packed
 
     @property
     def state(self) -> Present:
@@ -147,8 +147,8 @@ class Memory:
 
     def roughness(self, samples: int) -> float:
         """Return the variance of the noise by the last residuals, whatever a wrong model adds."""
-        last = self.read("epsilon", max(self.count - samples, self.first))
-        return roughness(last, samples // 2)
+        first = max(self.count - samples, self.first)
+        return roughness(self.read("epsilon", first), samples // 2)
 
     def unlearn(self, row: np.void) -> None:
         """
@@ -200,13 +200,13 @@ class Memory:
 
         Estimates (N, q) are those of the first q parameters.
         """
-        samples, records = (u, y, present, estimates, trace), (self._tuning, self._states)
-        return taken(self._carried, records, self._theta, self._ring.words, samples)
+        records = self._carried, (self._tuning, self._states), self._theta, self._ring.words
+        return taken(*records, (u, y, present, estimates, trace))
 
     def fork(self) -> Front:
         """Return the filter of now, to go on by itself."""
-        tuning, state = self._tuning.copy(), self._states.copy()
-        return Front(self._carried, tuning, state, self._theta, self._row.dtype)
+        own = self._tuning.copy(), self._states.copy()
+        return Front(self._carried, *own, self._theta, self._row.dtype)
 
     @property
     def longest(self) -> float:
@@ -266,8 +266,7 @@ class Memory:
         first, values = int(row["count"]), replayed.of_all()
         carried = self._narrowest(values)
         packed = np.empty((len(replayed.theta), carried.size - carried.samples))
-        cost = WORD * (2 * packed.shape[1] + values["P"][0].size)
-        samples = samples_of(grain, cost)
+        samples = samples_of(grain, cost := WORD * (2 * packed.shape[1] + values["P"][0].size))
         for begin in range(0, len(packed), samples):
             yield CALL + cost * min(samples, len(packed) - begin)
             part = slice(begin, begin + samples)
@@ -283,11 +282,10 @@ class Memory:
         words, samples = words_of(rows), samples_of(grain, WORD * carried.size)
         for begin in range(0, len(words), samples):
             yield CALL + WORD * min(samples, len(words) - begin) * carried.size
-            places = self._places(first)[begin : begin + samples]
-            self._ring.words[places, : carried.samples] = words[
-                begin : begin + samples, : carried.samples
-            ]
-            self._remember(packed[:-1][begin : begin + samples], first + begin)
+            some = slice(begin, begin + samples)
+            places = self._places(first)[some]
+            self._ring.words[places, : carried.samples] = words[some, : carried.samples]
+            self._remember(packed[:-1][some], first + begin)
 
     def _heard_again(self, row: np.void, replayed: Replayed) -> Record:
         """Return what is known of each sample but for the parameters, with another residual."""

@@ -9,10 +9,14 @@ import pytest
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.priors import known_P
+from flexaxis.estimators.relocate.entry import relocate, relocate_friction
 from flexaxis.estimators.relocate.filter import Relocate
 from flexaxis.estimators.relocate.past import Normal, past_of
 from flexaxis.estimators.relocate.rows import Stretch
 from flexaxis.estimators.relocate.work import finished
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.simulate import simulate
 
 NAMES = ("k_T", "1/J_a", "f_m")
 SUSPECTS = ("J_m", "J_g", "k_g", "k_a", "d_g", "d_a", "f_g", "f_a")
@@ -157,3 +161,20 @@ def test_pieces_are_bit_for_bit_the_whole(make, faulty):
 def test_a_deadline_too_short_for_any_work_is_refused(nominal, deadline):
     with pytest.raises(EstimatorError, match="deadline"):
         Relocate(three_mass(nominal), P0=P0, period=T, deadline=deadline)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "scenario",
+    ["fm_step-v1", "ja_step-v1", "kt_step-v1", "fm_double-v1", "coulomb_fm_step-v1"],
+)
+@pytest.mark.parametrize("factory", [relocate, relocate_friction])
+def test_on_scenarios_no_step_does_more_than_its_budget(scenario, factory):
+    record = simulate(find_scenario(scenario), [0])[0]
+    nominal = dict(started_nominal(find_scenario(scenario)))
+    more = {"torque": record.torque} if factory is relocate else {}
+    spread = factory(nominal, T, deadline=0.2 * T, **more)
+    for u, y in zip(record.torque, record.speed, strict=True):
+        spread.step(u, y)
+        assert spread._pace.spent <= spread._pace._budget
+    assert factory is not relocate or "coulomb" in scenario or spread.findings
