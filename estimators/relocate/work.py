@@ -24,8 +24,8 @@ PAST = 5 * CALL  # operations, as many as reading the past of an alarm takes
 STEP = 2 * CALL  # operations, as many as a step without work takes
 LOOP = 2.0  # operations of the filter's loop over those of the model alone
 PREPARE = 40.0  # operations of an element of a matrix and of its derivatives, to sample it
-WHITE = 50.0  # operations, as many as to whiten one signal takes, and to sum it up
-LAW = 250.0  # operations of solving for a law in a part of a sample
+WHITE = 85.0  # operations, as many as to whiten one signal takes, and to sum it up
+LAW = 150.0  # operations of solving for a law in a part of a sample
 
 
 def finished(work: Work[T]) -> T:
@@ -54,7 +54,8 @@ def seconds(pieces: float) -> float:
 
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
-    return terms.steps * ((2 + rows) * (terms.n + 1) ** 2 + LAW * len(terms.kind))
+    moves = (2 + rows) * (terms.n + 1) ** 2 / 2  # two at once
+    return terms.steps * (moves + LAW * len(terms.kind))
 
 
 def to_begin(terms: Terms, rows: int) -> float:
