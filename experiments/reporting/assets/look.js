@@ -21,8 +21,8 @@ const ROLES = {
 // The second, third bound of a chart, where it has more than one.
 const BOUNDS = [
   ROLES.bound,
-  { colour: "var(--link)", dash: "9 3 1.5 3", width: 1.8 },
-  { colour: "var(--muted)", dash: "1 5", width: 2.2 },
+  { colour: "var(--muted)", dash: "9 3 1.5 3", width: 1.8 },
+  { colour: "var(--text)", dash: "1 5", width: 2.2 },
 ];
 
 let looks = {}; // by estimator as typed
