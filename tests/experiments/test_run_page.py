@@ -11,6 +11,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
+from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
@@ -89,6 +90,13 @@ def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
         ("0", ""), ("0", ""), ("5", ""), ("never", ""),
     ]  # fmt: skip
     assert known["std"].of({"std": 1e-3, "std_interval": [9e-4, 2e-3]}).within == "0.0009 … 0.002"
+
+
+def test_a_word_has_one_definition():
+    columns = run_tables.glossary()
+    both = [name for name in columns if name in TERMS]
+    assert len(both) > 12 and all(columns[name] == TERMS[name] for name in both)
+    assert "bootstrap" not in TERMS["interval"] and "Student" in TERMS["interval"]
 
 
 def test_at_the_fault_every_sample_is_drawn(data, short):
