@@ -134,7 +134,9 @@ def _tied(rows: Sequence[Row], first: str) -> str:
     mine = {(r["scenario"], r["parameter"]) for r in rows if r["leads"] and r["estimator"] == first}
     shared = _wins([r for r in rows if (r["scenario"], r["parameter"]) in mine])
     ties = [f"{name} in {n} of {len(mine)}" for name, n in shared.items() if name != first]
-    return f"; {first} is tied with {_and(ties)} (these seeds cannot tell them apart)" if ties else ""
+    return (
+        f"; {first} is tied with {_and(ties)} (these seeds cannot tell them apart)" if ties else ""
+    )
 
 
 def _wins(rows: Sequence[Row]) -> dict[str, int]:

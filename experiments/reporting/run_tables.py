@@ -114,7 +114,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     found = [Table(name, columns(FIRST, without=("cross_talk",)), changed)]
     if rest:
         kept = columns(FIRST_UNCHANGED, without=(*NEEDS_A_FAULT, *OF_A_CASE))
-        said = f"Parameters that did not change ({len(rest)} rows)"
+        said = f"Parameters that did not change ({len(rest)} row{'s'[: len(rest) != 1]})"
         found.append(Table(f"{name}-unchanged", kept, rest, said))
     return found
 
