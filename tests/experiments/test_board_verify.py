@@ -14,7 +14,7 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.board.agreement import LEVEL, agreements, moved
-from flexaxis.experiments.board.cage import Cage, _permitted, told
+from flexaxis.experiments.board.cage import Cage, offered, permitted
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.hidden import Draw
 from flexaxis.experiments.board.rerun import rerun
@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from boards import CHEATS, HONEST, WIDE, entered, known
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
-alone = pytest.mark.skipif(not _permitted(), reason="this system gives no process its own world")
+alone = pytest.mark.skipif(not permitted(), reason="this system gives no process its own world")
 STEP = find_scenario("fm_step-v1")
 MEANS = Means(store=default_cache())
 
