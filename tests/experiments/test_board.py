@@ -228,6 +228,7 @@ def test_a_name_belongs_to_a_contact(entry, copy):
 
 def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, tmp_path):
     mine = own(entry, SMALL)
+    mine = replace(mine, at_excess=[each | {"how": "matched"} for each in mine.at_excess])
     every = [taken(entry, "my-tracker 2", "1" * 64, own=mine),
              taken(entry, "my tracker-2", "2" * 64, own=mine)]  # fmt: skip
     found = write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
@@ -235,8 +236,9 @@ def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, t
     page = (tmp_path / "index.html").read_text()
     first = page.partition("Who is ahead")[2].partition("</dl>")[0]
     assert "my-tracker 2 (unverified)" in first and "☆" in page and "★ <" not in page
-    known = {each.entry.digest: {"ran": True, "holds": True} for each in every}
-    every = [replace(each, verdict=known[each.entry.digest]) for each in every]
+    _, verdict = of_form(entry.folder, SMALL)
+    verdict.isolation = {"no network": True}
+    every = [replace(each, verdict=verdict.as_json()) for each in every]
     write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
     page = (tmp_path / "index.html").read_text()
     assert "unverified)" not in page.partition("</dl>")[0]
