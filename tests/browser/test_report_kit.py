@@ -265,6 +265,7 @@ def restores_from_a_link(page):
 
 
 def explains_terms(page):
+    page.click("h1")  # a page that nobody has touched has no focus to give
     page.run("document.querySelector('dfn').focus()")
     page.until("document.getElementById('term-tip').checkVisibility()", "what the word means")
     said = page.run("document.getElementById('term-tip').textContent")
