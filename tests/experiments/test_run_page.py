@@ -358,3 +358,17 @@ def test_more_than_nine_estimators_are_there_and_hidden_at_first(folder):
     summary = found.summary | {"estimators": found.summary["estimators"] | dict.fromkeys(names, "")}
     html = run_page.render(pooled.Pooled(summary, found.curves, folder))
     assert page_data(html)["aside"] == names[6:]
+    assert "Charts draw 9 of 15 estimators at first, the best of the first table" in html
+
+
+def test_without_a_ranking_the_quickest_are_drawn_first():
+    lags = {"slow": 2.0, "lost": 0.1, "quick": 0.2, "unasked": None}
+    rows = [
+        {"estimator": name, "changed": True, "lag": lag, "diverged": int(name == "lost")}
+        for name, lag in lags.items()
+    ]
+    summary = {"estimators": dict.fromkeys(lags, ""), "rows": rows}
+    names, words = run_first.drawn_first(summary, 2)
+    assert names == ["quick", "slow", "lost", "unasked"]
+    assert "draw 2 of 4" in words and "shortest lags as set" in words
+    assert run_first.drawn_first(summary, 4) == (list(lags), "")

@@ -62,10 +62,13 @@ function groupChoice() {
   return el("label", { class: "group" }, el("span", { class: "unseen", text: "Group" }), select);
 }
 
+/** What is only too much for charts at first stays in tables. */
+const absent = (who) => hidden(who) && !State.isFirst("hide", who);
+
 /** Show in bar, tables and text who and which group the state says; charts look themselves. */
 function showParts() {
   for (const part of document.querySelectorAll("[data-who]"))
-    if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", hidden(part.dataset.who));
+    if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", absent(part.dataset.who));
   const group = State.get("group");
   for (const part of document.querySelectorAll("[data-group]"))
     part.classList.toggle("other", group !== "" && part.dataset.group !== group);
