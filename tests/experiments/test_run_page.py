@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
+from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_seeds, run_tables
 from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
@@ -203,6 +203,14 @@ def test_a_scenario_of_the_catalogue_is_named(short):
         "--seeds 1000:1001 -o results/fm_step-v1-rpem-forgetting-forgetting-0.99-1000"
     )
     assert "fm_step-v1.toml" in command(run, known.override({"duration": 21.0}))
+
+
+def test_an_own_estimator_is_repeated_where_its_path_holds(short):
+    row = {"case": "c", "parameter": "f_m", "changed": False, "std": None, "diverged": False,
+           "lag_bound": None}  # fmt: skip
+    for text, told in (("own/mine.py:Mine", "own/mine.py"), ("/mine.py:Mine", ""), ("ekf", "")):
+        facts = dict(run_seeds.pick(run_seeds.Single("short", text, 1, [row]), short, None).facts)
+        assert (told in facts["folder"]) if told else ("folder" not in facts)
 
 
 def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
