@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -34,6 +35,48 @@ def order(summary: Mapping[str, Any]) -> list[str]:
     ranked = [row["estimator"] for row in swept["overall"]]
     rest = [row["estimator"] for part in ("points", "matched") for row in swept[part]]
     return list(dict.fromkeys([*ranked, *rest, *summary["estimators"]]))
+
+
+def drawn_first(summary: Mapping[str, Any], number: int) -> tuple[list[str], str]:
+    """Return the estimators in the order of a page that draws so many, and why those.
+
+    Of more without a ranking those with the shortest lags as set come first, who was lost last.
+
+    Parameters
+    ----------
+    summary : mapping
+        As in summary.json.
+    number : int
+        How many estimators charts show until others are asked for.
+    """
+    names = order(summary)
+    if len(names) <= number:
+        return names, ""
+    why = "the best of the first table"
+    if not (summary.get("tradeoff") or {}).get("overall"):
+        names, why = _by_lag(names, summary["rows"]), "those with the shortest lags as set"
+    return names, (
+        f"Charts draw {number} of {len(names)} estimators at first, {why}; tables have them all, "
+        "and the list of estimators above draws the others."
+    )
+
+
+def _by_lag(names: Sequence[str], rows: Iterable[Row]) -> list[str]:
+    """Return estimators by the mean logarithm of their lags, lost ones behind, others as named."""
+    lags: dict[str, list[float]] = {name: [] for name in names}
+    lost = dict.fromkeys(names, 0)
+    for row in rows:
+        lost[row["estimator"]] += row["diverged"]
+        if row["changed"] and row["lag"]:
+            lags[row["estimator"]].append(math.log(row["lag"]))
+    return sorted(
+        names,
+        key=lambda name: (
+            not lags[name],
+            lost[name] > 0,
+            sum(lags[name]) / max(1, len(lags[name])),
+        ),
+    )
 
 
 def too_few(rows: Iterable[Row]) -> bool:

@@ -45,12 +45,15 @@ class Run:
         Estimators in the order of the one ranking.
     singles : Singles
         All runs.
+    few : str
+        Which estimators charts show at first, where these are not all.
     """
 
     pooled: Pooled
     scenarios: Mapping[str, Scenario]
     order: Sequence[str]
     singles: run_seeds.Singles
+    few: str = ""
 
     @classmethod
     def of(cls, results: Pooled) -> Run:
@@ -60,9 +63,9 @@ class Run:
             name: stored_scenario(entry["definition"], source=name)
             for name, entry in summary["scenarios"].items()
         }
-        order = run_first.order(summary)
+        order, aside = run_first.drawn_first(summary, AT_FIRST)
         singles = run_seeds.Singles.of(Results.load(results.folder), order)
-        return cls(results, scenarios, order, singles)
+        return cls(results, scenarios, order, singles, aside)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -104,6 +107,7 @@ def _content(run: Run) -> dict[str, Any]:
         "summary": summary,
         "order": run.order,
         "aside": run.order[AT_FIRST:],
+        "few": run.few,
         "failed": len(summary.get("failures", [])),
         "failures": failures.in_words(summary.get("failures", [])),
         "answers": run_first.answers(summary),

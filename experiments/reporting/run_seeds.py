@@ -142,10 +142,18 @@ def pick(run: Single, scenario: Scenario, trace: Trace | None) -> Pick:
         title=f"{run.estimator} on {run.scenario}, seed {run.seed}",
         words=findings_in_words(trace),
         facts=[(row["parameter"], _scored(row)) for row in run.rows]
-        + [("case", run.rows[0]["case"])],
+        + [("case", run.rows[0]["case"]), *_where(run.estimator)],
         command=command(run, scenario),
         charts=[chart(trace, scenario)] if trace is not None else [],
     )
+
+
+def _where(estimator: str) -> list[tuple[str, str]]:
+    """Return where the line runs, for an estimator whose path holds in one folder only."""
+    path = estimator.partition(".py:")[0]
+    if path == estimator or path.startswith(("/", "~")):
+        return []
+    return [("folder", f"run this line where {path}.py is found, as the run was started")]
 
 
 def command(run: Single, scenario: Scenario) -> str:

@@ -11,8 +11,8 @@ from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 pytestmark = pytest.mark.browser
 
 ESTIMATORS = ("rpem-forgetting", "relocate", "frozen")
-SHOWN = """[...document.querySelectorAll('table[data-name="short"] tbody tr')]
-    .filter(row => row.checkVisibility()).map(row => row.dataset.who).join()"""
+SHOWN = """[...document.querySelectorAll("input[data-toggle]")]
+    .filter(box => box.checked).map(box => box.dataset.toggle).join()"""
 ALL = "document.querySelector('details.menu .pair button:first-child').click()"
 
 
@@ -50,6 +50,11 @@ def opened(chromium, page):
 def test_those_beyond_the_first_are_there_and_hidden(opened):
     browser = opened()
     assert browser.run(SHOWN) == "rpem-forgetting,relocate"
+    rows = "[...document.querySelectorAll('tr[data-who=frozen]')]"
+    assert browser.run(f"{rows}.length > 0 && {rows}.every((r) => !r.classList.contains('gone'))")
+    assert "Charts draw 2 of 3 estimators at first, those with the shortest" in browser.run(
+        "document.body.textContent"
+    )
     browser.run(ALL)  # the button that shows all
     browser.wait(f"{SHOWN}.includes('frozen')", seconds=3, what="all are shown")
     address = browser.run("location.hash")

@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
+from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_seeds, run_tables
 from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
@@ -220,6 +220,14 @@ def test_a_scenario_of_the_catalogue_is_named(short):
     assert "fm_step-v1.toml" in command(run, known.override({"duration": 21.0}))
 
 
+def test_an_own_estimator_is_repeated_where_its_path_holds(short):
+    row = {"case": "c", "parameter": "f_m", "changed": False, "std": None, "diverged": False,
+           "lag_bound": None}  # fmt: skip
+    for text, told in (("own/mine.py:Mine", "own/mine.py"), ("/mine.py:Mine", ""), ("ekf", "")):
+        facts = dict(run_seeds.pick(run_seeds.Single("short", text, 1, [row]), short, None).facts)
+        assert (told in facts["folder"]) if told else ("folder" not in facts)
+
+
 def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
     bare = len(run_page.render(pooled.load(folder), size=0.0).encode())
     size = (bare + 0.4 * (len(html.encode()) - bare)) / 1e6
@@ -373,3 +381,17 @@ def test_more_than_nine_estimators_are_there_and_hidden_at_first(folder):
     summary = found.summary | {"estimators": found.summary["estimators"] | dict.fromkeys(names, "")}
     html = run_page.render(pooled.Pooled(summary, found.curves, folder))
     assert page_data(html)["aside"] == names[6:]
+    assert "Charts draw 9 of 15 estimators at first, the best of the first table" in html
+
+
+def test_without_a_ranking_the_quickest_are_drawn_first():
+    lags = {"slow": 2.0, "lost": 0.1, "quick": 0.2, "unasked": None}
+    rows = [
+        {"estimator": name, "changed": True, "lag": lag, "diverged": int(name == "lost")}
+        for name, lag in lags.items()
+    ]
+    summary = {"estimators": dict.fromkeys(lags, ""), "rows": rows}
+    names, words = run_first.drawn_first(summary, 2)
+    assert names == ["quick", "slow", "lost", "unasked"]
+    assert "draw 2 of 4" in words and "shortest lags as set" in words
+    assert run_first.drawn_first(summary, 4) == (list(lags), "")

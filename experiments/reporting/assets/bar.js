@@ -71,10 +71,13 @@ const groupsOfPage = () =>
 /** The group that is shown alone; none where the address names one that is not here. */
 const groupShown = () => (groupsOfPage().includes(State.get("group")) ? State.get("group") : "");
 
+/** What is only too much for charts at first stays in tables. */
+const absent = (who) => hidden(who) && !State.isFirst("hide", who);
+
 /** Show in bar, tables and text who and which group the state says; charts look themselves. */
 function showParts() {
   for (const part of document.querySelectorAll("[data-who]"))
-    if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", hidden(part.dataset.who));
+    if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", absent(part.dataset.who));
   const group = groupShown();
   for (const part of document.querySelectorAll("[data-group]"))
     part.classList.toggle("other", group !== "" && part.dataset.group !== group);

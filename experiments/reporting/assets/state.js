@@ -57,6 +57,10 @@ const State = {
   listen: (listener) => State.listeners.push(listener),
 };
 
+/** Whether a list has a member before anybody chose. */
+State.isFirst = (key, one) =>
+  (State.first.get(key) ?? "").split("|").some((each) => each !== "" && decodeURIComponent(each) === one);
+
 const NOTHING = "-"; // an empty list, where an absent one means something else
 
 const pairOf = (text) => {
