@@ -1,6 +1,8 @@
 """An entry: what it takes to make one, what is checked of its files, and the site of several."""
 
+import hashlib
 import json
+import platform
 import re
 import shutil
 import sys
@@ -89,6 +91,16 @@ def test_an_entry_holds_its_code(entry):
     }  # fmt: skip
     hosts = {row["cost"]["host"] for row in rows}
     assert len(hosts) == 1 and re.fullmatch("[0-9a-f]{12}", hosts.pop())  # names no computer
+
+
+def test_the_computer_is_named_to_nobody(entry, tmp_path):
+    """Nor by a digest of its name, which two entries would share and a list of names would tell."""
+    (tmp_path / "mine.py").write_text(HONEST)
+    other = entered(tmp_path / "entry", tmp_path / "mine.py:Honest")
+    hosts = {e.environment["host"] for e in (entry, other)}
+    rows = [json.loads(line) for line in (other.run / "scores.jsonl").read_text().splitlines()]
+    assert len(hosts) == 2 and {row["cost"]["host"] for row in rows} == {other.environment["host"]}
+    assert hashlib.sha256(platform.node().encode()).hexdigest()[:12] not in hosts
 
 
 def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monkeypatch):
