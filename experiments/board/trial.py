@@ -91,7 +91,7 @@ def verify_entry(
     require(run_code, [entry.estimator], source=str(folder), command=command)
     if not found.holds:
         return found
-    found.token = ask.draw.token
+    found.token, found.sample, found.hidden = ask.draw.token, ask.sample, ask.hidden
     frozen = frozen or board()
     mine = frozen.quick() if entry.quick else frozen
     with Cage(entry.folder, patience=ask.patience) as cage:

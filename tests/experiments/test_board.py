@@ -249,7 +249,7 @@ def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, t
     first = page.partition("Who is ahead")[2].partition("</dl>")[0]
     assert "my-tracker 2 (unverified)" in first and "☆" in page and "★ <" not in page
     _, verdict = of_form(entry.folder, SMALL)
-    verdict.isolation = {"no network": True}
+    verdict.isolation, verdict.sample, verdict.hidden = {"no network": True}, 10, 8
     every = [replace(each, verdict=verdict.as_json()) for each in every]
     write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
     page = (tmp_path / "index.html").read_text()
@@ -280,11 +280,21 @@ def test_a_line_to_type_is_quoted():
 
 def test_verdicts_count_by_digest_alone(entry, copy):
     digest = entry.digest
-    good = {digest: {"ran": True, "holds": True, "checks": []}}
+    whole = {"ran": True, "holds": True, "checks": [], "isolation": {"no network": True},
+             "sample": 10, "hidden": 8}  # fmt: skip
+    good = {digest: whole}
     bad = {digest: {"ran": True, "holds": False, "checks": [
         {"name": "unknown seeds", "holds": False, "seen": "9 ×"}]}}  # fmt: skip
     (found,), _ = collect([copy], SMALL, good)
     assert found.state == "verified"
+    for less, state in (
+        ({"isolation": {"no network": False}}, "verified, not shut in"),
+        ({"isolation": {}}, "verified, not shut in"),
+        ({"hidden": 2}, "verified in part"),
+        ({"sample": 1}, "verified in part"),
+    ):
+        (found,), _ = collect([copy], SMALL, {digest: whole | less})
+        assert found.state == state
     (found,), _ = collect([copy], SMALL, {"other": good[digest]})
     assert found.state == "unverified"
     none, left = collect([copy, copy], SMALL, bad)

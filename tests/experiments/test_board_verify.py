@@ -259,9 +259,10 @@ def judged(tmp_path, name, *, board=WIDE, **ask):
     draw = Ask(**{"sample": 6, "hidden": 6, "draw": Draw.new("0123456789abcdef")} | ask)
     found = verify_entry(entry.folder, draw, run_code=True, store=default_cache(), frozen=board)
     wrong = [check for check in found.checks if check.holds is False]
-    return {
-        name: "; ".join(c.seen for c in wrong if c.name == name) for name in {c.name for c in wrong}
-    }
+    found = {check.name: "" for check in wrong}
+    for check in wrong:
+        found[check.name] += f"{check.seen}; "
+    return found
 
 
 @pytest.mark.slow
