@@ -45,12 +45,15 @@ class Ask:
     draw : Draw
     patience : float
         How long the code may take for an answer [s].
+    plain : bool
+        Whether its code runs with the rights of the user, where it cannot be shut in.
     """
 
     sample: int = 10
     hidden: int = 8
     draw: Draw = field(default_factory=Draw.new)
     patience: float = 600.0
+    plain: bool = False
 
 
 def verify_entry(
@@ -84,6 +87,8 @@ def verify_entry(
         If it is not as it was written.
     CodeRefused
         If it names code that may not be run.
+    CageError
+        If its code cannot be shut in, and `ask.plain` does not say to run it all the same.
     """
     entry, found = of_form(folder, frozen)
     for check in found.checks:
@@ -94,7 +99,7 @@ def verify_entry(
     found.token, found.sample, found.hidden = ask.draw.token, ask.sample, ask.hidden
     frozen = frozen or board()
     mine = frozen.quick() if entry.quick else frozen
-    with Cage(entry.folder, patience=ask.patience) as cage:
+    with Cage(entry.folder, patience=ask.patience, plain=ask.plain) as cage:
         found.isolation = cage.reached
         for check in _said(_of_code(entry, mine, ask, cage, store)):
             found.checks.append(check)

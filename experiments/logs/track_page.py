@@ -18,6 +18,7 @@ from flexaxis.experiments.reporting.thinning import extremes
 Array = NDArray[np.float64]
 
 LAGS = 60  # samples back, to which the correlation of the residual is drawn
+LEAST = 0.01  # of nominal: less is not worth a word
 BEFORE, AFTER = 1.0, 5.0  # s about the first change, that is shown beside the whole
 COLUMNS = (
     Column("parameter", kind="text"),
@@ -80,10 +81,29 @@ def _finding(found: Tracked, said: Sequence[Remark], problems: Sequence[str]) ->
     if kind == "ok":
         over = zip(found.names, found.last / found.nominal, strict=True)
         text += f"; last over nominal: {', '.join(f'{n} {v:.3f}' for n, v in over)}"
+        text += _off(found)
     text = capital(text)
     if problems:
         return "problem", f"{text} But the log itself spoils estimates, see below."
     return kind, text
+
+
+def _off(found: Tracked) -> str:
+    """Return what was another than nominal all along, by more than its claimed two deviations."""
+    if found.deviations is None or not found.usable.any():
+        return ""
+    spread = 2 * found.deviations[np.flatnonzero(found.usable)[-1]]
+    told = [
+        f"{name} is {abs(off):.0%} {'above' if off > 0 else 'below'}".replace("%", " %")
+        for name, off, by in zip(
+            found.names,
+            (found.last - found.nominal) / np.abs(found.nominal),
+            np.abs(found.last - found.nominal) - spread,
+            strict=True,
+        )
+        if by > 0 and abs(off) >= LEAST
+    ]
+    return f"; no change within this log, but {', '.join(told)} what was identified" if told else ""
 
 
 def estimates_chart(found: Tracked, estimator: str) -> Chart:

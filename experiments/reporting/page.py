@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 DATA = "<!-- the data of this page -->"  # what is escaped cannot read so
 # A letter with an index that is no part of a longer word; as in assets/dom.js.
+CODE = re.compile(r"`([^`]+)`")
 SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9]{1,3})(?![\w-])")
 
 
@@ -68,14 +69,15 @@ def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
 
 
 def symbols(text: str) -> Markup:
-    """Return text with its symbols as letter and index, such as f_m, 1/J_a.
+    """Return text with its symbols as letter and index, such as f_m, 1/J_a, and `code` as such.
 
     Examples
     --------
     >>> symbols("1/J_a < pause_fm")
     Markup('1/<i>J</i><sub>a</sub> &lt; pause_fm')
     """
-    return Markup(SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text))))
+    typeset = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
+    return Markup(CODE.sub(r"<code>\1</code>", typeset))
 
 
 def term(text: str, name: str = "") -> Markup:

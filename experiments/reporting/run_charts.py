@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.run_budget import FULL, Thinning
 from flexaxis.experiments.scoring.curves import CURVE_STEP, Curve, near_fault
-from flexaxis.experiments.scoring.theta import nominal_theta, theta_over_time
+from flexaxis.experiments.scoring.theta import nominal_theta, physical, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.floating]
@@ -42,7 +42,9 @@ def trajectories(
         for i, curve in enumerate(curves[: thinning.drawn])
     ]
     bands = {curve.estimator for curve in kept[: thinning.bands]}
-    for parameter in dict.fromkeys(n for curve in kept for n in curve.names):
+    changed = {event.parameter for event in scenario.events()}
+    names = dict.fromkeys(n for curve in kept for n in curve.names)
+    for parameter in sorted(names, key=lambda name: physical(name)[0] not in changed):
         mine = [c for c in kept if parameter in c.names]
         shown = limits([_part(c, parameter) for c in mine[:9]], truth(scenario, parameter)[1])
         lines = [_line(c, parameter, shown, band=c.estimator in bands) for c in mine]

@@ -56,7 +56,10 @@ def chart(track: str, found: Ecdf) -> Chart:
         title=f"How often, how near to the bound: {track}",
         words=f"Share of {_count(found)} with a lag of at most so many times the bound, as the "
         "estimators are set; further up and to the left is better. A run that is lost, fails, or "
-        "does no better than standing still never gets there.",
+        "does no better than standing still never gets there. What is quicker may be noisier: "
+        "this is not at equal noise. A run can lie left of the bound, which is on the mean size of "
+        "an error over all noise and not on that of each run, and takes all parameters for "
+        "unknown; for who finds that only one has changed it is smaller.",
         x="lag / lag of the bound",
         panels=[
             Panel(
@@ -72,7 +75,7 @@ def chart(track: str, found: Ecdf) -> Chart:
 
 def _count(found: Ecdf) -> str:
     faults = f"{found.faults} fault{'s'[: found.faults != 1]}"
-    return f"{found.problems} runs of {faults}"
+    return f"{found.problems} run{'s'[: found.problems != 1]} of {faults}"
 
 
 def _line(found: Ecdf, name: str, ends: tuple[float, float]) -> Line:

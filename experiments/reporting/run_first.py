@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from flexaxis.experiments.scoring import ranking
+from flexaxis.experiments.scoring.intervals import LEAST
 from flexaxis.experiments.scoring.matching import MATCHED
 
 Row = Mapping[str, Any]
@@ -13,10 +14,11 @@ Row = Mapping[str, Any]
 FASTEST = "Who is fastest at equal noise?"
 DISTANCE = "How far from the bound?"
 WHY = "Why?"
+TOO_FEW = "Too few seeds to rank: nothing is said of who is faster with fewer than five."
 BECAUSE = (
-    "Forgetting at a constant rate averages over a fixed time: what makes a filter quiet before a "
-    "fault makes it slow after it. Whoever waits for evidence of a change, and only then gives up "
-    "what it knew, comes near the bound and stays quiet."
+    "{slow} forgets at a constant rate, so it averages over a fixed time: what makes it quiet "
+    "before a fault makes it slow after it. {quick} waits for evidence of a change, and gives up "
+    "what it knew only then."
 )
 
 
@@ -34,21 +36,52 @@ def order(summary: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys([*ranked, *rest, *summary["estimators"]]))
 
 
+def too_few(rows: Iterable[Row]) -> bool:
+    """Return whether rows with paired ``values`` of lag are of too few seeds to be ranked."""
+    counts = [len(row["values"]["lag"]) for row in rows if row["values"].get("lag")]
+    return bool(counts) and max(counts) < LEAST
+
+
 def at_equal_noise(summary: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the table that the report leads with, estimator × fault at equal noise, or None."""
     swept = summary.get("tradeoff")
     if not swept:
         return None
-    rows = {(r["scenario"], r["parameter"], r["estimator"]): r for r in swept["matched"]}
+    few = too_few(swept["matched"])
+    rows = _by_fault(swept["matched"], few)
     there = {p["estimator"] for p in swept["points"]} | {key[2] for key in rows}
+    overall = {row["estimator"]: _unranked(row, few) for row in swept["overall"]}
     return {
         "faults": list(dict.fromkeys(key[:2] for key in rows)),
         "estimators": [name for name in order(summary) if name in there],
         "rows": rows,
-        "overall": {row["estimator"]: row for row in swept["overall"]},
+        "at_excess": _by_fault(swept.get("at_excess") or (), few),
+        "overall": overall,
         "words": swept["faults"],
         "reference": ranking.REFERENCE,
+        "few": few,
+        "scope": _scope(list(dict.fromkeys(key[0] for key in rows)), summary["scenarios"]),
     }
+
+
+def _by_fault(rows: Iterable[Row], few: bool) -> dict[tuple[str, str, str], Row]:
+    return {(r["scenario"], r["parameter"], r["estimator"]): _unranked(r, few) for r in rows}
+
+
+def _unranked(row: Row, few: bool) -> Row:
+    return {**row, "leads": False} if few else row
+
+
+def _scope(faults: Sequence[str], scenarios: Iterable[str]) -> str:
+    """Return in a sentence which scenarios are compared at equal noise, and which are not."""
+    others = [name for name in scenarios if name not in faults]
+    only = [name for name in faults if name not in set(scenarios)]
+    text = f"Compared at equal noise: {_and(faults)}." if faults else ""
+    if only:
+        text += f" {_and(only)} {'is' if len(only) == 1 else 'are'} run for that alone."
+    if others:
+        text += f" As set only, further down: {_and(others)}."
+    return text
 
 
 def answers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -57,11 +90,27 @@ def answers(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     rows = [r for r in swept["matched"] if r["lag"]]
     if not rows:
         return []
+    if too_few(rows):
+        return [(FASTEST, TOO_FEW)]
+    why = _why(rows, swept["overall"])
     return [
         (FASTEST, _fastest(rows, swept["overall"])),
         (DISTANCE, _distance(rows, swept["overall"])),
-        (WHY, BECAUSE),
+        *([(WHY, why)] if why else []),
     ]
+
+
+def _why(rows: Sequence[Row], overall: Sequence[Row]) -> str:
+    """Return why who leads is ahead of constant forgetting, where that is what came out."""
+    wins = _wins(rows)
+    first = _best(wins, overall) if wins else ""
+    waits = any(
+        r["estimator"] == first and r.get("false_alarms_per_1000_s") is not None for r in rows
+    )
+    behind = ranking.REFERENCE not in wins and any(
+        r["estimator"] == ranking.REFERENCE for r in rows
+    )
+    return BECAUSE.format(slow=ranking.REFERENCE, quick=first) if waits and behind else ""
 
 
 def _fastest(rows: Sequence[Row], overall: Sequence[Row]) -> str:
@@ -70,11 +119,24 @@ def _fastest(rows: Sequence[Row], overall: Sequence[Row]) -> str:
     if not wins:
         return "Nobody can be ranked: no setting is as noisy as the reference."
     first = _best(wins, overall)
-    others = [name for name in wins if name != first and wins[name] == wins[first]]
-    tied = f" (these seeds cannot tell {_and(others)} from it)" if others else ""
-    text = f"{first}: ahead, or tied for it, in {wins[first]} of {_count(faults, 'fault')}{tied}."
+    equal = [first, *(name for name in wins if name != first and wins[name] == wins[first])]
+    each = "each " if len(equal) > 1 else ""
+    text = (
+        f"{_and(equal)}: {each}ahead, or tied for it, in {wins[first]} of {_count(faults, 'fault')}"
+        f"{_tied(rows, first)}."
+    )
     gain = _gain(rows, first)
     return text + (f" {gain}" if gain else "")
+
+
+def _tied(rows: Sequence[Row], first: str) -> str:
+    """Return with whom one shares how many of the faults in which it leads."""
+    mine = {(r["scenario"], r["parameter"]) for r in rows if r["leads"] and r["estimator"] == first}
+    shared = _wins([r for r in rows if (r["scenario"], r["parameter"]) in mine])
+    ties = [f"{name} in {n} of {len(mine)}" for name, n in shared.items() if name != first]
+    return (
+        f"; {first} is tied with {_and(ties)} (these seeds cannot tell them apart)" if ties else ""
+    )
 
 
 def _wins(rows: Sequence[Row]) -> dict[str, int]:
@@ -102,7 +164,7 @@ def _gain(rows: Sequence[Row], first: str) -> str:
     if first == ranking.REFERENCE or not ratios:
         return ""
     paper = f"that of {ranking.REFERENCE}, the paper's method"
-    return f"Its lag is {_between(ratios)} times shorter than {paper}."
+    return f"The lag of {first} is {_between(ratios)} times shorter than {paper}."
 
 
 def _distance(rows: Sequence[Row], overall: Sequence[Row]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,7 @@ from flexaxis.experiments.reporting import (
 from flexaxis.experiments.reporting.charts import Chart, Picks
 from flexaxis.experiments.reporting.run_budget import Budget, Thinning
 from flexaxis.experiments.results.pooled import Pooled
-from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.results.results import Results, Rows
 from flexaxis.experiments.scoring import mismatch, ranking
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
@@ -118,6 +119,8 @@ def _content(run: Run) -> dict[str, Any]:
         "at_most": ranking.AT_MOST,
         "at_least": ranking.AT_LEAST,
         "glossary": run_tables.glossary(),
+        "columns": run_tables.HEADINGS,
+        "provenance": _provenance(run),
     }
 
 
@@ -223,10 +226,29 @@ def _further(run: Run) -> list[dict[str, Any]]:
             "faults": in_a_line(s),
             "toml": s.to_toml(),
             "points": [p for p in points if p["scenario"] == s.name],
+            "command": _sweep_of(s.name, study),
         }
         for s in known
         if s.name not in run.scenarios
     ]
+
+
+def _sweep_of(name: str, study: Mapping[str, Any]) -> str:
+    """Return the line that sweeps the knobs on a scenario again."""
+    words = ["flexaxis", "tradeoff", name]
+    for estimator in study["tradeoff"]["estimators"]:
+        words += ["--estimator", estimator]
+    return shlex.join([*words, "--seeds", f"{study['seeds'][0]}:{study['seeds'][-1] + 1}"])
+
+
+def _provenance(run: Run) -> list[str]:
+    """Return with what, and on which machines, the rows were computed, each once."""
+    rows = Rows(Results.load(run.pooled.folder), ("cost.versions", "cost.host"))
+    made: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row["cost.versions"]:
+            made.setdefault(row["cost.versions"], {})[row["cost.host"]] = None
+    return [f"{what} on {', '.join(filter(None, hosts))}" for what, hosts in made.items()]
 
 
 def _mismatch(run: Run) -> dict[str, Any] | None:
@@ -239,14 +261,18 @@ def _mismatch(run: Run) -> dict[str, Any] | None:
         "Unknown structure": [name for name in names if name not in known],
     }
     there = dict.fromkeys(row["estimator"] for row in rows)
+    wrong = mismatch.misled(
+        [r for r in rows if r["scenario"] in names], {n: run.scenarios[n] for n in names}
+    )
     return {
         "parts": [
-            (title, part, mismatch.mismatch_in_words(rows, run.summary["as_set"], part))
+            (title, part, mismatch.mismatch_in_words(rows, run.summary["as_set"], part, wrong))
             for title, part in parts.items()
             if part
         ],
         "estimators": [name for name in run.order if name in there],
         "cells": mismatch.matrix(rows, names),
+        "wrong": wrong,
     }
 
 

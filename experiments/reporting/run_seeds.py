@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -155,7 +156,18 @@ def command(run: Single, scenario: Scenario) -> str:
     known = _frozen(run.scenario) == scenario.hash
     words = ["flexaxis", "run", run.scenario if known else f"{run.scenario}.toml"]
     words += ["--estimator", run.estimator, "--seeds", f"{run.seed}:{run.seed + 1}"]
-    return shlex.join([*words, "-o", f"results/{run.scenario}-{run.seed}"])
+    return shlex.join([*words, "-o", f"results/{run.scenario}-{_slug(run.estimator)}-{run.seed}"])
+
+
+def _slug(estimator: str) -> str:
+    """Return an estimator as typed in letters that any file name takes.
+
+    Examples
+    --------
+    >>> _slug("rpem-forgetting[forgetting=0.99]"), _slug("my/own.py:Mine")
+    ('rpem-forgetting-forgetting-0.99', 'my-own.py-Mine')
+    """
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", estimator).strip("-.")
 
 
 @cache

@@ -48,7 +48,9 @@ def tradeoff(points: Sequence[Row], order: Sequence[str], *, name: str = "tradeo
         words="Nearer to the lower left is better. A line is an estimator whose knob is turned "
         "from slow and quiet to quick and noisy; whiskers are 95 % intervals over seeds. Dotted: "
         "the lags that the Cramér–Rao bounds allow."
-        + (" The table is read off at the vertical line." if known else ""),
+        + (" The table is read off at the vertical line; what it "
+           "prints is the jackknife’s value, which takes off the bias that so few runs have, and "
+           "may differ a little from the curve." if known else ""),
         x=f"std before the fault / that of {ranking.REFERENCE}" if known
         else "std before the fault [% of nominal]",
         panels=panels,

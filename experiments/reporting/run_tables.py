@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from flexaxis.experiments.reporting.cells import number, pair, settled
+from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.table import SCORES, Score, label
 
@@ -113,7 +114,7 @@ def tables(rows: Sequence[Row]) -> list[Table]:
     found = [Table(name, columns(FIRST, without=("cross_talk",)), changed)]
     if rest:
         kept = columns(FIRST_UNCHANGED, without=(*NEEDS_A_FAULT, *OF_A_CASE))
-        said = f"Parameters that did not change ({len(rest)} rows)"
+        said = f"Parameters that did not change ({len(rest)} row{'s'[: len(rest) != 1]})"
         found.append(Table(f"{name}-unchanged", kept, rest, said))
     return found
 
@@ -182,16 +183,13 @@ _FURTHER: tuple[Column, ...] = (
 )  # fmt: skip
 _NAMED: Mapping[str, Column] = {
     "over_bound": Column(
-        "× bound", "× bound", _over_bound,
-        "The lag over the lag of the bound with all estimated parameters unknown after the fault; "
-        "who finds out that only one has changed can be below 1."),
+        "× bound", "× bound", _over_bound, TERMS["× bound"]),
     "false_alarms": Column(
         "false alarms", "false alarms / 1000 s", _detected("false_alarms_per_1000_s"),
-        "Changes that the estimator says it found where nothing had changed, in 1000 s of motion."),
+        TERMS["false alarms"]),
     "efficiency": Column(
         "error over bound", "error after 200 samples / bound", _efficiency,
-        "Root mean square error 200 samples after the fault (1 s at 5 ms) over the bound with all "
-        "parameters unknown; below 1 knows more, for example that only one has changed."),
+        TERMS["error over bound"]),
     "cost": Column(
         "µs/sample", "µs/sample", _cost,
         "Time of the estimator on this machine; compare within one report only."),

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from flexaxis.experiments.reporting.sweep_charts import short
-from flexaxis.experiments.results.groups import Bins
+from flexaxis.experiments.results.groups import APART, Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.axes import applies, is_option
+from flexaxis.experiments.scoring.intervals import LEAST, stratified_interval
 
 FEW = 9  # that a chart tells apart: as many as there are colours
 
@@ -22,7 +25,38 @@ def rows_of(
     rows = results.pooled(
         by, bins={axis: edges for axis, edges in bins.items() if axis in by}, scores=scores
     )
+    if scores is None or "lag" in scores:
+        _stratify(results, rows, by, bins)
     return [row | {"who": who(row, options)} for row in rows]
+
+
+def _stratify(
+    results: Results, rows: Sequence[dict[str, Any]], by: Sequence[str], bins: Bins
+) -> None:
+    """Give pooled rows the interval of a lag that is averaged over points with several seeds.
+
+    Points of a single seed are draws themselves, and rows over such stay as they are.
+    """
+    rest = [axis for axis in ("base", *results.axes) if axis not in by]
+    if not rest or len(results.study.get("seeds", ())) < LEAST:
+        return
+    groups = results.grouped([*by, *rest], bins={k: v for k, v in bins.items() if k in by})
+    points: dict[str, list[Any]] = {}
+    for i, key in enumerate(groups.keys):
+        columns = groups.columns(i)
+        there = np.isfinite(columns["lag"])
+        if there.any():
+            points.setdefault(_among(key, by), []).append(
+                (columns["lag"][there], columns["seed"][there])
+            )
+    for row in rows:
+        mine = points.get(_among(row, by), [])
+        if len(mine) > 1 and min(len(values) for values, _ in mine) > 1:
+            row["lag_interval"] = stratified_interval(mine)
+
+
+def _among(row: Mapping[str, Any], by: Sequence[str]) -> str:
+    return repr([row[name] for name in (*by, *APART)])
 
 
 def who(row: Mapping[str, Any], options: Iterable[str]) -> str:

@@ -25,7 +25,7 @@ def finding(results: Results) -> str:
     else:
         return "No case could be run."
     lost = max((row["diverged"] for row in rows), default=0)
-    more = f" Of the runs of one estimator up to {lost} diverged." if lost else ""
+    more = f" Of the runs of one estimator up to {lost} were lost." if lost else ""
     return f"{text}.{more}"
 
 

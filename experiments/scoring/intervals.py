@@ -7,7 +7,7 @@ taken as independent draws, one a seed. `tests/experiments/test_intervals.py` me
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,6 +55,38 @@ def log_interval(values: ArrayLike) -> Interval | None:
         return None
     half = 0.0 if _constant(x) else _t(len(x)) * x.std(ddof=1) / math.sqrt(len(x))
     return [math.exp(x.mean() - half), math.exp(x.mean() + half)]
+
+
+def stratified_interval(points: Sequence[tuple[ArrayLike, ArrayLike]]) -> Interval | None:
+    """Return the interval of the geometric mean over fixed points: their levels are no draws.
+
+    Each point has a mean of its own, and only what scatters about it says how far the mean over
+    all points might be off. Runs of one seed at several points share their noise, so that a seed
+    counts as one draw (the variance of clusters; W. G. Cochran, *Sampling Techniques*, 3rd ed.,
+    chapters 5 and 9). With the same seeds at all points it is `log_interval` of the mean over
+    points, seed by seed.
+
+    Parameters
+    ----------
+    points : sequence of (array_like (n,), array_like (n,))
+        Positive values and seeds of the runs at each point, two or more at each.
+
+    Returns
+    -------
+    list of float or None
+        None with fewer than five seeds.
+    """
+    logs = [np.log(np.maximum(np.asarray(values, float), FLOOR)) for values, _ in points]
+    seeds = np.concatenate([np.asarray(each) for _, each in points])
+    apart = np.concatenate([x - x.mean() for x in logs])
+    known, place = np.unique(seeds, return_inverse=True)
+    n = len(known)
+    if n < LEAST or not np.isfinite(apart).all():
+        return None
+    sums = np.bincount(place, weights=apart) / len(apart)
+    half = _t(n) * math.sqrt(float(sums @ sums) * n / (n - 1))
+    centre = float(np.concatenate(logs).mean())
+    return [math.exp(centre - half), math.exp(centre + half)]
 
 
 def median_interval(values: ArrayLike) -> list[float | None] | None:

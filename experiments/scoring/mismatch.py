@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flexaxis.experiments.scoring.ranking import CONTROLS, REFERENCE, leaders
+from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
 
 Row = Mapping[str, Any]
@@ -38,7 +39,40 @@ def _weight(row: Row) -> tuple[bool, float]:
     return bool(row["changed"]), abs(row["bias"] or 0.0) + (row["std"] or 0.0)
 
 
-def mismatch_in_words(rows: Sequence[Row], as_set: Sequence[Row], names: Sequence[str]) -> str:
+def misled(rows: Sequence[Row], scenarios: Mapping[str, Scenario]) -> set[tuple[str, str, str]]:
+    """Return (scenario, parameter, estimator) whose bias before a fault is over half its size.
+
+    Such an estimate may pass the new value only because it was that wrong before: its lag says
+    nothing of how soon it follows.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Pooled rows, `bias` in per cent of nominal.
+    scenarios : mapping of str to Scenario
+    """
+    sizes: dict[tuple[str, str], float] = {}
+    for name, scenario in scenarios.items():
+        names = tuple(dict.fromkeys(r["parameter"] for r in rows if r["scenario"] == name))
+        known = known_names(scenario, names)
+        if known:
+            change = np.ptp(theta_over_time(scenario, known), axis=0)
+            percent = 100 * change / np.abs(nominal_theta(scenario, known))
+            sizes |= {(name, each): size for each, size in zip(known, percent, strict=True)}
+    return {
+        _key(row)
+        for row in rows
+        if row["changed"]
+        and abs(row["bias"] or 0.0) > 0.5 * sizes.get((row["scenario"], row["parameter"]), np.inf)
+    }
+
+
+def mismatch_in_words(
+    rows: Sequence[Row],
+    as_set: Sequence[Row],
+    names: Sequence[str],
+    wrong: Collection[tuple[str, str, str]] = (),
+) -> str:
     """Return who copes best where the model is wrong, and who raises false alarms there.
 
     Parameters
@@ -49,20 +83,29 @@ def mismatch_in_words(rows: Sequence[Row], as_set: Sequence[Row], names: Sequenc
         As from `flexaxis.experiments.studies.as_set.as_set`: the values that are paired.
     names : sequence of str
         The scenarios that are meant.
+    wrong : collection of (str, str, str)
+        As from `misled`: these do not compete.
     """
     mine = [row for row in as_set if row["scenario"] in names]
     faults = dict.fromkeys((row["scenario"], row["parameter"]) for row in mine)
     wins: dict[str, int] = {}
     for fault in faults:
         quiet = _quiet([row for row in mine if (row["scenario"], row["parameter"]) == fault])
+        quiet = [row for row in quiet if _key(row) not in wrong]
         for name in leaders({row["estimator"]: row["values"]["lag"] for row in quiet}):
             wins[name] = wins.get(name, 0) + 1
     order = sorted(wins.items(), key=lambda item: -item[1])
+    told = ", ".join(f"{estimator} in {number} of {len(faults)}" for estimator, number in order)
     text = (
         f"Shortest lag, or not to be told from it on these seeds, with at most {UNEQUAL:g} times "
-        f"the deviation of {REFERENCE} in the parameter that changes: "
-        + ", ".join(f"{estimator} in {number} of {len(faults)}" for estimator, number in order)
+        f"the deviation of {REFERENCE} in the parameter that changes: {told or 'nobody'}"
     )
+    passed = dict.fromkeys(row["estimator"] for row in mine if _key(row) in wrong)
+    if passed:
+        text += (
+            ". Not ranked where the bias before a fault is more than half of its size, for the "
+            f"estimate was wrong already: {', '.join(passed)}"
+        )
     alarms: dict[str, list[float]] = {}
     for row in rows:
         if row["scenario"] in names and row.get("detection"):
@@ -73,6 +116,10 @@ def mismatch_in_words(rows: Sequence[Row], as_set: Sequence[Row], names: Sequenc
             f"{estimator} {np.mean(counts):.2g}" for estimator, counts in alarms.items()
         )
     return text + "."
+
+
+def _key(row: Row) -> tuple[str, str, str]:
+    return row["scenario"], row["parameter"], row["estimator"]
 
 
 def _quiet(rows: list[Row]) -> list[Row]:

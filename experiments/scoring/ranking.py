@@ -180,8 +180,17 @@ def answers(rows: Sequence[Row], words: Mapping[str, str]) -> list[str]:
         order = sorted(_compete(mine), key=lambda row: row["lag"])
         if len(order) > 1:
             what = f"{scenario} ({words[scenario]})"
+            if _few(order):
+                each = ", ".join(map(_lag, order))
+                found.append(f"{what}: too few seeds to rank; lags of {parameter}: {each}.")
+                continue
             found.append(f"{what}: {_answer(order, parameter)}{_one_sided(mine)}")
     return found
+
+
+def _few(rows: Sequence[Row]) -> bool:
+    """Return whether there are fewer seeds than an interval, and so a ranking, takes."""
+    return max(len(row["values"]["lag"]) for row in rows) < LEAST
 
 
 def _answer(order: list[Row], parameter: str) -> str:
@@ -231,22 +240,30 @@ def in_words(rows: Sequence[Row]) -> list[str]:
     found = []
     for fault in dict.fromkeys((row["scenario"], row["parameter"]) for row in rows):
         mine = [row for row in rows if (row["scenario"], row["parameter"]) == fault]
-        ahead = leaders({row["estimator"]: row["values"]["lag"] for row in mine})
         order = sorted(mine, key=lambda row: row["lag"])
-        text = f"{fault[0]}: shortest lag of {fault[1]}: {_set(order[0])}"
-        tied = [row for row in order[1:] if row["estimator"] in ahead]
-        if tied:
-            text += f"; these seeds cannot tell it from {', '.join(map(_set, tied))}"
-        slower = [row for row in order if row["estimator"] not in ahead]
-        if slower:
-            text += "; " + ", ".join(_beside(slower, order[0]))
+        text = f"{fault[0]}: "
+        if _few(mine):
+            text += f"too few seeds to rank; lags of {fault[1]}: {', '.join(map(_set, order))}"
+        else:
+            text += _as_set(order, fault[1])
         for row in order:
             if row["diverged"]:
-                text += (
-                    f". Of {row['seeds']} runs of {row['estimator']}, {row['diverged']} diverged"
-                )
+                text += f". Of {row['seeds']} runs of {row['estimator']}, {row['diverged']} lost"
         found.append(text + ".")
     return found
+
+
+def _as_set(order: Sequence[Row], parameter: str) -> str:
+    """Return who had the shortest lag, who is not told from it, and how the others compare."""
+    best = order[0]
+    ahead = leaders({row["estimator"]: row["values"]["lag"] for row in order})
+    # Who was lost in a run is not called as good as who never was, whatever the pairs can tell.
+    tied = [row for row in order[1:] if row["estimator"] in ahead and not row["diverged"]]
+    slower = [row for row in order[1:] if row not in tied]
+    text = f"shortest lag of {parameter}: {_set(best)}"
+    if tied:
+        text += f"; these seeds cannot tell it from {', '.join(map(_set, tied))}"
+    return text + ("; " + ", ".join(_beside(slower, best)) if slower else "")
 
 
 def _set(row: Row) -> str:

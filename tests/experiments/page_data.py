@@ -48,7 +48,8 @@ def table(html, name):
     body = re.search(rf'<table[^>]* data-name="{re.escape(name)}">(.*?)</table>', html, re.DOTALL)[
         1
     ]
-    heads = [_text(each) for each in re.findall(r"<th[^>]*>(.*?)</th>", body, re.DOTALL)]
+    head = body.partition("<tbody>")[0].rpartition("<tr>")[2]  # groups of columns stand above
+    heads = [_text(each) for each in re.findall(r"<th[^>]*>(.*?)</th>", head, re.DOTALL)]
     rows = re.findall(r"<tr[^>]*>(.*?)</tr>", body.partition("<tbody>")[2], re.DOTALL)
     return heads, [dict(zip(heads, _cells(row), strict=True)) for row in rows]
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building import specs
 from flexaxis.experiments.catalogue import find, names
 from flexaxis.experiments.catalogue.card import GROUPS, in_a_line, reference_card
 from flexaxis.experiments.catalogue.find import (
@@ -17,6 +18,8 @@ from flexaxis.experiments.catalogue.find import (
     suite_names,
 )
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.excitation import Multisine
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -228,3 +231,17 @@ def test_all_wrong_names_at_once():
     with pytest.raises(ScenarioError) as caught:
         select(["fm_stp-v1", "smokee"])
     assert len(caught.value.problems) == 2
+
+
+@pytest.mark.parametrize("name", find_suite("standard").estimators)
+def test_an_axis_that_is_never_moved_can_be_given_to_everybody(name):
+    """What an estimator is told of the size of friction is of the motion it was designed for."""
+    specs.build(specs.parse(name), find_scenario("standstill-v1"))
+
+
+@pytest.mark.slow
+def test_the_standard_suite_can_be_planned():
+    """Every estimator can be made on every scenario: else the whole suite is refused."""
+    chosen = select(["standard"])
+    study = Study("all", tuple(chosen.scenarios), tuple(chosen.estimators), (1000,))
+    assert make_plan(study).work().cases == len(chosen.scenarios) * len(chosen.estimators)

@@ -11,6 +11,7 @@ from flexaxis.experiments.scoring.intervals import (
     median_interval,
     pseudo_values,
     spread_interval,
+    stratified_interval,
 )
 
 DRAWS = 4000  # binomial standard deviation .35 %
@@ -106,3 +107,17 @@ def test_pseudo_values_of_a_mean_are_the_values_and_of_a_variance_take_its_bias_
     x = np.random.default_rng(1).standard_normal(12)
     np.testing.assert_allclose(pseudo_values(lambda i: x[i].mean(), 12), x, atol=1e-12)
     assert pseudo_values(lambda i: x[i].var(), 12).mean() == pytest.approx(x.var(ddof=1))
+
+
+def test_levels_of_points_are_no_draws():
+    """Two points a factor of 100 apart, six seeds: by hand, what scatters within them counts."""
+    own = np.array([-0.3, 0.1, 0.2, -0.1, 0.4, -0.3])  # sums to 0
+    other = np.array([0.1, -0.2, 0.2, 0.0, 0.1, -0.2])
+    seeds = np.arange(6)
+    low, high = stratified_interval([(np.exp(own), seeds), (100 * np.exp(other), seeds)])
+    # Seed by seed, the mean over both points: 10 exp((own + other)/2), Student's t with 5.
+    half = 2.570582 * np.sqrt(np.sum(((own + other) / 2) ** 2) / 5 / 6)
+    assert [low, high] == pytest.approx([10 * np.exp(-half), 10 * np.exp(half)], rel=1e-6)
+    wide = log_interval(np.r_[np.exp(own), 100 * np.exp(other)])
+    assert wide[1] / wide[0] > 10 * high / low
+    assert stratified_interval([(np.exp(own[:4]), seeds[:4])] * 2) is None

@@ -1,6 +1,7 @@
 """Pages of logs: what they say first, and that no spike of a long log is lost on its chart."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,15 @@ def tracked(changes=(), doubts=()):
     )  # fmt: skip
 
 
+def test_a_tracked_log_within_its_deviations_of_nominal_is_as_identified():
+    said = [("ok", "no parameter changed")]
+    told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
+    wide = replace(tracked(), deviations=np.full((4000, 1), 0.26))  # f_m is .5 above nominal
+    for found, is_said in ((tracked(), True), (wide, False)):
+        _, text = track_page(found, 0.005, remarks=said, problems=[], **told).finding
+        assert ("above what was identified" in text) is is_said
+
+
 def test_a_tracked_log_says_first_what_changed():
     changed = tracked([Change("f_m", 8.0, 0.5, 40.0)])
     said = [("note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter)")]
@@ -103,6 +113,7 @@ def test_a_tracked_log_says_first_what_changed():
                        problems=["clipping: much"], **told)  # fmt: skip
     kind, text = quiet.finding
     assert kind == "problem" and text.startswith("No parameter changed; last over nominal: f_m 1.5")
+    assert "no change within this log, but f_m is 50 % above what was identified" in text
     assert quiet.remarks[0] == ("problem", "the log: clipping: much")
 
 

@@ -6,7 +6,7 @@ import pytest
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting.figures import colour, marker
-from flexaxis.experiments.scoring.mismatch import matrix, mismatch_in_words, mismatched
+from flexaxis.experiments.scoring.mismatch import matrix, misled, mismatch_in_words, mismatched
 from flexaxis.experiments.scoring.ranking import (
     answers,
     difference,
@@ -190,9 +190,41 @@ def test_as_set_faster_and_quieter_need_pairs():
     assert "shortest lag of f_m: quick 0.2 s at 0.3 %" in text
     assert "slower 1 s at 0.1 % is slower and quieter" in text
     assert "slow too 2 s at 0.31 % is slower, its noise not told apart" in text
-    assert "Of 16 runs of slow too, 3 diverged" in text
+    assert "Of 16 runs of slow too, 3 lost" in text
     (text,) = in_words([at("ekf", 0.49178, 0.3, own=0.2), at("ukf", 0.49179, 0.3, own=0.2)])
     assert "cannot tell it from ukf" in text and "better" not in text
+
+
+def test_few_seeds_rank_nobody_and_who_was_lost_is_no_tie():
+    def at(name, lag, *, lost=0, n=16):
+        pairs = {key: values(lag, own=1.0, seed=len(name))[:n] for key in ("lag", "std")}
+        return {
+            "scenario": "s", "parameter": "f_m", "estimator": name, "lag": lag, "std": 0.3,
+            "diverged": lost, "seeds": n, "values": pairs,
+        }  # fmt: skip
+
+    (text,) = in_words([at("one", 0.2), at("other", 0.22, lost=1)])
+    assert "cannot tell" not in text and "other 0.22 s at 0.3 % is slower" in text
+    (text,) = in_words([at("one", 0.2, n=3), at("other", 85.0, n=3, lost=1)])
+    assert text.startswith("s: too few seeds to rank; lags of f_m: one 0.2 s at 0.3 %, other 85 s")
+    assert "cannot tell" not in text and "Of 3 runs of other, 1 lost" in text
+    rows = [match("mine", 0.2), match("yours", 0.4)]
+    for each in rows:
+        each["values"]["lag"] = each["values"]["lag"][:4]
+    (text,) = answers(mark(rows), {"s": "f_m +50 %"})
+    assert "too few seeds to rank; lags of f_m: mine 0.2 s" in text and "shortest" not in text
+
+
+def test_who_was_wrong_by_half_the_fault_before_it_is_not_crowned():
+    scenario = find_scenario("fm_step-v1")  # f_m × 1.5: a fault of 50 % of nominal
+    rows = [row("m", "wrong", 0.1, bias=-25.1), row("m", "right", 2.0, bias=24.9)]
+    wrong = misled(rows, {"m": scenario})
+    assert wrong == {("m", "f_m", "wrong")}
+    each = [at_one_setting("wrong", 0.1), at_one_setting("right", 2.0)]
+    text = mismatch_in_words([], each, ["m"], wrong)
+    assert ": right in 1 of 1." in text and text.endswith("wrong already: wrong.")
+    nobody = mismatch_in_words([], each[:1], ["m"], wrong)
+    assert "that changes: nobody." in nobody
 
 
 def test_a_cell_is_the_changed_parameter_else_the_worst():

@@ -11,6 +11,7 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_tables
+from flexaxis.experiments.reporting.glossary import TERMS
 from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
@@ -61,6 +62,21 @@ def test_there_is_one_ranking(html, folder):
         assert list(dict.fromkeys(rows))[:2] == overall, name
 
 
+def test_the_first_table_is_saved_whole(html, folder):
+    """What a file of it says besides a lag: of what, between what, and whether it is a limit."""
+    first = html[html.index('data-name="at-equal-noise"') :].partition("</table>")[0]
+    assert re.search(r'data-name="short [^"<>]*f_m[^"<>]* lag \[s\]"', first)
+    matched = [
+        r for r in pooled.load(folder).summary["tradeoff"]["matched"] if r["lag"] is not None
+    ]
+    assert matched
+    for row in matched:
+        low, high = ("never" if end is None else end for end in row["lag_interval"])
+        assert f'data-value="{row["lag"]}" data-low="{low}" data-high="{high}"' in first
+    marks = set(re.findall('data-mark="([^"]*)"', first))
+    assert "★" in marks and marks <= {"★", "≤", "≥", "★ ≤", "★ ≥"}
+
+
 def test_cells_say_what_was_pooled(html, folder):
     heads, rows = table(html, "short")
     assert heads[2:10] == [
@@ -91,6 +107,13 @@ def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
     assert known["std"].of({"std": 1e-3, "std_interval": [9e-4, 2e-3]}).within == "0.0009 … 0.002"
 
 
+def test_a_word_has_one_definition():
+    columns = run_tables.glossary()
+    both = [name for name in columns if name in TERMS]
+    assert len(both) > 12 and all(columns[name] == TERMS[name] for name in both)
+    assert "bootstrap" not in TERMS["interval"] and "Student" in TERMS["interval"]
+
+
 def test_at_the_fault_every_sample_is_drawn(data, short):
     chart = data["charts"]["curves-short"]
     assert [w[0] for w in chart["windows"]] == ["at the fault", "whole run"]
@@ -111,6 +134,7 @@ def test_at_the_fault_every_sample_is_drawn(data, short):
 
 def test_what_is_rounded_is_rounded_by_less_than_a_point_of_the_screen(data, folder):
     (curve,) = [c for c in pooled.load(folder).curves if c.estimator == "relocate"]
+    assert data["charts"]["curves-short"]["panels"][0]["y"] == "f_m / nominal"  # it changes
     panels = data["charts"]["curves-short"]["panels"]
     for i, parameter in enumerate(curve.names):
         (panel,) = [p for p in panels if p["y"] == f"{parameter} / nominal"]
@@ -191,7 +215,7 @@ def test_a_scenario_of_the_catalogue_is_named(short):
     run = Single(known.name, "rpem-forgetting[forgetting=0.99]", 1000, [])
     assert command(run, known) == (
         "flexaxis run fm_step-v1 --estimator 'rpem-forgetting[forgetting=0.99]' "
-        "--seeds 1000:1001 -o results/fm_step-v1-1000"
+        "--seeds 1000:1001 -o results/fm_step-v1-rpem-forgetting-forgetting-0.99-1000"
     )
     assert "fm_step-v1.toml" in command(run, known.override({"duration": 21.0}))
 
@@ -257,27 +281,90 @@ def test_a_folder_of_an_older_version_is_reported(folder, short, tmp_path):
     assert "curves-short" not in bare["charts"]
 
 
-def swept(**lags):
-    """A sweep over one fault with a bound of .1 s; the first two lead."""
+def swept(*, seeds=6, **lags):
+    """A sweep over one fault with a bound of .1 s; the first two lead, and the first finds it."""
     rows = [
         {"scenario": "s", "parameter": "f_m", "estimator": name, "how": "matched", "lag": lag,
-         "over_bound": lag / 0.1, "leads": i < 2}
+         "over_bound": lag / 0.1, "leads": i < 2, "false_alarms_per_1000_s": None if i else 0.0,
+         "values": {"lag": [0.0] * seeds}}
         for i, (name, lag) in enumerate(lags.items())
     ]  # fmt: skip
-    overall = [{"estimator": name} for name in lags]
-    return {"tradeoff": {"matched": rows, "overall": overall, "points": []}, "estimators": {}}
+    overall = [{"estimator": name, "leads": not i} for i, name in enumerate(lags)]
+    return {
+        "tradeoff": {"matched": rows, "overall": overall, "points": [], "faults": {"s": "f_m"}},
+        "estimators": {},
+        "scenarios": {"s": {}, "other": {}},
+    }
+
+
+LAGS = {"mine": 0.2, "yours": 0.25, "rpem-forgetting": 1.0}
 
 
 def test_three_questions_are_answered_from_the_table():
-    summary = swept(**{"mine": 0.2, "yours": 0.25, "rpem-forgetting": 1.0})
-    fastest, distance, _ = (answer for _, answer in run_first.answers(summary))
-    assert fastest.startswith("mine: ahead, or tied for it, in 1 of 1 fault (")
-    assert "cannot tell yours from it" in fastest and "5 times shorter" in fastest
+    fastest, distance, why = (answer for _, answer in run_first.answers(swept(**LAGS)))
+    assert fastest.startswith("mine and yours: each ahead, or tied for it, in 1 of 1 fault; mine")
+    assert "mine is tied with yours in 1 of 1" in fastest and "5 times shorter" in fastest
     assert distance == (
         "mine takes 2 times the lag of the bound; rpem-forgetting takes 10 times the lag of the "
         "bound."
     )
+    assert "mine waits for evidence" in why
     assert run_first.answers({"tradeoff": None}) == []
+
+
+def test_ties_of_who_leads_most_often_are_counted():
+    summary = swept(**LAGS)
+    rows = summary["tradeoff"]["matched"]
+    rows += [row | {"scenario": "t", "leads": row["estimator"] == "mine"} for row in rows]
+    (_, fastest), *_ = run_first.answers(summary)
+    assert fastest.startswith(
+        "mine: ahead, or tied for it, in 2 of 2 faults; mine is tied with yours in 1 of 2 ("
+    )
+
+
+def test_why_is_said_only_where_it_came_out():
+    behind = swept(**{"rpem-forgetting": 0.2, "yours": 0.25, "mine": 1.0})
+    assert run_first.WHY not in dict(run_first.answers(behind))  # the reference itself leads
+    blind = swept(**LAGS)
+    blind["tradeoff"]["matched"][0]["false_alarms_per_1000_s"] = None
+    assert run_first.WHY not in dict(run_first.answers(blind))  # who leads waits for nothing
+
+
+def test_too_few_seeds_rank_nobody():
+    few, enough = swept(seeds=4, **LAGS), swept(seeds=5, **LAGS)
+    ((_, answer),) = run_first.answers(few)
+    assert "Too few seeds to rank" in answer
+    for summary, stars in ((few, 0), (enough, 3)):
+        equal = run_first.at_equal_noise(summary)
+        ranked = [*equal["rows"].values(), *equal["overall"].values()]
+        assert sum(row["leads"] for row in ranked) == stars
+    assert run_first.at_equal_noise(few)["scope"] == (
+        "Compared at equal noise: s. As set only, further down: other."
+    )
+
+
+def test_columns_stand_under_the_noise_at_which_they_are_compared(html, folder):
+    heads, rows = table(html, "at-equal-noise")
+    assert "lag at equal std of the parameter that changes</th>" in html
+    assert "all faults, at equal excess error</th>" in html
+    at_excess = pooled.load(folder).summary["tradeoff"]["at_excess"]
+    for row in rows:
+        (own,) = [r for r in at_excess if r["estimator"] == row["estimator"][0]]
+        assert float(row["short: lag at equal excess error [s]"][0]) == own["lag"]
+    assert heads[0] == "estimator"
+
+
+def test_it_says_once_with_what_it_was_computed(html):
+    (said,) = re.findall(r"Computed with ([^<]*)</p>", html)
+    assert "scipy" in said and re.search(r"code [0-9a-f]{12}", said) and " on " in said
+
+
+def test_settings_of_a_scenario_that_was_only_swept_are_made_by_tradeoff():
+    study = {"tradeoff": {"estimators": ["rpem-drift", "my own.py:Mine"]}, "seeds": [1000, 1001]}
+    assert run_page._sweep_of("fm_double-v1", study) == (
+        "flexaxis tradeoff fm_double-v1 --estimator rpem-drift --estimator 'my own.py:Mine' "
+        "--seeds 1000:1002"
+    )
 
 
 def test_more_than_nine_estimators_are_there_and_hidden_at_first(folder):

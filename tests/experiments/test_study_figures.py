@@ -57,6 +57,18 @@ def test_alarms_are_counted_once_a_case_whatever_changed(stored, tmp_path):
     assert (second.delay, second.missed, second.false_per_hour) == (0.3, 0.5, 0.0)
 
 
+def test_a_lag_over_all_points_does_not_take_levels_for_draws(stored, tmp_path):
+    rows = [
+        {"case": f"{factor}/{seed}", "method": "m", "estimator": "m", "base": "s", "seed": seed,
+         "axes": {"fault[0].factor": factor}, "lag": factor * (1 + 0.01 * seed)}
+        for factor in (1.0, 100.0) for seed in range(6)
+    ]  # fmt: skip
+    results = stored(tmp_path, rows, axes=["fault[0].factor"], seeds=list(range(6)))
+    (row,) = study_settings.rows_of(results, [], {}, ["lag"])
+    low, high = row["lag_interval"]
+    assert row["lag"] == pytest.approx(10.25, rel=1e-2) and 9.9 < low < high < 10.6
+
+
 def test_detection_draws_a_point_a_setting():
     found = [Alarms("m", "m[t=4]", 0.1, [0.0, 0.2], 0.0, 20.0),
              Alarms("m", "m[t=16]", 0.4, None, 0.25, 0.0),
