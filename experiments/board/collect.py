@@ -40,7 +40,11 @@ class Taken:
         """Whether its code was run again by the board's keeper, and what came of it."""
         if self.verdict is None or not self.verdict.get("ran"):
             return "unverified"
-        return VERIFIED if self.verdict.get("holds") is True else "rejected"
+        if self.verdict.get("holds") is not True:
+            return "rejected"
+        held = self.verdict.get("isolation")
+        shut_in = isinstance(held, Mapping) and held and all(yes is True for yes in held.values())
+        return VERIFIED if shut_in else "verified, not shut in"
 
 
 def collect(

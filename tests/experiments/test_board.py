@@ -268,11 +268,14 @@ def test_a_line_to_type_is_quoted():
 
 def test_verdicts_count_by_digest_alone(entry, copy):
     digest = entry.digest
-    good = {digest: {"ran": True, "holds": True, "checks": []}}
+    good = {digest: {"ran": True, "holds": True, "checks": [], "isolation": {"no network": True}}}
+    plain = {digest: good[digest] | {"isolation": {"no network": False}}}
     bad = {digest: {"ran": True, "holds": False, "checks": [
         {"name": "unknown seeds", "holds": False, "seen": "9 ×"}]}}  # fmt: skip
     (found,), _ = collect([copy], SMALL, good)
     assert found.state == "verified"
+    (found,), _ = collect([copy], SMALL, plain)
+    assert found.state == "verified, not shut in"
     (found,), _ = collect([copy], SMALL, {"other": good[digest]})
     assert found.state == "unverified"
     none, left = collect([copy, copy], SMALL, bad)
