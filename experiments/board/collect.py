@@ -44,7 +44,8 @@ class Taken:
             return "unverified"
         if found.get("holds") is not True:
             return "rejected"
-        if not all(held is True for held in (found.get("isolation") or {"": False}).values()):
+        held = found.get("isolation")
+        if not (isinstance(held, Mapping) and held and all(yes is True for yes in held.values())):
             return "verified, not shut in"
         usual = Ask()
         enough = found.get("sample", 0) >= usual.sample and found.get("hidden", 0) >= usual.hidden
