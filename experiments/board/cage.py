@@ -177,7 +177,7 @@ class Cage:
             "FLEXAXIS_CACHE": f"{home}/records",
         }
         return subprocess.Popen(
-            words, cwd=cwd, env=environment, stdin=given,
+            words, cwd=cwd, env=environment, stdin=given.fileno(),
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 

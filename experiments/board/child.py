@@ -254,8 +254,9 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 y = None if np.isnan(got[1]) else float(got[1])
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
-                u, y = got.reshape(2, -1)
-                wire.send(run_estimator(estimator, u, y, ~np.isnan(y)).reshape(-1))
+                u, measured = got.reshape(2, -1)
+                theta = run_estimator(estimator, u, measured, ~np.isnan(measured))
+                wire.send(theta.reshape(-1))
         elif got == "reset":
             estimator.reset()
         elif got == "told":

@@ -12,6 +12,7 @@ from flexaxis.experiments.board.entry import Entry
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.stored import Own, own
 from flexaxis.experiments.board.suite import Board
+from flexaxis.experiments.board.trial import Ask
 from flexaxis.experiments.board.verdict import of_form
 from flexaxis.experiments.running.sealed import read_sealed
 
@@ -38,9 +39,17 @@ class Taken:
     @property
     def state(self) -> str:
         """Whether its code was run again by the board's keeper, and what came of it."""
-        if self.verdict is None or not self.verdict.get("ran"):
+        found = self.verdict
+        if found is None or not found.get("ran"):
             return "unverified"
-        return VERIFIED if self.verdict.get("holds") is True else "rejected"
+        if found.get("holds") is not True:
+            return "rejected"
+        held = found.get("isolation")
+        if not (isinstance(held, Mapping) and held and all(yes is True for yes in held.values())):
+            return "verified, not shut in"
+        usual = Ask()
+        enough = found.get("sample", 0) >= usual.sample and found.get("hidden", 0) >= usual.hidden
+        return VERIFIED if enough else "verified in part"
 
 
 def collect(

@@ -118,7 +118,7 @@ def _able(places: Sequence[Place]) -> list[str]:
 
 
 def _calm(entries: Mapping[str, Own], names: Sequence[str]) -> list[Place]:
-    """Return the places where nothing is to be found: by the error, alarms beside it."""
+    """Return the places on the nuisance track: by the error, alarms beside it."""
     places: list[Place] = []
     values: dict[str, list[float]] = {}
     for label, own in entries.items():

@@ -126,7 +126,7 @@ def own_of(
 
 
 def _as_set(scenario: Scenario, label: str, runs: Runs) -> Row:
-    """Return what an estimator is worth where nothing is to be found, at its one setting."""
+    """Return what an estimator is worth on the nuisance track, at its one setting."""
     excess = [float(run[0]["excess"]) for run in runs]
     logs = np.log(np.maximum(excess, FLOOR))
     return {

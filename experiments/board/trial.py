@@ -15,6 +15,7 @@ from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.hidden import Draw
 from flexaxis.experiments.board.rerun import How, rerun
 from flexaxis.experiments.board.rules import rules
+from flexaxis.experiments.board.sampling import sample
 from flexaxis.experiments.board.stored import own
 from flexaxis.experiments.board.suite import Board, board
 from flexaxis.experiments.board.unseen import SEEDS, Rows, pairs, ranked, reported
@@ -24,7 +25,6 @@ from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.rows import read as read_rows
 from flexaxis.experiments.running.rows import row_files
 from flexaxis.experiments.running.verify import differences
-from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -96,7 +96,7 @@ def verify_entry(
     require(run_code, [entry.estimator], source=str(folder), command=command)
     if not found.holds:
         return found
-    found.token = ask.draw.token
+    found.token, found.sample, found.hidden = ask.draw.token, ask.sample, ask.hidden
     frozen = frozen or board()
     mine = frozen.quick() if entry.quick else frozen
     with Cage(entry.folder, patience=ask.patience, plain=ask.plain) as cage:
@@ -155,12 +155,10 @@ def _same(
     for row in rows:
         if row["hash"] in known and row["seed"] in frozen.seeds:
             cases.setdefault((row["hash"], row["estimator"], row["seed"]), []).append(row)
-    others = [key for key in sorted(cases) if key[1] == reference()]
-    mine = {text for line in entry.settings.values() for text in line} | {entry.estimator}
-    own_ = [key for key in sorted(cases) if key[1] in mine]  # rows of anything else are not run
-    random = ask.draw.random("sample")
-    chosen = random.sample(own_, min(ask.sample, len(own_)))
-    chosen += random.sample(others, min(max(1, ask.sample // 5), len(others)))
+    settings = {
+        (each.scenario.hash, each.text) for each in ranked(entry, own(entry, frozen), frozen)
+    }
+    chosen, words = sample(cases, settings, ask.sample, ask.draw.random("sample"))
     wrong: list[str] = []
     for key, text, seed in chosen:
         what = f"{known[key].name}, {text}, seed {seed}"
@@ -171,9 +169,9 @@ def _same(
             continue
         told = next(iter(_differ(cases[key, text, seed], made)), "")
         wrong += [f"{what}: {told}"] if told else []
-    words = f"{len(chosen) - len(wrong)} of {len(chosen)} reported cases come out again"
-    words += " where the code is given samples and nothing else"
-    return Check("reported rows", not wrong, f"{words}; {wrong[0]}" if wrong else words)
+    held = f"{len(chosen) - len(wrong)} of {len(chosen)} reported cases come out again"
+    held += f" where the code is given samples and nothing else ({words})"
+    return Check("reported rows", not wrong, f"{held}; {wrong[0]}" if wrong else held)
 
 
 def _differ(rows: Sequence[Mapping[str, Any]], made: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -43,6 +43,8 @@ class Verdict:
         What held in the process of its code; empty where nothing was run.
     token : str
         What seeds were drawn from; empty where nothing was run.
+    sample, hidden : int
+        How much was looked at, as in `trial.Ask`; 0 where nothing was run.
     flexaxis : str
         Version that verified.
     """
@@ -54,6 +56,8 @@ class Verdict:
     checks: list[Check] = field(default_factory=list)
     isolation: dict[str, bool] = field(default_factory=dict)
     token: str = ""
+    sample: int = 0
+    hidden: int = 0
     flexaxis: str = field(default_factory=lambda: version("flexaxis"))
 
     @property

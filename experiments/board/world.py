@@ -84,7 +84,7 @@ def _seen() -> list[str]:
     wanted = [*SYSTEM, sys.prefix, sys.base_prefix, *map(str, ours)]
     wanted += [place for place in sys.path if "site-packages" in place]
     wanted += [str(Path(sys.executable).resolve().parent.parent)]
-    paths = sorted({os.path.abspath(place) for place in wanted if Path(place).exists()}, key=len)
+    paths = sorted({os.path.abspath(place) for place in wanted if os.path.exists(place)}, key=len)
     kept: list[str] = []
     for path in paths:
         if path != "/" and not any(path.startswith(f"{other}/") for other in kept):

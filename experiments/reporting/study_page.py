@@ -39,8 +39,9 @@ DETECTION = (
 ISOLATION = "What was named (columns) where something changed (rows)."
 HEAT = "Lag after the fault, geometric mean. Empty: not run, or never in range. "
 WHISKERS = (
-    " Whiskers are 95 % intervals over the cases behind a point; runs that diverged are in none of "
-    "them, but counted in the table."
+    " Whiskers are 95 % intervals over the seeds behind a point, where values of other keys are "
+    "averaged over about the mean of each; runs that were lost are in none of them, but counted in "
+    "the table."
 )
 
 

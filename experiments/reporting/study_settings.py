@@ -11,7 +11,7 @@ from flexaxis.experiments.reporting.sweep_charts import short
 from flexaxis.experiments.results.groups import APART, Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.axes import applies, is_option
-from flexaxis.experiments.scoring.intervals import LEAST, stratified_interval
+from flexaxis.experiments.scoring.intervals import stratified_interval
 
 FEW = 9  # that a chart tells apart: as many as there are colours
 
@@ -38,7 +38,7 @@ def _stratify(
     Points of a single seed are draws themselves, and rows over such stay as they are.
     """
     rest = [axis for axis in ("base", *results.axes) if axis not in by]
-    if not rest or len(results.study.get("seeds", ())) < LEAST:
+    if not rest or len(results.study.get("seeds", ())) < 2:
         return
     groups = results.grouped([*by, *rest], bins={k: v for k, v in bins.items() if k in by})
     points: dict[str, list[Any]] = {}

@@ -1,6 +1,8 @@
 """An entry: what it takes to make one, what is checked of its files, and the site of several."""
 
+import hashlib
 import json
+import platform
 import re
 import shutil
 import sys
@@ -89,6 +91,16 @@ def test_an_entry_holds_its_code(entry):
     }  # fmt: skip
     hosts = {row["cost"]["host"] for row in rows}
     assert len(hosts) == 1 and re.fullmatch("[0-9a-f]{12}", hosts.pop())  # names no computer
+
+
+def test_the_computer_is_named_to_nobody(entry, tmp_path):
+    """Nor by a digest of its name, which two entries would share and a list of names would tell."""
+    (tmp_path / "mine.py").write_text(HONEST)
+    other = entered(tmp_path / "entry", tmp_path / "mine.py:Honest")
+    hosts = {e.environment["host"] for e in (entry, other)}
+    rows = [json.loads(line) for line in (other.run / "scores.jsonl").read_text().splitlines()]
+    assert len(hosts) == 2 and {row["cost"]["host"] for row in rows} == {other.environment["host"]}
+    assert hashlib.sha256(platform.node().encode()).hexdigest()[:12] not in hosts
 
 
 def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monkeypatch):
@@ -237,7 +249,7 @@ def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, t
     first = page.partition("Who is ahead")[2].partition("</dl>")[0]
     assert "my-tracker 2 (unverified)" in first and "☆" in page and "★ <" not in page
     _, verdict = of_form(entry.folder, SMALL)
-    verdict.isolation = {"no network": True}
+    verdict.isolation, verdict.sample, verdict.hidden = {"no network": True}, 10, 8
     every = [replace(each, verdict=verdict.as_json()) for each in every]
     write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
     page = (tmp_path / "index.html").read_text()
@@ -268,11 +280,21 @@ def test_a_line_to_type_is_quoted():
 
 def test_verdicts_count_by_digest_alone(entry, copy):
     digest = entry.digest
-    good = {digest: {"ran": True, "holds": True, "checks": []}}
+    whole = {"ran": True, "holds": True, "checks": [], "isolation": {"no network": True},
+             "sample": 10, "hidden": 8}  # fmt: skip
+    good = {digest: whole}
     bad = {digest: {"ran": True, "holds": False, "checks": [
         {"name": "unknown seeds", "holds": False, "seen": "9 ×"}]}}  # fmt: skip
     (found,), _ = collect([copy], SMALL, good)
     assert found.state == "verified"
+    for less, state in (
+        ({"isolation": {"no network": False}}, "verified, not shut in"),
+        ({"isolation": {}}, "verified, not shut in"),
+        ({"hidden": 2}, "verified in part"),
+        ({"sample": 1}, "verified in part"),
+    ):
+        (found,), _ = collect([copy], SMALL, {digest: whole | less})
+        assert found.state == state
     (found,), _ = collect([copy], SMALL, {"other": good[digest]})
     assert found.state == "unverified"
     none, left = collect([copy, copy], SMALL, bad)

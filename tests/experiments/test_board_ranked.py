@@ -6,16 +6,19 @@ import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from flexaxis.experiments.board.agreement import agreements
-from flexaxis.experiments.board.entry import ENTRY, read, seal
+from flexaxis.experiments.board.entry import ENTRY, seal
 from flexaxis.experiments.board.hidden import Draw
+from flexaxis.experiments.board.sampling import sample
 from flexaxis.experiments.board.stored import own
 from flexaxis.experiments.board.suite import Board
 from flexaxis.experiments.board.trial import Ask, verify_entry
-from flexaxis.experiments.board.unseen import pairs, ranked, reported
+from flexaxis.experiments.board.unseen import EARLIER, pairs, ranked, reported
+from flexaxis.experiments.board.unseen import SEEDS as UNKNOWN
 from flexaxis.experiments.board.verdict import of_form
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
@@ -23,6 +26,7 @@ from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.rows import read as read_rows
+from flexaxis.experiments.studies.sweep import reference
 
 sys.path.insert(0, str(Path(__file__).parent))
 from boards import CHEATS, SEEDS, entered, known
@@ -136,22 +140,46 @@ def test_a_memoriser_behind_its_knob_is_found(cheat, tmp_path, monkeypatch):
     assert any(each.score == "nuisance: excess" for each in found)
 
 
+def test_who_is_better_on_reported_seeds_of_the_nuisance_track_alone_is_found(cheat):
+    settings = ranked(cheat, own(cheat, TWO), TWO)
+    honest = reported(list(read_rows(cheat.run / "scores.jsonl")), settings, TWO)
+
+    def make(text, scenario, seeds):
+        found = [rows for (what, _), rows in honest.items() if what == f"{scenario.name} {text}"]
+        return {seed: found[k % len(found)] for k, seed in enumerate(seeds)}
+
+    better = {
+        key: [row | {"excess": row["excess"] / 100} for row in rows] if "load" in key[0] else rows
+        for key, rows in honest.items()
+    }
+    seeds = Draw("0123456789abcdef").seeds(16)
+    assert all(a.holds for a in agreements(list(pairs(settings, honest, seeds, _same, make))))
+    found = agreements(list(pairs(settings, better, seeds, _same, make)))
+    assert [a.score for a in found if not a.holds] == ["nuisance: excess"]
+
+
+def _same(scenario):
+    return scenario
+
+
+def test_what_is_run_again_is_what_carries_the_rank():
+    cases = [(h, text, seed) for h in "ab" for text in ("x", "y", "z", reference())
+             for seed in range(24)]  # fmt: skip
+    settings = {("a", "x"), ("a", "y"), ("b", "x"), ("b", "y")}
+    found, words = sample(cases, settings, 8, Random(1))
+    usual = [case for case in found if case[1] == reference()]
+    assert len(usual) == 1 and len({*found}) == 9
+    assert sorted(case[:2] for case in found if case not in usual) == sorted([*settings] * 2)
+    # 96 cases, 10 of them forged: 1 - (86 over 8) / (96 over 8)
+    assert "8 of 96" in words and "a chance of 60 %" in words
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("calm", [False, True])
-def test_who_knows_one_track_or_one_setting_is_found_in_the_cage(tmp_path, calm):
-    for name in ("memory.py", "memory_knob.py"):
-        shutil.copy(CHEATS / name, tmp_path)
-    known(tmp_path, replace(TWO, scenarios=(LOAD if calm else STEP,)))
-    text = "memory.py:Memory" if calm else "memory_knob.py:Turned"
-    entry = entered(tmp_path / "entry", tmp_path / text, TWO)
+def test_a_memoriser_behind_its_knob_is_found_in_the_cage(cheat):
     found = verify_entry(
-        entry.folder, Ask(6, 6, Draw.new("0123456789abcdef")), run_code=True,
+        cheat.folder, Ask(6, 6, Draw.new("0123456789abcdef")), run_code=True,
         store=default_cache(), frozen=TWO,
     )  # fmt: skip
     wrong = [check for check in found.checks if check.holds is False]
-    assert wrong and {check.name for check in wrong} <= {
-        "unknown seeds",
-        "faults that come earlier",
-    }
-    assert all(("nuisance" if calm else "nominal") in check.seen for check in wrong)
-    assert read(entry.folder).label == found.label
+    assert wrong and {check.name for check in wrong} <= {UNKNOWN, EARLIER}
+    assert all("nominal" in check.seen for check in wrong)

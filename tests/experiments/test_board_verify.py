@@ -29,6 +29,7 @@ from boards import CHEATS, HONEST, WIDE, entered, known
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
 alone = pytest.mark.skipif(not permitted(), reason="this system gives no process its own world")
+UNSEEN = {"unknown seeds", "faults that come earlier"}
 STEP = find_scenario("fm_step-v1")
 MEANS = Means(store=default_cache())
 
@@ -256,7 +257,11 @@ def judged(tmp_path, name, *, board=WIDE, **ask):
         | ask
     )
     found = verify_entry(entry.folder, draw, run_code=True, store=default_cache(), frozen=board)
-    return {check.name: check.seen for check in found.checks if check.holds is False}
+    wrong = [check for check in found.checks if check.holds is False]
+    found = {check.name: "" for check in wrong}
+    for check in wrong:
+        found[check.name] += f"{check.seen}; "
+    return found
 
 
 @pytest.mark.slow
@@ -276,13 +281,13 @@ def test_an_honest_entry_is_accepted(tmp_path):
 @pytest.mark.slow
 def test_who_knows_the_reported_seeds_is_found_on_others(tmp_path):
     found = judged(tmp_path, "memory:Memory")
-    assert found.keys() == {"unknown seeds"} and "excess" in found["unknown seeds"]
+    assert {"unknown seeds"} <= found.keys() <= UNSEEN and "excess" in found["unknown seeds"]
 
 
 @pytest.mark.slow
 def test_who_reads_the_truth_in_memory_finds_none(tmp_path):
     found = judged(tmp_path, "peeker:Peeker")
-    assert {"reported rows", "unknown seeds"} == found.keys()
+    assert {"reported rows", "unknown seeds"} <= found.keys() <= {"reported rows"} | UNSEEN
 
 
 @pytest.mark.slow

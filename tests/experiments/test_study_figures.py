@@ -67,6 +67,10 @@ def test_a_lag_over_all_points_does_not_take_levels_for_draws(stored, tmp_path):
     (row,) = study_settings.rows_of(results, [], {}, ["lag"])
     low, high = row["lag_interval"]
     assert row["lag"] == pytest.approx(10.25, rel=1e-2) and 9.9 < low < high < 10.6
+    few = stored(tmp_path, [row for row in rows if row["seed"] < 3],
+                 axes=["fault[0].factor"], seeds=[0, 1, 2])  # fmt: skip
+    (row,) = study_settings.rows_of(few, [], {}, ["lag"])
+    assert row["lag_interval"] is None  # six runs of three seeds, and six draws they are not
 
 
 def test_detection_draws_a_point_a_setting():
