@@ -66,16 +66,53 @@ def test_the_comment_is_posted_as_data():
     assert "30000" in script and "eval" not in script and "exec" not in script
 
 
-def test_folders_of_entries_are_found_and_nothing_else():
-    names = ["entries/mine/entry.json", "entries/mine/run/scores.jsonl", "README.md"]
-    names += ["entries/../x/y", "entries/a;rm/x", "entries/.hidden/x", "entries/two/x\ny"]
+def test_a_comment_needs_a_request_of_entries_only():
+    """Else the request would bring the workflow that says it was accepted."""
+    script = steps(read(COMMENT))[1]["with"]["script"]
+    before = script.partition("createComment")[0]
+    for needed in ("pulls.listFiles", 'startsWith("entries/")', "f.previous_filename"):
+        assert needed in before
+    assert "request.data.changed_files" in before
+    assert '".github/workflows/board-check.yml"' in before
+
+
+def test_nothing_is_run_where_code_cannot_be_shut_in():
+    runs = [step.get("run", "") for step in steps(read(CHECK))]
+    first = next(k for k, run in enumerate(runs) if "board_cage.py" in run)
+    assert first < next(k for k, run in enumerate(runs) if "--run-code" in run)
+    assert not any("|| true" in run for run in runs[: first + 1])
+    assert "--no-renames" in "".join(runs) and "--diff-filter" not in "".join(runs)
+
+
+def folders(names, home):
+    """What is printed for names of changed files, and what is said."""
     found = subprocess.run(
-        [sys.executable, HOME / "board_entries.py"], input="\0".join(names).encode(),
-        capture_output=True, check=True,
+        [sys.executable, HOME / "board_entries.py", home], capture_output=True, check=False,
+        input="".join(f"{name}\0" for name in names).encode(),
     )  # fmt: skip
-    assert found.stdout.decode().split() == ["entries/mine", "entries/.hidden", "entries/two"]
-    many = subprocess.run(
-        [sys.executable, HOME / "board_entries.py"], capture_output=True, check=False,
-        input="\0".join(f"entries/n{i}/x" for i in range(9)).encode(),
-    )  # fmt: skip
-    assert many.returncode and b"5 are allowed" in many.stderr
+    return found.returncode, found.stdout.decode().split(), found.stderr.decode()
+
+
+def test_folders_of_entries_are_found(tmp_path):
+    for name in ("mine", "two"):
+        (tmp_path / "entries" / name).mkdir(parents=True)
+    names = ["entries/mine/entry.json", "entries/mine/run/scores.jsonl", "entries/two/x\ny"]
+    assert folders(names, tmp_path) == (0, ["entries/mine", "entries/two"], "")
+    code, found, said = folders([*names, "entries/gone/entry.json"], tmp_path)
+    assert (code, found) == (0, ["entries/mine", "entries/two"]) and "gone: removed" in said
+    code, found, said = folders(["entries/gone/entry.json"], tmp_path)
+    assert code and not found and "no entry to verify" in said
+    assert folders([], tmp_path)[0]
+    code, _, said = folders([f"entries/n{i}/x" for i in range(9)], tmp_path)
+    assert code and "5 are allowed" in said
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["entries/with space/entry.json", "entries/../x/y", "entries/a;rm/x", "entries/.hidden/x",
+     "entries/file", "README.md", "entries/mу/x"],
+)  # fmt: skip
+def test_a_name_that_is_none_of_an_entry_ends_the_check(name, tmp_path):
+    (tmp_path / "entries" / "mine").mkdir(parents=True)
+    code, found, said = folders(["entries/mine/entry.json", name], tmp_path)
+    assert code and not found and "is no file of an entry" in said

@@ -13,13 +13,13 @@ from flexaxis.experiments.board.suite import REPORTING
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import read_toml, shown
 
-_PLAIN = re.compile(r"[\w.+-]{1,60}")
+_PLAIN = re.compile(r"[A-Za-z0-9_.+-]{1,60}")
 _LICENCE = re.compile(r"[A-Za-z0-9.+() -]{2,60}")
 _CONTACT = re.compile(r"[^\s@<>]+@[^\s@<>]+\.[^\s@<>]+|https://[^\s<>\"']{4,}")
-_SEEDS = re.compile(r"none|\d+:\d+(, ?\d+:\d+)*")
+_SEEDS = re.compile(r"none|[0-9]{1,9}:[0-9]{1,9}(, ?[0-9]{1,9}:[0-9]{1,9})*")
 
 ASKED: Mapping[str, tuple[re.Pattern[str], str]] = {
-    "name": (_PLAIN, "letters, digits, . + - _ , such as my-tracker"),
+    "name": (_PLAIN, "letters of ASCII, digits, . + - _ , such as my-tracker"),
     "version": (_PLAIN, "such as 1.0"),
     "licence": (_LICENCE, "an SPDX name, such as MIT or Apache-2.0, or proprietary"),
     "contact": (_CONTACT, "an address of mail, or one that begins with https://"),

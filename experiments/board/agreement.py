@@ -1,32 +1,56 @@
-"""Whether runs on seeds that nobody knew are worse than those that were reported: three tests.
+"""Whether runs that nobody could know are worse than those that were reported: the tests.
 
 An estimator that was tuned on the reported seeds, or that knows them, is better there than
 elsewhere. A seed is one draw: its value is the mean over scenarios. The lags and the excess errors
-of the two sets are compared by Welch's t test on logarithms, the lost runs by Fisher's exact test,
-each one-sided at a third of the level (Bonferroni).
+of two sets are compared by Welch's t test on logarithms, the lost runs by exchanging seeds between
+the sets, each one-sided; all tests of an entry share one level (Bonferroni).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import fisher_exact, t, ttest_ind, ttest_rel
+from scipy.stats import permutation_test, t, ttest_ind
 
 from flexaxis.experiments.scoring.intervals import FLOOR
 
 Array = NDArray[np.float64]
 Runs = Mapping[tuple[str, int], Sequence[Mapping[str, Any]]]
-"""Rows of a case, by scenario and seed."""
+"""Rows of a case, by scenario with its setting, and seed."""
 
-LEVEL = 0.01  # chance that an honest entry is accused by any of the tests of one set
+LEVEL = 0.01  # chance that an honest entry is accused by any of its tests
 POWER = 0.9
 LEAST_RATIO = 1.1
 """A difference below this is no advantage anyone would cheat for; scores are printed to 2 digits"""
+MOVED_RATIO = 1.5
+"""Another place in the motion changes a lag a little, for everyone."""
+EXCHANGES = 99_999  # of seeds between two sets, where there are more ways than that
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two sets of runs of the same settings.
+
+    Attributes
+    ----------
+    name, group : str
+        What is looked at, and where.
+    usual, other : Runs
+        Reported, and made by whoever verifies.
+    least : float
+        Ratio up to which the second set may be worse.
+    """
+
+    name: str
+    group: str
+    usual: Runs
+    other: Runs
+    least: float = LEAST_RATIO
 
 
 @dataclass(frozen=True)
@@ -35,104 +59,110 @@ class Agreement:
 
     Attributes
     ----------
-    score : str
+    name, score : str
     ratio : float or None
-        Unknown seeds over reported ones.
+        The second set over the first.
     p : float
-        One-sided.
+        One-sided, that the ratio is no more than is allowed.
     level : float
-    detects : float or None
-        Ratio that this number of seeds would find with a chance of `POWER`.
-    holds : bool
-        Whether no difference was found.
+    spread : float or None
+        Standard deviation of ln ratio.
+    freedom : float or None
+        Degrees of freedom of the test.
+    least : float
+        Ratio that is allowed.
     """
 
+    name: str
     score: str
     ratio: float | None
     p: float
-    level: float
-    detects: float | None
-    holds: bool
+    level: float = LEVEL
+    spread: float | None = None
+    freedom: float | None = None
+    least: float = LEAST_RATIO
+
+    @property
+    def holds(self) -> bool:
+        """Whether no difference was found."""
+        return self.p >= self.level
+
+    @property
+    def detects(self) -> float | None:
+        """Ratio that this number of seeds finds with a chance of `POWER`."""
+        if self.spread is None or self.freedom is None:
+            return None
+        ends = t.isf(self.level, self.freedom) + t.isf(1 - POWER, self.freedom)
+        return self.least * math.exp(min(700.0, float(ends) * self.spread))
 
     def in_words(self) -> str:
         """Return it as a sentence."""
         if self.ratio is None:
             return f"{self.score}: p = {self.p:.2g}"
-        text = f"{self.score} {self.ratio:.3g} × that of reported seeds (p = {self.p:.2g}"
+        text = f"{self.score} {self.ratio:.3g} × that of reported seeds"
+        text += f" (more than {self.least:g} ×: p = {self.p:.2g}"
         if self.detects is not None:
             text += f"; {self.detects:.2g} × would be found with {POWER:.0%} chance"
         return text + ")"
 
 
-def agreements(reported: Runs, hidden: Runs) -> list[Agreement]:
-    """Return what the tests say of two sets of runs on the same scenarios."""
-    level = LEVEL / 3
-    found = [_means(score, reported, hidden, level) for score in ("lag", "excess")]
-    return [*(each for each in found if each), _lost(reported, hidden, level)]
+def agreements(pairs: Sequence[Pair]) -> list[Agreement]:
+    """Return what the tests say of all that is compared of an entry, at one level together."""
+    found = [_means(pair, score) for pair in pairs for score in ("lag", "excess")]
+    every = [each for each in found if each]
+    every += [_lost(name, pairs) for name in dict.fromkeys(pair.name for pair in pairs)]
+    return [replace(each, level=LEVEL / len(every)) for each in every]
 
 
-def _means(score: str, reported: Runs, hidden: Runs, level: float) -> Agreement | None:
-    one, other = (_by_seed(score, runs) for runs in (reported, hidden))
+def _means(pair: Pair, score: str) -> Agreement | None:
+    one, other = (_by_seed(score, runs) for runs in (pair.usual, pair.other))
     if min(len(one), len(other)) < 2:
         return None
-    gap = float(other.mean() - one.mean())
-    p = _p(ttest_ind(other, one, equal_var=False, alternative="greater").pvalue, gap)
+    gap, allowed = float(other.mean() - one.mean()), math.log(pair.least)
+    test = ttest_ind(other - allowed, one, equal_var=False, alternative="greater")
     parts = [each.var(ddof=1) / len(each) for each in (one, other)]
-    spread = math.sqrt(sum(parts))
     sizes = (len(one) - 1, len(other) - 1)  # Welch and Satterthwaite's degrees of freedom
-    freedom = sum(parts) ** 2 / max(
-        sum(p**2 / n for p, n in zip(parts, sizes, strict=True)), 1e-300
-    )
-    detects = math.exp((t.isf(level, freedom) + t.isf(1 - POWER, freedom)) * spread)
-    ratio = math.exp(gap)
-    return Agreement(score, ratio, p, level, detects, not (p < level and ratio > LEAST_RATIO))
-
-
-def moved(usual: Runs, earlier: Runs) -> list[Agreement]:
-    """Return what is found where faults come earlier than in the catalogue, seed by seed.
-
-    Whoever waits for the time that everybody knows is late there; the runs share their noise.
-    """
-    found = []
-    for score in ("lag", "excess"):
-        one, other = (_by_seed(score, runs) for runs in (usual, earlier))
-        if len(one) == len(other) >= 2:
-            gap = other - one
-            p = _p(ttest_rel(other, one, alternative="greater").pvalue, float(gap.mean()))
-            ratio = math.exp(float(gap.mean()))
-            half = (t.isf(LEVEL / 2, len(gap) - 1) + t.isf(1 - POWER, len(gap) - 1)) * math.sqrt(
-                gap.var(ddof=1) / len(gap)
-            )
-            wrong = p < LEVEL / 2 and ratio > MOVED_RATIO
-            found.append(
-                Agreement(score, ratio, p, LEVEL / 2, max(MOVED_RATIO, math.exp(half)), not wrong)
-            )
-    return found
-
-
-MOVED_RATIO = 1.5
-"""Another place in the motion changes a lag a little, for everyone."""
+    below = max(sum(p**2 / n for p, n in zip(parts, sizes, strict=True)), 1e-300)
+    return Agreement(
+        pair.name, f"{pair.group}: {score}", math.exp(gap), _p(test.pvalue, gap - allowed),
+        spread=math.sqrt(sum(parts)), freedom=max(1.0, sum(parts) ** 2 / below), least=pair.least,
+    )  # fmt: skip
 
 
 def _by_seed(score: str, runs: Runs) -> Array:
-    """Return the mean over scenarios of ln of a score, seed by seed."""
+    """Return the mean over scenarios and changed parameters of ln of a score, seed by seed."""
     found: dict[int, list[float]] = {}
     for (_, seed), rows in runs.items():
-        row = next((row for row in rows if row["changed"]), rows[0])
-        if row[score] is not None:
-            found.setdefault(seed, []).append(math.log(max(FLOOR, float(row[score]))))
+        for row in [row for row in rows if row["changed"]] or rows[:1]:
+            if row[score] is not None:
+                found.setdefault(seed, []).append(math.log(max(FLOOR, float(row[score]))))
     most = max(map(len, found.values()), default=0)
     return np.array([np.mean(v) for _, v in sorted(found.items()) if len(v) == most])
 
 
-def _lost(reported: Runs, hidden: Runs, level: float) -> Agreement:
-    counts = []
-    for runs in (hidden, reported):
-        lost = sum(bool(rows[0]["diverged"]) for rows in runs.values())
-        counts.append([lost, len(runs) - lost])
-    p = float(fisher_exact(counts, alternative="greater").pvalue)
-    words = f"lost {counts[0][0]} of {len(hidden)}, of reported ones {counts[1][0]} of "
-    return Agreement(f"{words}{len(reported)}", None, p, level, None, p >= level)
+def _lost(name: str, pairs: Sequence[Pair]) -> Agreement:
+    """Compare lost runs; those of a seed may be lost together, so that seeds are exchanged."""
+    mine = [pair for pair in pairs if pair.name == name]
+    other, usual = (
+        _lost_by_seed([getattr(pair, side) for pair in mine]) for side in ("other", "usual")
+    )
+    words = f"lost {np.sum(other):.0f} runs on {len(other)} seeds, of reported ones "
+    words += f"{np.sum(usual):.0f} on {len(usual)}"
+    if not np.any(other):
+        return Agreement(name, words, None, 1.0)
+    found = permutation_test(
+        (other, usual), lambda a, b, axis: a.mean(axis) - b.mean(axis), vectorized=True,
+        alternative="greater", n_resamples=EXCHANGES, rng=np.random.default_rng(0),
+    )  # fmt: skip
+    return Agreement(name, words, None, float(found.pvalue))
+
+
+def _lost_by_seed(sets: Sequence[Runs]) -> Array:
+    found: dict[int, float] = {}
+    for runs in sets:
+        for (_, seed), rows in runs.items():
+            found[seed] = found.get(seed, 0.0) + bool(rows[0]["diverged"])
+    return np.array(list(found.values()))
 
 
 def _p(value: float, gap: float) -> float:

@@ -1,23 +1,22 @@
-"""Run an entry's code in a process that is shut in as far as this system allows.
+"""Run an entry's code in a process that is shut in, or not at all.
 
 On Linux, `unshare` of util-linux gives it a world of its own: no network, no other processes, and
-of the files only Python, its libraries and the entry, none of which it can write. Elsewhere, or
-where that is not permitted, it is a plain process with an environment, a home and limits of its
-own; `reached` says which it is, as the process itself has found it.
+of the files only Python, its libraries and the entry, none of which it can write. `reached` says
+what a process has found that was shut in as a case is. Where anything of it is lacking, nothing is
+run, unless a plain process with the rights of the user is asked for.
 """
 
 from __future__ import annotations
 
 import os
-import shlex
 import shutil
 import signal
+import socket
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from importlib.resources import files
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
@@ -27,21 +26,19 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.sampling.compiler import cache_folder
-from flexaxis.experiments.board.errors import EntryError
+from flexaxis.experiments.board.child import CASE, END
+from flexaxis.experiments.board.errors import CageError, EntryError
 from flexaxis.experiments.board.wire import Wire
+from flexaxis.experiments.board.world import UNSHARE, of_user, permitted, python, world_of
+from flexaxis.experiments.building.offer import Torques, offer_of, torque_of
+from flexaxis.experiments.building.specs import check_fits
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-UNSHARE = ("unshare", "--user", "--map-root-user", "--net", "--mount", "--pid", "--ipc", "--uts",
-           "--fork", "--kill-child")  # fmt: skip
-SYSTEM = ("/usr", "/bin", "/lib", "/lib64", "/sbin", "/etc/alternatives", "/etc/ld.so.cache",
-          "/etc/fonts")  # fmt: skip
-POWERLESS = ("setpriv", "--no-new-privs", "--bounding-set=-all", "--inh-caps=-all")
-"""Whoever made the world could undo it; whoever runs in it cannot."""
-DEVICES = ("null", "zero", "random", "urandom")
 PATH = "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"
-STARTING = 120.0  # s that the process may take to start, with what Python imports
+STARTING, ENDING = 120.0, 20.0  # s that the process may take to start, and to end a case
+IN_ALL = 10.0  # times the patience, for a case
 
 
 class Cage:
@@ -52,14 +49,20 @@ class Cage:
     entry : Path
         Its folder, in which the code runs and which it can only read.
     patience : float
-        How long the code may take for an answer [s].
+        How long the code may take for an answer [s]; for a case in all, ten times that, and no
+        more processor time.
     plain : bool
-        Whether to do without a world of its own, for tests.
+        Whether to do without a world of its own: the code then has the rights of the user.
 
     Attributes
     ----------
     reached : dict of str to bool
-        What holds in the process, as it has found it before any code of the entry ran.
+        What holds for a case, as a process has found it before any code of the entry ran.
+
+    Raises
+    ------
+    CageError
+        On entering, if the code cannot be shut in here, and `plain` was not asked for.
     """
 
     def __init__(self, entry: Path, *, patience: float = 600.0, plain: bool = False) -> None:
@@ -68,35 +71,47 @@ class Cage:
         self.reached: dict[str, bool] = {}
 
     def __enter__(self) -> Self:
-        """Start the process, shut in if that is possible."""
+        """Start the process that serves cases."""
         if not hasattr(os, "fork"):
             raise EntryError(
                 "an entry's code is run on Linux and macOS only, where a process can be split for "
                 "each case: verify it there; --form looks at its files"
             )
-        self._home = tempfile.mkdtemp(prefix="flexaxis-")
-        self._start()
+        if not self._plain and not permitted():
+            raise CageError(_refusal("`unshare` of util-linux is missing or not permitted"))
+        self._home = tempfile.mkdtemp(prefix="flexaxis-") if self._plain else ""
+        try:
+            self._start()
+        except BaseException:
+            self._leave()
+            raise
         return self
 
     def __exit__(self, *error: object) -> None:
         self._end()
-        shutil.rmtree(self._home, ignore_errors=True)
+        self._leave()
+
+    def _leave(self) -> None:
+        if self._home:
+            shutil.rmtree(self._home, ignore_errors=True)
 
     def _start(self) -> None:
-        ways = [self._plainly] if self._plain or not _permitted() else [self._alone, self._plainly]
-        for start in ways:
-            self._process = start()
-            assert self._process.stdin is not None and self._process.stdout is not None
-            self._wire = Wire(self._process.stdout.fileno(), self._process.stdin.fileno(), STARTING)
-            try:
-                found = {str(k): v is True for k, v in self._wire.receive().items()}
-            except EntryError:
-                self._end()
-                continue
-            self.reached = {k: v and self.reached.get(k, True) for k, v in found.items()}
-            self._wire.patience, self._broken = self._patience, False
-            return
-        raise EntryError("the process for the code of the entry cannot be started")
+        self._control, theirs = socket.socketpair()
+        with theirs:
+            self._process = (self._plainly if self._plain else self._alone)(theirs)
+        wire = Wire(self._control.fileno(), self._control.fileno(), STARTING)
+        try:
+            wire.send({"absent": of_user(), "seconds": IN_ALL * self._patience})
+            found = {str(k): v is True for k, v in wire.receive().items()}
+        except (EntryError, OSError) as error:
+            self._end()
+            raise CageError(_refusal("the process for it cannot be started")) from error
+        self.reached = {k: v and self.reached.get(k, True) for k, v in found.items()}
+        lacks = [what for what, holds in found.items() if not holds]
+        if lacks and not self._plain:
+            self._end()
+            raise CageError(_refusal(f"what it would lack here: {', '.join(lacks)}"))
+        self._broken = False
 
     @contextmanager
     def case(self, estimator: str, scenario: Scenario) -> Iterator[Remote]:
@@ -112,53 +127,64 @@ class Cage:
         if self._broken:
             self._end()
             self._start()
-        try:
-            self._wire.send({"estimator": estimator, "scenario": told(scenario)})
-            yield Remote(self._wire, estimator)
-        except EntryError:  # what comes next may belong to this
-            self._broken = True
-            raise
-        except BrokenPipeError as error:
-            self._broken = True
-            raise EntryError("the process that ran the code has ended") from error
-        finally:
-            with suppress(OSError):
-                self._wire.send("end")
+        mine, theirs = socket.socketpair()
+        with mine, theirs:
+            try:
+                socket.send_fds(self._control, [CASE], [theirs.fileno()])
+                theirs.close()
+                wire = Wire(mine.fileno(), mine.fileno(), self._patience, IN_ALL * self._patience)
+                wire.send({"estimator": estimator, "offer": offered(scenario)})
+                remote = Remote(wire, estimator, partial(torque_of, scenario))
+                check_fits(estimator, remote.names, remote.output, scenario)
+                yield remote
+            except EntryError:  # the process may be what is wrong
+                self._broken = True
+                raise
+            except BrokenPipeError as error:
+                self._broken = True
+                raise EntryError("the process that ran the code has ended") from error
+            finally:
+                self._end_case()
 
-    def _alone(self) -> subprocess.Popen[bytes]:
+    def _end_case(self) -> None:
+        """Have a case ended with all that it has started; only then is there another."""
+        with suppress(OSError):
+            self._control.settimeout(ENDING)
+            self._control.send(END)
+            if self._control.recv(1) == END:
+                return
+        self._broken = True
+
+    def _alone(self, given: socket.socket) -> subprocess.Popen[bytes]:
         """Start a process in a world of its own."""
-        script = "\n".join(_world(self._home, self._entry))
-        return self._started([*UNSHARE, "sh", "-ec", script], cwd="/", home="/tmp")
+        script = "\n".join(world_of(self._entry))
+        return self._started([*UNSHARE, "sh", "-ec", script], given, cwd="/", home="/tmp")
 
-    def _plainly(self) -> subprocess.Popen[bytes]:
-        return self._started(_python(), cwd=str(self._entry), home=self._home)
+    def _plainly(self, given: socket.socket) -> subprocess.Popen[bytes]:
+        return self._started(python("child"), given, cwd=str(self._entry), home=self._home)
 
-    def _started(self, words: Sequence[str], *, cwd: str, home: str) -> subprocess.Popen[bytes]:
+    def _started(
+        self, words: Sequence[str], given: socket.socket, *, cwd: str, home: str
+    ) -> subprocess.Popen[bytes]:
         kept = cache_folder()
-        self._shut_in = shut_in = home == "/tmp"
         environment = {
             "PATH": PATH,
             "LANG": "C.UTF-8",
             "HOME": home,
             "TMPDIR": home,
             "OMP_NUM_THREADS": "1",
-            "NUMBA_CACHE_DIR": "/cache" if shut_in else str(kept or home),
+            "NUMBA_CACHE_DIR": str(kept or home) if self._plain else "/cache",
             "FLEXAXIS_CACHE": f"{home}/records",
         }
         return subprocess.Popen(
-            words, bufsize=0, cwd=cwd, env=environment, stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True,
+            words, cwd=cwd, env=environment, stdin=given,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True,
         )  # fmt: skip
 
     def _end(self) -> None:
-        for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):
-                if stream is not None:
-                    stream.close()
-        with suppress(subprocess.TimeoutExpired):  # a case has a group of its own, to be ended too
-            if not self._shut_in:  # a world of its own ends as a whole
-                self._process.terminate()
-                self._process.wait(5)
+        self._control.close()
+        with suppress(subprocess.TimeoutExpired):  # it ends what a case has started
+            self._process.wait(5)
         with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -167,9 +193,12 @@ class Cage:
 class Remote:
     """An estimator in another process, as one here; its answers are numbers and no more."""
 
-    def __init__(self, wire: Wire, text: str) -> None:
+    def __init__(self, wire: Wire, text: str, torques: Torques) -> None:
         self._wire, self._text = wire, text
         made = self._answer()
+        if isinstance(made, dict) and "torque" in made:
+            wire.send(torques("design" if made["torque"] == "design" else "reference"))
+            made = self._answer()
         try:
             self.names = tuple(str(name) for name in made["names"])
             self.output, self.able = str(made["output"]), frozenset(map(str, made["able"]))
@@ -185,8 +214,9 @@ class Remote:
         self._wire.send(np.array([u, np.nan if y is None else y]))
         return self._numbers(len(self.names))
 
-    def _run(self, u: Array, y: Array) -> Array:
+    def _run(self, u: Array, y: Array, valid: Array | None = None) -> Array:
         """Return θ (N, p) of some samples, going on from where it is."""
+        y = y if valid is None else np.where(valid, y, np.nan)
         if len(u) == 1:  # two numbers are a step
             return self.step(float(u[0]), float(y[0]))[None]
         self._wire.send(np.concatenate([u, y]))
@@ -218,10 +248,9 @@ class Remote:
         return answer
 
 
-def told(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as data, as an estimator may know it: nothing of what will happen."""
-    quiet = scenario.override({"name": "hidden", "card": "", "fault": [], "nuisance": None})
-    return quiet.resolved()
+def offered(scenario: Scenario) -> dict[str, Any]:
+    """Return what an estimator may know of a scenario, as data: nothing of the truth."""
+    return offer_of(scenario).as_data() | {"name": "the scenario"}
 
 
 def _array(values: Any) -> Array | None:
@@ -237,56 +266,9 @@ def _finding(found: Any) -> SimpleNamespace:
     )
 
 
-def _python() -> list[str]:
-    return [sys.executable, "-I", "-B", "-m", "flexaxis.experiments.board.child"]
-
-
-def _permitted() -> bool:
-    """Whether this system gives a process a world of its own."""
-    if not sys.platform.startswith("linux") or shutil.which(UNSHARE[0]) is None:
-        return False
-    tried = subprocess.run([*UNSHARE, "true"], capture_output=True, check=False, timeout=20)
-    return tried.returncode == 0
-
-
-def _world(root: str, entry: Path) -> Iterator[str]:
-    """Yield the lines of a shell that make a world and go on in it."""
-    new = shlex.quote(root)
-    yield f"mount -t tmpfs -o size=512m none {new}"
-    for path in _seen():
-        yield from _bound(path, f"{root}{path}")
-    yield from _bound(str(entry), f"{root}/entry")
-    if kept := cache_folder():
-        yield from _bound(str(kept), f"{root}/cache")
-    yield f"mkdir -p {new}/tmp {new}/proc {new}/dev"
-    yield f"mount -t tmpfs -o size=256m none {new}/tmp"
-    yield f"mount -t proc proc {new}/proc"
-    for name in DEVICES:
-        yield f"touch {new}/dev/{name}; mount --bind /dev/{name} {new}/dev/{name}"
-    yield f"mount -o remount,ro {new}"
-    inside = f"cd /entry; exec {shlex.join([*POWERLESS, *_python()])}"
-    yield f"exec chroot {new} /bin/sh -c {shlex.quote(inside)}"
-
-
-def _bound(source: str, target: str) -> Iterator[str]:
-    there, here = shlex.quote(source), shlex.quote(target)
-    if Path(source).is_file():
-        yield f"mkdir -p {shlex.quote(str(Path(target).parent))}; touch {here}"
-    else:
-        yield f"mkdir -p {here}"
-    yield f"mount --rbind {there} {here}; mount -o remount,bind,ro {here}"
-
-
-def _seen() -> list[str]:
-    """Return the folders that Python and its libraries need, those inside others left out."""
-    ours = [files(f"flexaxis.{part}") for part in ("models_mjcf", "sim", "estimators")]
-    ours.append(files("flexaxis.experiments"))
-    wanted = [*SYSTEM, sys.prefix, sys.base_prefix, *map(str, ours)]
-    wanted += [place for place in sys.path if "site-packages" in place]
-    wanted += [str(Path(sys.executable).resolve().parent.parent)]
-    paths = sorted({os.path.abspath(place) for place in wanted if Path(place).exists()}, key=len)
-    kept: list[str] = []
-    for path in paths:
-        if path != "/" and not any(path.startswith(f"{other}/") for other in kept):
-            kept.append(path)
-    return kept
+def _refusal(why: str) -> str:
+    return (
+        f"the code of the entry cannot be shut in: {why}. Verify it on a Linux that lets you have "
+        "namespaces (5.12 or newer); --form looks at its files only, and --plain runs its code "
+        "with all your rights, which the verdict says"
+    )

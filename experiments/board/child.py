@@ -1,44 +1,53 @@
 """The process in which an entry's code runs: it is told what an estimator may know, and no more.
 
-It gets no seed, no fault and no truth: a scenario without its faults, and samples as they come. A
-case is a process of its own, which forgets all when it ends.
+It gets no seed, no fault, no scenario and no truth: nominal values, and samples as they come. A
+case is a process of its own, on a socket of its own: it ends, and with it all that it has started,
+before there is another.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import select
 import shutil
 import signal
-import sys
+import socket
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.board import shut
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.wire import Wire
 
-MEMORY, FILE = 8 << 30, 256 << 20  # bytes
+MEMORY, FILE = 8 << 30, 256 << 20  # bytes of a process and of a file
 ENDED = 43  # status of a case that has ended as it should
+CASE, END = b"c", b"e"  # what is said on the first socket, which no case has
+LOOKING = 0.2  # s between looks at whether a case has ended on its own
 FINDING = ("alarm", "onset", "parameters", "ratio")
 
 
 def main() -> None:
-    """Say how far this process is shut in, then serve cases until nobody asks any more."""
+    """Say how far a case is shut in, then serve cases until nobody asks any more."""
     _limit()
-    wire = Wire(0, _private_output())
-    wire.send(reached())
-    _ready()
-    while True:
-        try:
-            asked = wire.receive()
-        except EntryError:  # nobody is there
-            return
-        if isinstance(asked, dict):  # anything else was for a case that has ended
-            _in_a_process(wire, asked)
+    shut.unreadable()
+    control = _own_socket()
+    wire = Wire(control.fileno(), control.fileno())
+    with suppress(EntryError, OSError):  # nobody is there any more
+        asked = wire.receive()
+        wire.send(_tried(asked["absent"]))
+        _ready()
+        while True:
+            word, sockets, *_ = socket.recv_fds(control, 1, 1)
+            if not word or not _in_a_process(control, sockets[0], asked["seconds"]):
+                break
+    if os.getpid() != 1:  # else all of this world ends
+        shutil.rmtree(os.environ["HOME"], ignore_errors=True)
 
 
 def _ready() -> None:
@@ -49,11 +58,13 @@ def _ready() -> None:
     from flexaxis.experiments.building import specs  # noqa: F401
 
 
-def _private_output() -> int:
-    """Return a descriptor for answers; what is printed goes to stderr."""
-    answers = os.dup(1)
-    os.dup2(2, 1)
-    return answers
+def _own_socket() -> socket.socket:
+    """Return what was given as standard input; nothing is left there."""
+    control = socket.socket(fileno=os.dup(0))
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1):
+        os.dup2(nothing, descriptor)
+    return control
 
 
 def _limit() -> None:
@@ -65,22 +76,67 @@ def _limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (FILE, FILE))
 
 
-def reached() -> dict[str, bool]:
-    """Return what holds in this process, as it finds it."""
-    import socket
+def _tried(absent: Sequence[str]) -> dict[str, bool]:
+    """Return what holds in a process that is shut in as a case is."""
+    memory = _memory()
+    there, here = os.pipe()
+    child = os.fork()
+    if not child:
+        with suppress(BaseException):
+            _shut_in(60.0)
+            os.write(here, json.dumps(reached(absent, memory)).encode())
+        os._exit(0)
+    os.close(here)
+    os.waitpid(child, 0)
+    with os.fdopen(there) as answer:
+        found: dict[str, bool] = json.loads(answer.read())
+    return found
 
+
+def reached(absent: Sequence[str], memory: str) -> dict[str, bool]:
+    """Return what holds in this process, as it finds it.
+
+    Parameters
+    ----------
+    absent : sequence of str
+        Files and folders of the user, of which none may be seen.
+    memory : str
+        What `_memory` says where cases come from.
+    """
     try:
         others = {name for _, name in socket.if_nameindex()} - {"lo"}
         network = not others and not _connects()
     except OSError:
         network = False
+    nothing = {shut.status(key).strip("0") for key in ("CapEff", "CapPrm", "CapBnd", "CapInh")}
+    unseen = not any(map(os.path.lexists, absent))
     return {
         "no network": network,
-        "no other processes": os.getpid() == 1,
-        "no files of the user": Path("/entry").is_dir() and not _writes("/entry"),
-        "no privileges": "CapEff:\t0000000000000000" in _status(),
+        "no other processes": os.getppid() == 1,
+        "no files of the user": unseen and Path("/entry").is_dir(),
+        "nothing to write to but /tmp": not _writes("/entry") and shut.only_reads(),
+        "no privileges": nothing == {""} and shut.status("NoNewPrivs") == "1",
+        "no shared memory": _memory() not in {"", memory},
         "no variables of the user": {*os.environ} <= KEPT,
     }
+
+
+def _memory() -> str:
+    """Return which memory this process may share, "" where that is not known."""
+    with suppress(OSError):
+        return os.readlink("/proc/self/ns/ipc")
+    return ""
+
+
+def _shut_in(seconds: float) -> None:
+    """Leave the process that serves cases nothing that the next could find."""
+    alone = os.getppid() == 1
+    os.setsid()
+    shut.limited(seconds, alone=alone)
+    if alone:
+        shut.own_memory()
+        shut.powerless()
+    shut.unreadable(False)
 
 
 KEPT = {
@@ -93,20 +149,12 @@ KEPT = {
 
 def _connects() -> bool:
     """Whether anything but this computer could be reached: a route to an address is enough."""
-    import socket
-
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # of the documentation: sends nothing
         except OSError:
             return False
     return True
-
-
-def _status() -> str:
-    with suppress(OSError):
-        return Path("/proc/self/status").read_text(encoding="utf-8")
-    return ""
 
 
 def _writes(folder: str) -> bool:
@@ -117,37 +165,48 @@ def _writes(folder: str) -> bool:
         return False
 
 
-def _in_a_process(wire: Wire, asked: Mapping[str, Any]) -> None:
-    """Serve a case in a process of its own, and leave nothing of it behind."""
+def _in_a_process(control: socket.socket, own: int, seconds: float) -> bool:
+    """Serve a case in a process of its own, leave nothing of it, and say whether to go on."""
     home = tempfile.mkdtemp()
-    sys.stdout.flush()
     child = os.fork()
     if not child:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        os.setsid()
+        control.close()
+        _case(Wire(own, own), home, seconds)
+    with socket.socket(fileno=own) as data:
+        goes_on = _until_told(control, data, child)
+        _clean(child, home)
+    if goes_on:
+        control.send(END)
+    return goes_on
+
+
+def _case(wire: Wire, home: str, seconds: float) -> None:
+    """Run one case, and end this process."""
+    try:
         os.environ["HOME"] = os.environ["TMPDIR"] = tempfile.tempdir = home
         _compiled_before(Path(home))
-        try:
-            _serve(wire, asked)
-        except BaseException as error:
-            with suppress(BaseException):
-                wire.send({"error": f"{type(error).__name__}: {error}"[:2000]})
-        finally:
-            os._exit(ENDED)
-    signal.signal(signal.SIGTERM, lambda number, frame: _stop(child, home))
-    _, status = os.waitpid(child, 0)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    _clean(child, home)
-    if os.waitstatus_to_exitcode(status) != ENDED:  # else it has said what went wrong, if it did
-        wire.send({"error": "the code has ended its process"})
+        _shut_in(seconds)
+        _serve(wire, wire.receive())
+    except BaseException as error:
+        with suppress(BaseException):
+            wire.send({"error": f"{type(error).__name__}: {error}"[:2000]})
+    finally:
+        os._exit(ENDED)
 
 
-def _stop(child: int, home: str) -> None:
-    """End a case that does not end, and this process."""
-    _clean(child, home)
-    with suppress(OSError):
-        os.waitpid(child, 0)
-    os._exit(0)
+def _until_told(control: socket.socket, data: socket.socket, child: int) -> bool:
+    """Wait until a case is to end, and say what became of it; False if nobody is there to ask."""
+    running = True
+    while not select.select([control], [], [], LOOKING if running else None)[0]:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        if ended:
+            running = False
+            with suppress(OSError):
+                if os.waitstatus_to_exitcode(status) != ENDED:  # else it has said what went wrong
+                    wire = Wire(data.fileno(), data.fileno())
+                    wire.send({"error": "the code has ended its process"})
+                data.shutdown(socket.SHUT_WR)
+    return bool(control.recv(1))
 
 
 def _compiled_before(home: Path) -> None:
@@ -166,9 +225,10 @@ def _clean(child: int, home: str) -> None:
         # Everything but this process itself, where that is the first of its own world.
         os.kill(-1, signal.SIGKILL) if os.getpid() == 1 else os.killpg(child, signal.SIGKILL)
     with suppress(OSError):
-        while os.waitpid(-1, os.WNOHANG)[0]:
+        while os.waitpid(-1, 0)[0]:
             pass
     shutil.rmtree(home, ignore_errors=True)
+    shut.no_keys()
     if os.getpid() == 1:  # /tmp is of this world alone
         for path in Path("/tmp").iterdir():
             shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
@@ -176,11 +236,14 @@ def _clean(child: int, home: str) -> None:
 
 def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
     from flexaxis.estimators.protocol import run_estimator
-    from flexaxis.experiments.building.specs import build, parse
-    from flexaxis.sim.scenario import stored_scenario
+    from flexaxis.experiments.building.offer import offer_from
+    from flexaxis.experiments.building.specs import build_of, parse
 
-    scenario = stored_scenario(asked["scenario"], source="the scenario")
-    estimator: Any = build(parse(asked["estimator"]), scenario)
+    def torque(which: str) -> Any:
+        wire.send({"torque": which})
+        return wire.receive()
+
+    estimator: Any = build_of(parse(asked["estimator"]), offer_from(asked["offer"]), torque)
     able = [name for name in ("run", "reset", "covariance") if hasattr(estimator, name)]
     names = list(estimator.names)
     wire.send({"names": names, "output": estimator.output, "able": able})
@@ -191,7 +254,8 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 y = None if np.isnan(got[1]) else float(got[1])
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
-                wire.send(run_estimator(estimator, *got.reshape(2, -1)).reshape(-1))
+                u, y = got.reshape(2, -1)
+                wire.send(run_estimator(estimator, u, y, ~np.isnan(y)).reshape(-1))
         elif got == "reset":
             estimator.reset()
         elif got == "told":

@@ -15,6 +15,8 @@ from flexaxis.experiments.board.suite import Board
 from flexaxis.experiments.board.verdict import of_form
 from flexaxis.experiments.running.sealed import read_sealed
 
+VERIFIED = "verified"
+
 
 @dataclass(frozen=True)
 class Taken:
@@ -38,7 +40,7 @@ class Taken:
         """Whether its code was run again by the board's keeper, and what came of it."""
         if self.verdict is None or not self.verdict.get("ran"):
             return "unverified"
-        return "verified" if self.verdict.get("holds") is True else "rejected"
+        return VERIFIED if self.verdict.get("holds") is True else "rejected"
 
 
 def collect(
@@ -61,15 +63,32 @@ def collect(
     """
     taken: dict[str, Taken] = {}
     left: dict[str, tuple[str, ...]] = {}
+    contacts: dict[str, str] = {}
     for folder in folders:
         try:
             found = _taken(folder, board, verdicts, quick)
+            _check_name(found, contacts)
             if found.entry.label in taken:
                 raise EntryError(f"{folder}: there is an entry {found.entry.label} already")
             taken[found.entry.label] = found
         except EntryError as error:
             left[str(folder)] = error.problems
     return list(taken.values()), left
+
+
+def _check_name(found: Taken, contacts: dict[str, str]) -> None:
+    """Refuse a name that another contact has: a version of his would take the place of it.
+
+    Raises
+    ------
+    EntryError
+    """
+    name, contact = found.entry.about.name.casefold(), found.entry.about.contact
+    if (other := contacts.setdefault(name, contact)) != contact:
+        raise EntryError(
+            f"{found.entry.folder}: the name {found.entry.about.name} is that of {other}, and here "
+            f"of {contact}: choose another, or list the entries of whom it belongs to first"
+        )
 
 
 FOR_TRYING = "was made with --quick, for trying: `flexaxis board --quick` takes it"
@@ -127,7 +146,17 @@ def in_order(taken: Sequence[Taken]) -> list[Taken]:
     return sorted(taken, key=lambda t: (t.entry.about.name, _version(t.entry.about.version)))
 
 
-def _version(text: str) -> list[tuple[int, int, str]]:
-    """Return what versions are ordered by: numbers as numbers, before them what is none."""
-    parts = re.findall(r"\d+|[^\d.]+", text)
-    return [(1, int(part), "") if part.isdigit() else (0, 0, part) for part in parts]
+def _version(text: str) -> tuple[list[int], list[tuple[int, int, str]]]:
+    """Return what versions are ordered by, as PEP 440 does: 1.0.dev1, 1.0rc1, 1.0, 1.0.post1."""
+    parts = re.findall(r"[0-9]+|[+]|[A-Za-z]+", text.lower().removeprefix("v"))
+    release = []
+    while parts and parts[0].isdigit():
+        release.append(int(parts.pop(0)))
+    while release and not release[-1]:
+        release.pop()  # 1.0 is 1
+    rest = [(3, int(p), "") if p.isdigit() else (_WORDS.get(p, -1), 0, p) for p in parts]
+    return release, [*rest, (0, 0, "")]
+
+
+_WORDS = {"dev": -2, "post": 1, "rev": 1, "r": 1, "+": 2}
+"""What comes after a release, or first of all before it; any other word comes before it."""

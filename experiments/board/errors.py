@@ -1,4 +1,4 @@
-"""What is wrong with an entry."""
+"""What is wrong with an entry, or with where its code is to run."""
 
 from __future__ import annotations
 
@@ -16,3 +16,7 @@ class EntryError(FlexaxisError):
     def __init__(self, *problems: str) -> None:
         super().__init__("\n".join(problems))
         self.problems = problems
+
+
+class CageError(FlexaxisError):
+    """The code of an entry cannot be shut in here; nothing of it was run."""

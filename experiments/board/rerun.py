@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,8 @@ from flexaxis.sim.scenario import Scenario
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 How = Literal["run", "step"]
+PIECE = 200
+"""Samples that are sent at once: a divisor of every onset of the suite, and of all others alike."""
 
 
 def rerun(cage: Cage, text: str, scenario: Scenario, record: Record, how: How) -> list[Row]:
@@ -33,8 +36,8 @@ def rerun(cage: Cage, text: str, scenario: Scenario, record: Record, how: How) -
     scenario : Scenario
     record : Record
     how : {"run", "step"}
-        As a run was scored, in the pieces of a benchmark; or sample by sample, of which each is
-        sent when the estimate before it is back: nothing can be known of what comes.
+        By what an estimator has for many samples, in pieces of a second; or sample by sample, of
+        which each is sent when the estimate before it is back: nothing can be known of what comes.
 
     Raises
     ------
@@ -76,18 +79,22 @@ def _stepped(estimator: Remote, record: Record, scenario: Scenario) -> Array:
 def _followed(
     estimator: Remote, record: Record, scenario: Scenario
 ) -> tuple[Array, Any, Array | None]:
-    """Return estimates and claims, in the pieces that `running.case.followed` gives."""
+    """Return estimates and claims, in pieces that are the same whenever the first fault comes.
+
+    What is claimed is that of the last sample before it, as `running.case.followed` has it.
+    """
     events, samples = scenario.events(), len(record.time)
-    stop = events[0].index if events and "covariance" in estimator.able else samples
+    before = events[0].index if events else samples
+    piece = math.gcd(PIECE, before) if before < samples else PIECE
     y = getattr(record, scenario.output)
     theta, innovations, claimed = [], [], None
-    for part in (slice(0, stop), slice(stop, None)):
-        if part.start < samples:
-            valid = None if record.valid is None else record.valid[part]
-            theta.append(run_estimator(estimator, record.torque[part], y[part], valid))
-            told = estimator.told()
-            innovations.append(told.innovations)
-            claimed = told.covariance if claimed is None else claimed
+    for start in range(0, samples, piece):
+        part = slice(start, min(start + piece, samples))
+        valid = None if record.valid is None else record.valid[part]
+        theta.append(run_estimator(estimator, record.torque[part], y[part], valid))
+        told = estimator.told()
+        innovations.append(told.innovations)
+        claimed = told.covariance if part.stop <= before else claimed
     known = [each for each in innovations if each is not None and each.ndim == 2]
     whole = np.concatenate(known) if len(known) == len(innovations) else None
     return np.concatenate(theta), claimed, whole

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.board.collect import Taken, in_order, newest
+from flexaxis.experiments.board.collect import VERIFIED, Taken, in_order, newest
 from flexaxis.experiments.board.held_out import LogScore
 from flexaxis.experiments.board.standing import MEASURES, standings
 from flexaxis.experiments.board.suite import Board
@@ -93,8 +93,8 @@ def _about(taken: Taken) -> dict[str, Any]:
 
 
 def _place(taken: Taken) -> str:
-    """Return the page of an entry; its name has no character that a path could stumble over."""
-    return f"{ENTRIES}/{taken.entry.label.replace(' ', '-')}.html"
+    """Return the page of an entry; the digest keeps apart "a-b 1" and "a b-1"."""
+    return f"{ENTRIES}/{taken.entry.label.replace(' ', '-')}-{taken.entry.digest[:8]}.html"
 
 
 def _index(shown: Shown, last: Sequence[Taken], tracks: Mapping[str, Any]) -> str:
@@ -110,13 +110,17 @@ def _index(shown: Shown, last: Sequence[Taken], tracks: Mapping[str, Any]) -> st
             "entries": {t.entry.label: _about(t) for t in last},
             "versions": [_about(t) for t in in_order(shown.taken)],
             "charts": charts,
-            "first": _first(tracks),
+            "first": _first(tracks, {t.entry.label: t.state for t in last}),
         },
     )
 
 
-def _first(tracks: Mapping[str, Any]) -> dict[str, str]:
-    """Return in a sentence who is ahead on each track."""
+def _first(tracks: Mapping[str, Any], states: Mapping[str, str]) -> dict[str, str]:
+    """Return in a sentence who is ahead on each track, and whether anybody has verified it."""
+
+    def named(label: str) -> str:
+        return label if states[label] == VERIFIED else f"{label} ({states[label]})"
+
     found = {}
     for track, table in tracks.items():
         ahead = [place["label"] for place in table["places"] if place["leads"]]
@@ -124,11 +128,11 @@ def _first(tracks: Mapping[str, Any]) -> dict[str, str]:
             found[track] = "nobody can be ranked yet"
             continue
         first = next(p for p in table["places"] if p["label"] == ahead[0])
-        text = f"{ahead[0]}"
+        text = named(ahead[0])
         if first["over_bound"]:
             text += f", {first['over_bound']:.2g} × bound"
         if ahead[1:]:
-            text += f"; these seeds cannot tell it from {', '.join(ahead[1:])}"
+            text += f"; these seeds cannot tell it from {', '.join(map(named, ahead[1:]))}"
         found[track] = text
     return found
 

@@ -8,26 +8,26 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.agreement import Runs, agreements, moved
+from flexaxis.experiments.board.agreement import agreements
 from flexaxis.experiments.board.cage import Cage
 from flexaxis.experiments.board.entry import Entry
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.hidden import Draw
 from flexaxis.experiments.board.rerun import How, rerun
 from flexaxis.experiments.board.rules import rules
+from flexaxis.experiments.board.stored import own
 from flexaxis.experiments.board.suite import Board, board
+from flexaxis.experiments.board.unseen import SEEDS, Rows, pairs, ranked, reported
 from flexaxis.experiments.board.verdict import Check, Verdict, of_form
 from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.rows import read as read_rows
 from flexaxis.experiments.running.rows import row_files
 from flexaxis.experiments.running.verify import differences
-from flexaxis.experiments.scoring.tracks import NOMINAL, track_of
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
-Rows = list[dict[str, Any]]
 Run = Callable[[str, Scenario, Sequence[int], How], dict[int, Rows]]
 """Runs an estimator on some seeds of a scenario, and gives its rows by seed."""
 
@@ -41,16 +41,19 @@ class Ask:
     sample : int
         Reported cases that are run again.
     hidden : int
-        Unknown seeds, on each of the scenarios with a fault.
+        Unknown seeds, on each scenario; and as many others for faults that come earlier.
     draw : Draw
     patience : float
         How long the code may take for an answer [s].
+    plain : bool
+        Whether its code runs with the rights of the user, where it cannot be shut in.
     """
 
     sample: int = 10
     hidden: int = 8
     draw: Draw = field(default_factory=Draw.new)
     patience: float = 600.0
+    plain: bool = False
 
 
 def verify_entry(
@@ -84,6 +87,8 @@ def verify_entry(
         If it is not as it was written.
     CodeRefused
         If it names code that may not be run.
+    CageError
+        If its code cannot be shut in, and `ask.plain` does not say to run it all the same.
     """
     entry, found = of_form(folder, frozen)
     for check in found.checks:
@@ -94,7 +99,7 @@ def verify_entry(
     found.token = ask.draw.token
     frozen = frozen or board()
     mine = frozen.quick() if entry.quick else frozen
-    with Cage(entry.folder, patience=ask.patience) as cage:
+    with Cage(entry.folder, patience=ask.patience, plain=ask.plain) as cage:
         found.isolation = cage.reached
         for check in _said(_of_code(entry, mine, ask, cage, store)):
             found.checks.append(check)
@@ -184,39 +189,18 @@ def _differ(rows: Sequence[Mapping[str, Any]], made: Sequence[Mapping[str, Any]]
 def _unknown(
     rows: Sequence[Mapping[str, Any]], entry: Entry, frozen: Board, ask: Ask, run: Run
 ) -> Iterator[Check]:
-    """Check unknown seeds, sample by sample, and faults that come earlier."""
-    scenarios = [s for s in frozen.faults if s.name in entry.settings]
-    texts = {s.name: _as_set(entry, s.name) for s in scenarios}
-    reported: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        if row["estimator"] == texts.get(row["scenario"]):
-            reported.setdefault((row["scenario"], row["seed"]), []).append(row)
-    seeds = ask.draw.seeds(ask.hidden)
+    """Check all that carries a rank on unknown seeds, sample by sample, faults earlier too."""
+    settings = ranked(entry, own(entry, frozen), frozen)
+    known = reported(rows, settings, frozen)
+    seeds = ask.draw.seeds(2 * ask.hidden)
+
+    def make(text: str, scenario: Scenario, seeds: Sequence[int]) -> dict[int, Rows]:
+        return run(text, scenario, seeds, "step")
+
     try:
-        found: Runs = {
-            (s.name, seed): each
-            for s in scenarios
-            for seed, each in run(texts[s.name], s, seeds, "step").items()
-        }
-        nominal = [s for s in scenarios if track_of(s) == NOMINAL]
-        early: Runs = {
-            (s.name, seed): each
-            for s in nominal
-            for seed, each in run(texts[s.name], ask.draw.moved(s), seeds, "step").items()
-        }
+        found = list(pairs(settings, known, seeds, ask.draw.moved, make))
     except (EstimatorError, EntryError) as error:
-        yield Check("unknown seeds", False, str(error))
+        yield Check(SEEDS, False, str(error))
         return
-    for each in agreements(reported, found):
-        yield Check("unknown seeds", each.holds, each.in_words())
-    names = {s.name for s in nominal}
-    usual = {key: each for key, each in found.items() if key[0] in names}
-    for each in moved(usual, early):
-        words = each.in_words().replace("that of reported seeds", "as usual")
-        yield Check("faults that come earlier", each.holds, words)
-
-
-def _as_set(entry: Entry, scenario: str) -> str:
-    """Return the setting at which an estimator was entered, its knob not turned."""
-    line = entry.settings[scenario]
-    return next((text for text, turn in line.items() if turn == 1), entry.estimator)
+    for each in agreements(found):
+        yield Check(each.name, each.holds, each.in_words())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
@@ -11,11 +10,14 @@ from typing import Any
 
 from flexaxis.experiments.board.entry import SUMMARY, Entry, read
 from flexaxis.experiments.board.errors import EntryError
+from flexaxis.experiments.board.foreign import foreign
 from flexaxis.experiments.board.stored import own
 from flexaxis.experiments.board.suite import Board, board
+from flexaxis.experiments.board.turns import of_one_knob
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.verify import differences
-from flexaxis.sim.reading import json_value, read_text, shown
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.reading import json_value, read_text
 
 
 @dataclass(frozen=True)
@@ -85,24 +87,22 @@ def of_form(folder: Path, frozen: Board | None = None) -> tuple[Entry, Verdict]:
     same = dict(entry.suite).get("hash") == mine.hash
     words = f"{frozen.name}, {len(mine.seeds)} seeds"
     found.checks.append(Check("on the frozen suite", same, words if same else "another suite"))
-    found.checks.append(_texts(entry))
+    texts = of_one_knob(entry, mine)
+    found.checks.append(_first("settings of one estimator", texts, entry.estimator))
+    words = "each once, of its seeds and scenarios"
+    rows = _first("rows of this suite", foreign(entry, mine), words)
+    found.checks.append(rows if same else Check("rows of this suite", None, "not looked at"))
     found.checks.append(_pooled(entry, mine) if same else Check("rows", None, "not looked at"))
     return entry, found
 
 
-def _texts(entry: Entry) -> Check:
-    """Check that settings are of this estimator: what is run again is what was agreed to."""
-    mine = re.compile(re.escape(entry.estimator) + rf"(\[\w+={_NUMBER}\])?")
-    used = [*entry.settings.items(), *entry.left_out.items()]
-    texts = {text for line in entry.settings.values() for text in line}
-    wrong = sorted(text for text in texts if not mine.fullmatch(text))
-    strange = sorted({name for name, _ in used} - {*dict(entry.suite)["scenarios"]})
-    said = [f"{shown(text)} is another estimator" for text in wrong]
-    said += [f"{shown(name)} is no scenario of the suite" for name in strange]
-    return Check("settings of one estimator", not said, said[0] if said else entry.estimator)
-
-
-_NUMBER = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
+def _first(name: str, problems: Iterator[str], good: str) -> Check:
+    """Return a check that fails with the first problem, if there is one."""
+    try:
+        problem = next(problems, None)
+    except (FlexaxisError, LookupError, TypeError, ValueError) as error:
+        problem = f"are not what rows are: {error!r}"
+    return Check(name, problem is None, problem or good)
 
 
 def _pooled(entry: Entry, frozen: Board) -> Check:

@@ -7,6 +7,7 @@ comes back is checked for its size before it is read.
 from __future__ import annotations
 
 import json
+import math
 import os
 import select
 import struct
@@ -33,10 +34,15 @@ class Wire:
     back, to : int
     patience : float, optional
         How long a message may be awaited [s]; for ever by default.
+    in_all : float, optional
+        How long it may take from now until the last message [s]; for ever by default.
     """
 
-    def __init__(self, back: int, to: int, patience: float | None = None) -> None:
-        self._back, self._to, self.patience = back, to, patience
+    def __init__(
+        self, back: int, to: int, patience: float | None = None, in_all: float | None = None
+    ) -> None:
+        self._back, self._to, self._patience, self._in_all = back, to, patience, in_all
+        self._last = math.inf if in_all is None else time.monotonic() + in_all
 
     def send(self, content: Any) -> None:
         """Send an array of numbers as it is, anything else as JSON."""
@@ -71,10 +77,12 @@ class Wire:
 
     def _read(self, size: int) -> bytes:
         parts, left = [], size
-        end = None if self.patience is None else time.monotonic() + self.patience
+        end = math.inf if self._patience is None else time.monotonic() + self._patience
         while left:
-            if end is not None and not self._comes(end):
-                raise EntryError(f"the code gave no answer within {self.patience:g} s")
+            if not self._comes(min(end, self._last)):
+                if end < self._last:
+                    raise EntryError(f"the code gave no answer within {self._patience:g} s")
+                raise EntryError(f"the code took more than {self._in_all:g} s for a case")
             part = os.read(self._back, min(left, 1 << 20))
             if not part:
                 raise EntryError("the process that ran the code has ended")
@@ -83,4 +91,5 @@ class Wire:
         return b"".join(parts)
 
     def _comes(self, end: float) -> bool:
-        return bool(select.select([self._back], [], [], max(0.0, end - time.monotonic()))[0])
+        left = None if math.isinf(end) else max(0.0, end - time.monotonic())
+        return bool(select.select([self._back], [], [], left)[0])

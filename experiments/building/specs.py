@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import entry_points
 from typing import Any
@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.models.axes import three_mass
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.crashes import user_code
@@ -28,12 +27,12 @@ from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
 from flexaxis.experiments.building.nominal import Nominal
+from flexaxis.experiments.building.offer import Offer, Torques, offer_of, torque_of
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.building.pipe_binary import BinaryPipeEstimator
-from flexaxis.experiments.scoring.theta import known_names, started_nominal
+from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.problems import estimated_problems
 from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
@@ -135,28 +134,62 @@ def build(spec: Spec, scenario: Scenario) -> Estimator:
     EstimatorCrash
         If its constructor raises anything.
     """
-    offered: dict[str, Any] = {"identify": _asked(spec, scenario), "output": scenario.output}
-    if "noise" in scenario.data_sheet:
-        offered["noise"] = scenario.data_sheet["noise"]
-    if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
-        offered["onsets"] = tuple(event.index for event in scenario.events())
-    from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque  # the engine
+    onsets = tuple(event.index for event in scenario.events())
+    estimator = build_of(spec, offer_of(scenario), partial(torque_of, scenario), onsets=onsets)
+    check_fits(spec.text, estimator.names, estimator.output, scenario)
+    return estimator
 
-    nominal = started_nominal(scenario)
+
+def build_of(
+    spec: Spec, offer: Offer, torques: Torques, *, onsets: Sequence[int] = ()
+) -> Estimator:
+    """Return an estimator, given what it may know as plain values: no scenario is at hand.
+
+    Parameters
+    ----------
+    spec : Spec
+    offer : Offer
+    torques : callable
+        Gives the torque of a nominal reference run, where the estimator asks for one.
+    onsets : sequence of int
+        Samples of the faults, for the control that is told them.
+
+    Raises
+    ------
+    EstimatorError
+        If an option is refused, or nothing is asked that it could estimate.
+    EstimatorCrash
+        If its constructor raises anything.
+    """
+    asked = _asked(spec, offer)
+    offered: dict[str, Any] = {"identify": asked, "output": offer.output}
+    if offer.noise is not None:
+        offered["noise"] = offer.noise
+    if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
+        offered["onsets"] = tuple(onsets)
     wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
-    stored = _has_stored_prior(nominal, offered["identify"], scenario)
+    stored = replace(offer, identify=asked).has_prior
     if wanted and _has_laws(spec.make):  # friction is of the size of the torque
-        offered["torque"] = design_torque(scenario)
+        offered["torque"] = torques("design")
     elif wanted and (is_guest(spec.text) or not stored):
-        offered["torque"] = nominal_torque(scenario)
-    estimator = made(spec, nominal, scenario.period, offered)
-    _check_names(spec.text, estimator.names, scenario)
-    if estimator.output != scenario.output:
+        offered["torque"] = torques("reference")
+    return made(spec, dict(offer.nominal), offer.period, offered)
+
+
+def check_fits(text: str, names: Sequence[str], output: str, scenario: Scenario) -> None:
+    """Refuse an estimator that a scenario cannot be read or scored with.
+
+    Raises
+    ------
+    EstimatorError
+        If `names` cannot be scored, or it reads another output than the scenario gives.
+    """
+    _check_names(text, names, scenario)
+    if output != scenario.output:
         raise Misfit(
-            f"{spec.text} reads {estimator.output!r}, but {scenario.name} gives "
+            f"{text} reads {output!r}, but {scenario.name} gives "
             f"{scenario.output!r}: set its `output` to that, or leave the scenario out"
         )
-    return estimator
 
 
 def made(
@@ -223,33 +256,21 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
         )
 
 
-def _asked(spec: Spec, scenario: Scenario) -> tuple[str, ...]:
+def _asked(spec: Spec, offer: Offer) -> tuple[str, ...]:
     """Return what an estimator is asked to identify: what is of no law, unless it has `laws`."""
     if _has_laws(spec.make):
-        return scenario.identify
-    linear = tuple(name for name in scenario.identify if name not in LAW_NAMES)
-    if not linear:
+        return offer.identify
+    if not offer.linear:
         raise Misfit(
-            f"{spec.text} does not declare `laws`, and {scenario.name} asks for nothing but "
-            f"{', '.join(scenario.identify)}: leave the scenario out"
+            f"{spec.text} does not declare `laws`, and {offer.name} asks for nothing but "
+            f"{', '.join(offer.identify)}: leave the scenario out"
         )
-    return linear
+    return offer.linear
 
 
 def _has_laws(make: Callable[..., Any]) -> bool:
     entry = next((entry for entry in REGISTRY.values() if entry.factory is make), make)
     return bool(getattr(entry, "laws", False))
-
-
-def _has_stored_prior(
-    nominal: Mapping[str, float], identify: Sequence[str], scenario: Scenario
-) -> bool:
-    """Whether P(0) is among the data stored with the estimators."""
-    from flexaxis.estimators.offline.priors import stored_P
-
-    axis = {name: nominal[name] for name in PARAMETER_NAMES}
-    model = three_mass(axis)
-    return stored_P(model, identify, scenario.period, forgetting=None) is not None
 
 
 def _options(rest: str, text: str) -> dict[str, Any]:

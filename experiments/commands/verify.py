@@ -6,7 +6,8 @@ their estimator are refused, and the code shown; --run-code runs it.
 
 An entry (`flexaxis submit`) is looked at in two steps. First its files: digests, form, suite, and
 whether its rows give its summary; --form ends there, and runs nothing. Then its code, in a process
-without network, files and variables of yours where this system allows, which the last line says:
+without network, files and variables of yours. Where the system does not give all of that, nothing
+is run, unless --plain says to run it with all your rights, which the verdict says. It is asked for
 the rules of `check`, a sample of its rows, its scores on seeds that you draw (none of 0-99 and
 1000-4999) against the reported ones, and faults at another time. The code is given samples, one by
 one, and never a seed, a fault or the truth. What the seeds were drawn from is printed:
@@ -44,6 +45,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     entry = parser.add_argument_group("of an entry")
     entry.add_argument("--form", action="store_true", help="its files only; nothing is run")
     entry.add_argument(
+        "--plain", action="store_true", help="run its code with all your rights, not shut in"
+    )
+    entry.add_argument(
         "--hidden", type=int, default=8, metavar="N", help="unknown seeds (default: 8)"
     )
     entry.add_argument("--seed-from", metavar="TEXT", help="what an earlier verdict has printed")
@@ -61,10 +65,10 @@ def main(args: argparse.Namespace) -> int:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
     if is_entry(args.folder):
         return _entry(args)
-    if args.form or args.seed_from or args.output:
+    if args.form or args.plain or args.seed_from or args.output:
         raise FlexaxisError(
-            f"{args.folder} is no entry (it has no entry.json), and --form, --seed-from and -o are "
-            "of entries: make one with `flexaxis submit`"
+            f"{args.folder} is no entry (it has no entry.json), and --form, --plain, --seed-from "
+            "and -o are of entries: make one with `flexaxis submit`"
         )
     return _rows(args)
 
@@ -116,7 +120,7 @@ def _entry(args: argparse.Namespace) -> int:
     draw = Draw.new(args.seed_from)
     if args.output:
         spare([args.folder / "entry.json"], args.output)
-    ask = Ask(args.sample, args.hidden, draw, args.time_limit or 600.0)
+    ask = Ask(args.sample, args.hidden, draw, args.time_limit or 600.0, args.plain)
     told = _tell if not args.json else lambda check: None
     try:
         if args.form:

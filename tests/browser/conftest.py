@@ -195,6 +195,10 @@ class Browser:
         asked = [{"name": n.replace("_", "-"), "value": v} for n, v in features.items()]
         self._call("Emulation.setEmulatedMedia", media=kind, features=asked)
 
+    def scripts(self, on: bool) -> None:
+        """Let pages run their scripts, or not, from the next one on."""
+        self._call("Emulation.setScriptExecutionDisabled", value=not on)
+
     def downloads(self, folder: Path) -> None:
         """Let what the page saves come into a folder."""
         self._call("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))

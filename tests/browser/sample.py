@@ -41,6 +41,21 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}
 <p class="muted">{{ chart.words }}</p>
 {% endfor %}
 <details><summary>Definition</summary><p>hidden words</p></details>
+<h2>Marked</h2>
+<div class="scroll"><table class="numbers live" id="marked" data-name="marked">
+<tr><th>row</th><th data-name="step f_m lag [s]"><a href="#estimates">step</a><br>lag [s]</th>
+<th>score</th><th>change</th><th data-more="again">twice</th></tr>
+<tr><td>a</td><td data-value="0.16593" data-low="0.12" data-high="never" data-mark="★ ≥">★ ≥ 0.166
+<span class="ci">2 × bound<br>0.12 … never</span></td>
+<td data-value="-3">−3 <span class="ci">-54 … 21.5</span></td>
+<td>+21 … +103 %</td><td>1</td></tr>
+<tr><td>=1+1</td><td data-value="">–</td><td data-value="7">7</td><td>-2+cmd|x</td><td>2</td></tr>
+</table></div>
+<details><summary>Single runs</summary><table class="numbers live" data-name="runs">
+<tr><th>run</th></tr>
+<tr><td><button type="button" data-opens="1003">1003</button></td></tr></table></details>
+<section data-group="ramp"><h2 id="a-ramp">A ramp</h2><p>words</p></section>
+<section data-group="step"><h2 id="a-step">A step</h2><p>words</p></section>
 {% endblock %}
 """
 
@@ -111,7 +126,8 @@ def tradeoff():
         for n, who in enumerate(WHO)
     ]
     bound = Line(x=knob, y=0.05 / knob, label="bound, all unknown", role="bound")
-    panel = Panel(y="lag [s]", lines=[*lines, bound], y_log=True)
+    known = Line(x=knob, y=0.03 / knob, label="bound, others known", role="bound")
+    panel = Panel(y="lag [s]", lines=[*lines, bound, known], y_log=True)
     return Chart(
         title="Speed against variance",
         words="Nearer to the corner is better.",

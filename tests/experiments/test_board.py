@@ -113,7 +113,7 @@ def test_controls_enter_no_board(control, tmp_path):
 
 def test_a_whole_entry_holds(entry):
     found, verdict = of_form(entry.folder, SMALL)
-    assert verdict.holds and not verdict.ran and len(verdict.checks) == 4
+    assert verdict.holds and not verdict.ran and len(verdict.checks) == 5
     assert found.digest == entry.digest
 
 
@@ -204,10 +204,44 @@ def test_code_is_not_run_unasked(entry):
 
 def test_versions_are_in_order(entry):
     mine = own(entry, SMALL)
-    every = [taken(entry, f"a {v}", own=mine) for v in ("1.10", "1.9", "1.9rc1", "0.2")]
-    order = [each.entry.about.version for each in in_order(every)]
-    assert order == ["0.2", "1.9", "1.9rc1", "1.10"]
-    assert [each.entry.about.version for each in newest(every)] == ["1.10"]
+    order = ["0.2", "1.9.dev1", "1.9a2", "1.9-rc1", "1.9", "1.9.post1", "1.10", "v2"]
+    every = [taken(entry, f"a {v}", own=mine) for v in reversed(order)]
+    assert [each.entry.about.version for each in in_order(every)] == order
+    assert [each.entry.about.version for each in newest(every)] == ["v2"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("version", "1²"), ("name", "mу-tracker"), ("tuned_on", "²:³")]
+)
+def test_names_and_versions_are_of_ascii(key, value):
+    """A look-alike is another name for Python and the same for the eye."""
+    with pytest.raises(EntryError, match=f"{key}: .* is not what is asked"):
+        checked(ABOUT | {key: value})
+
+
+def test_a_name_belongs_to_a_contact(entry, copy):
+    changed(copy, lambda c: c["about"].update(version="999", name="MINE", contact="x@y.example"))
+    (one,), left = collect([entry.folder, copy], SMALL, {})
+    assert one.entry.label == entry.label
+    assert "the name MINE is that of me@example.org" in left[str(copy)][0]
+
+
+def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, tmp_path):
+    mine = own(entry, SMALL)
+    mine = replace(mine, at_excess=[each | {"how": "matched"} for each in mine.at_excess])
+    every = [taken(entry, "my-tracker 2", "1" * 64, own=mine),
+             taken(entry, "my tracker-2", "2" * 64, own=mine)]  # fmt: skip
+    found = write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
+    assert len({each["page"] for each in found["entries"]}) == 2
+    page = (tmp_path / "index.html").read_text()
+    first = page.partition("Who is ahead")[2].partition("</dl>")[0]
+    assert "my-tracker 2 (unverified)" in first and "☆" in page and "★ <" not in page
+    _, verdict = of_form(entry.folder, SMALL)
+    verdict.isolation = {"no network": True}
+    every = [replace(each, verdict=verdict.as_json()) for each in every]
+    write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
+    page = (tmp_path / "index.html").read_text()
+    assert "unverified)" not in page.partition("</dl>")[0]
 
 
 def test_the_site_shows_text_as_text_and_asks_for_nothing(entry, tmp_path):
@@ -215,7 +249,9 @@ def test_the_site_shows_text_as_text_and_asks_for_nothing(entry, tmp_path):
     every = [taken(entry, label, own=mine) for label in ("a 1", "a 2", "b 1")]
     left = {"bad": (f"bad: {NASTY}",)}
     found = write_site(Shown(every, left, SMALL, False, "flexaxis board …"), tmp_path)
-    pages = [p.read_text() for p in (tmp_path / "index.html", tmp_path / "entries" / "a-1.html")]
+    pages = [
+        p.read_text() for p in (tmp_path / "index.html", tmp_path / "entries" / "a-1-00000000.html")
+    ]
     for page in pages:
         assert "&lt;script&gt;alert(1)" in page and "<script>alert" not in page
         assert not re.search(r"<\w[^<>]*\s(?:src|href)=.?https?:", page)

@@ -1,6 +1,5 @@
 """The code of an entry in its cage, unknown seeds, and what cheaters hear."""
 
-import json
 import os
 import shutil
 import socket
@@ -13,8 +12,8 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.board.agreement import LEVEL, agreements, moved
-from flexaxis.experiments.board.cage import Cage, _permitted, told
+from flexaxis.experiments.board.agreement import LEVEL, MOVED_RATIO, Pair, agreements
+from flexaxis.experiments.board.cage import Cage, permitted
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.hidden import Draw
 from flexaxis.experiments.board.rerun import rerun
@@ -29,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from boards import CHEATS, HONEST, WIDE, entered, known
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
-alone = pytest.mark.skipif(not _permitted(), reason="this system gives no process its own world")
+alone = pytest.mark.skipif(not permitted(), reason="this system gives no process its own world")
 STEP = find_scenario("fm_step-v1")
 MEANS = Means(store=default_cache())
 
@@ -144,12 +143,6 @@ def test_code_that_does_not_end_is_ended(folder):
         os.kill(pid, 0)
 
 
-def test_an_estimator_is_told_nothing_of_what_will_happen():
-    words = json.dumps(told(STEP))
-    assert "fm_step" not in words and told(STEP)["fault"] == []
-    assert told(find_scenario("warming_fm_step-v1")).get("nuisance") is None
-
-
 def test_what_comes_back_is_read_with_care():
     one, other = os.pipe()
     wire = Wire(one, other, 1.0)
@@ -171,7 +164,7 @@ def test_a_case_in_the_cage_has_the_rows_of_a_run(tmp_path):
     """The code is told neither fault nor seed, and yet: the same numbers."""
     (mine,) = Bench([STEP], None, MEANS).runs([STEP], ["relocate"], [1002])[STEP.hash, "relocate"]
     record = records(STEP, [1002], default_cache())[0][0]
-    with Cage(tmp_path) as cage:
+    with Cage(tmp_path, plain=not permitted()) as cage:
         for how in ("run", "step"):
             found = rerun(cage, "relocate", STEP, record, how)
             for score in ("lag", "std", "excess", "detection", "diverged"):
@@ -182,45 +175,73 @@ def test_seeds_are_unknown_disjoint_and_can_be_drawn_again():
     draw = Draw.new()
     seeds = draw.seeds(200)
     assert len({*seeds}) == 200 and min(seeds) >= 10_000
+    assert 2**61 < max(seeds) < 2**63  # nobody can try all of them
     assert draw.seeds(200) == seeds == Draw.new(draw.token).seeds(200)
     assert Draw.new().seeds(3) != draw.seeds(3)
     with pytest.raises(EntryError, match="give what was printed"):
         Draw.new("../../x")
 
 
-def test_moved_faults_come_earlier_in_the_same_noise():
+def test_moved_faults_come_earlier_in_noise_and_motion_of_their_own():
+    """Else the first sample that differs would be that of the fault."""
     moved_ = Draw.new("abcdefgh").moved(STEP)
-    assert 1400 <= moved_.events()[0].index <= 1800 and moved_.key == STEP.key
+    assert 1400 <= moved_.events()[0].index <= 1800
+    assert moved_.key != STEP.key != Draw.new("abcdefgi").moved(STEP).key != moved_.key
 
 
-def runs(rng, seeds, shift=0.0, lost=0):
+def runs(rng, seeds, shift=0.0, lost=0, sd=0.3):
     return {
-        ("s", seed): [{"changed": True, "lag": float(np.exp(shift + 0.3 * rng.normal())),
-                       "excess": float(np.exp(0.3 * rng.normal())), "diverged": k < lost}]
+        ("s", seed): [{"changed": True, "lag": float(np.exp(shift + sd * rng.normal())),
+                       "excess": float(np.exp(sd * rng.normal())), "diverged": k < lost}]
         for k, seed in enumerate(seeds)
     }  # fmt: skip
 
 
-def test_the_tests_keep_their_level_and_have_their_power():
-    """Over honest entries, and over those that are worse by what is said to be found."""
+def said(usual, other, **least):
+    return agreements([Pair("unknown seeds", "all", usual, other, **least)])
+
+
+def test_the_tests_keep_their_level():
+    """Over honest entries, with both sets that an entry is asked for."""
     rng = np.random.default_rng(7)
-    pairs = [(runs(rng, range(24)), runs(rng, range(50, 58))) for _ in range(500)]
-    wrong = sum(not all(a.holds for a in agreements(*pair)) for pair in pairs)
-    assert wrong <= 13 and LEVEL == 0.01  # 5 at most expected; more than 13 has a chance of 7e-4
-    ratio = np.mean([agreements(*pair)[0].detects for pair in pairs[:50]])
-    assert 1.5 < ratio < 2.2  # of a deviation of 0.3 in ln lag, 24 and 8 seeds
-    worse = [(runs(rng, range(24)), runs(rng, range(50, 58), np.log(ratio))) for _ in range(200)]
-    found = sum(not agreements(*pair)[0].holds for pair in worse)
-    assert found > 165  # 180 expected at a power of 0.9; fewer than 166 has a chance of 1e-3
-    lost = agreements(runs(rng, range(24)), runs(rng, range(50, 58), lost=6))[-1]
-    assert not lost.holds and "lost 6 of 8" in lost.in_words()
+    wrong = 0
+    for _ in range(400):
+        usual = runs(rng, range(24))
+        sets = [Pair(name, "all", usual, runs(rng, range(50, 58)), least)
+                for name, least in (("unknown seeds", 1.0), ("earlier", 1.0))]  # fmt: skip
+        wrong += not all(each.holds for each in agreements(sets))
+    assert wrong <= 12 and LEVEL == 0.01  # 4 at most expected; more than 12 has a chance of 3e-4
+
+
+@pytest.mark.parametrize(("sd", "least"), [(0.3, 1.1), (0.02, 1.1), (0.1, MOVED_RATIO)])
+def test_what_is_said_to_be_found_is_found(sd, least):
+    """The printed ratio has the printed power also where what is allowed is most of it."""
+    rng = np.random.default_rng(11)
+    ratio = np.median([
+        said(runs(rng, range(24), sd=sd), runs(rng, range(50, 58), sd=sd), least=least)[0].detects
+        for _ in range(50)
+    ])  # fmt: skip
+    assert ratio > least
+    found = sum(
+        not said(runs(rng, range(24), sd=sd), runs(rng, range(50, 58), np.log(ratio), sd=sd),
+                 least=least)[0].holds
+        for _ in range(200)
+    )  # fmt: skip
+    assert found > 160  # 180 expected at a power of 0.9, a little less at a median of ratios
+
+
+def test_lost_runs_are_compared_seed_by_seed():
+    rng = np.random.default_rng(7)
+    lost = said(runs(rng, range(24)), runs(rng, range(50, 58), lost=6))[-1]
+    assert not lost.holds and "lost 6 runs on 8 seeds" in lost.in_words()
+    assert said(runs(rng, range(24), lost=8), runs(rng, range(50, 58), lost=4))[-1].holds
 
 
 def test_who_waits_for_the_known_time_is_found():
     rng = np.random.default_rng(3)
-    usual, late = runs(rng, range(8)), runs(rng, range(8), shift=3.0)
-    assert all(a.holds for a in moved(usual, usual))
-    assert not moved(usual, late)[0].holds
+    usual, late = runs(rng, range(24)), runs(rng, range(50, 58), shift=3.0)
+    assert all(a.holds for a in said(usual, runs(rng, range(50, 58)), least=MOVED_RATIO))
+    assert not said(usual, late, least=MOVED_RATIO)[0].holds
 
 
 def judged(tmp_path, name, *, board=WIDE, **ask):
@@ -230,7 +251,10 @@ def judged(tmp_path, name, *, board=WIDE, **ask):
     if module == "memory":
         known(tmp_path, board)
     entry = entered(tmp_path / "entry", f"{tmp_path / module}.py:{text}", board)
-    draw = Ask(**{"sample": 6, "hidden": 6, "draw": Draw.new("0123456789abcdef")} | ask)
+    draw = Ask(
+        **{"sample": 6, "hidden": 6, "draw": Draw.new("0123456789abcdef"), "plain": not permitted()}
+        | ask
+    )
     found = verify_entry(entry.folder, draw, run_code=True, store=default_cache(), frozen=board)
     return {check.name: check.seen for check in found.checks if check.holds is False}
 
@@ -240,7 +264,11 @@ def test_an_honest_entry_is_accepted(tmp_path):
     (tmp_path / "mine.py").write_text(HONEST)
     entry = entered(tmp_path / "entry", tmp_path / "mine.py:Honest", WIDE)
     found = verify_entry(
-        entry.folder, Ask(hidden=6), run_code=True, store=default_cache(), frozen=WIDE
+        entry.folder,
+        Ask(hidden=6, plain=not permitted()),
+        run_code=True,
+        store=default_cache(),
+        frozen=WIDE,
     )
     assert found.holds and found.ran, [c for c in found.checks if c.holds is False]
 
@@ -270,7 +298,7 @@ def test_a_peeker_finds_no_truth_in_the_cage(tmp_path):
     text = f"{tmp_path}/code/peeker.py:Peeker"
     (here,) = Bench([STEP], None, MEANS).runs([STEP], [text], [1000])[STEP.hash, text]
     record = records(STEP, [1000], default_cache())[0][0]
-    with Cage(tmp_path) as cage:
+    with Cage(tmp_path, plain=not permitted()) as cage:
         there = rerun(cage, "code/peeker.py:Peeker", STEP, record, "run")
     lag = [next(row["lag"] for row in rows if row["changed"]) for rows in (here, there)]
     assert lag[0] < 0.05 and lag[1] > 20 * lag[0]

@@ -27,7 +27,13 @@ def broken(text, store):
     return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
 
 
-@pytest.mark.parametrize("name", [name for name in REGISTRY if name != "literal-rpem"])
+SLOW = ("relocate-friction",)  # twenty seconds
+NAMES = [
+    pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in REGISTRY if n != "literal-rpem"
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_registered_estimators_keep_the_rules(name, store):
     findings = {finding.rule: finding for finding in check(parse(name), store=store)}
     assert {rule for rule, finding in findings.items() if finding.holds is False} == set()

@@ -62,6 +62,21 @@ def test_there_is_one_ranking(html, folder):
         assert list(dict.fromkeys(rows))[:2] == overall, name
 
 
+def test_the_first_table_is_saved_whole(html, folder):
+    """What a file of it says besides a lag: of what, between what, and whether it is a limit."""
+    first = html[html.index('data-name="at-equal-noise"') :].partition("</table>")[0]
+    assert re.search(r'data-name="short [^"<>]*f_m[^"<>]* lag \[s\]"', first)
+    matched = [
+        r for r in pooled.load(folder).summary["tradeoff"]["matched"] if r["lag"] is not None
+    ]
+    assert matched
+    for row in matched:
+        low, high = ("never" if end is None else end for end in row["lag_interval"])
+        assert f'data-value="{row["lag"]}" data-low="{low}" data-high="{high}"' in first
+    marks = set(re.findall('data-mark="([^"]*)"', first))
+    assert "★" in marks and marks <= {"★", "≤", "≥", "★ ≤", "★ ≥"}
+
+
 def test_cells_say_what_was_pooled(html, folder):
     heads, rows = table(html, "short")
     assert heads[2:10] == [

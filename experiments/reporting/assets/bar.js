@@ -7,9 +7,9 @@ function setUpBar() {
   const bar = el(
     "nav", { class: "bar", "aria-label": "This page" },
     contents, whoMenu(), groupChoice(), el("span", { class: "gap" }),
-    link, themeButton(),
+    link, twoColours() ? themeButton() : null,
   );
-  document.body.prepend(bar);
+  document.querySelector("main").before(bar); // behind the link to skip it
 }
 
 /** A list of the headings to jump to. */
@@ -52,24 +52,33 @@ function whoMenu() {
 }
 
 function groupChoice() {
-  const groups = [...new Set([...document.querySelectorAll("[data-group]")].map((e) => e.dataset.group))];
-  if (groups.filter(Boolean).length < 2) return null;
+  const groups = groupsOfPage();
+  if (groups.length < 2) return null;
   const select = el(
     "select", { id: "group-choice", onchange: () => State.set({ group: select.value }) },
-    el("option", { value: "", text: "all groups" }),
-    ...groups.filter(Boolean).map((group) => el("option", { value: group, text: group })),
+    el("option", { value: "", text: `all ${groupsCalled()}s` }),
+    ...groups.map((group) => el("option", { value: group, text: group })),
   );
-  return el("label", { class: "group" }, el("span", { class: "unseen", text: "Group" }), select);
+  return el("label", { class: "group" }, el("span", { text: groupsCalled() }), select);
 }
 
 /** What is only too much for charts at first stays in tables. */
 const absent = (who) => hidden(who) && !State.isFirst("hide", who);
 
+/** What groups are called here: those of a run are tracks. */
+const groupsCalled = () => document.body.dataset.groups ?? "group";
+
+const groupsOfPage = () =>
+  [...new Set([...document.querySelectorAll("[data-group]")].map((e) => e.dataset.group))].filter(Boolean);
+
+/** The group that is shown alone; none where the address names one that is not here. */
+const groupShown = () => (groupsOfPage().includes(State.get("group")) ? State.get("group") : "");
+
 /** Show in bar, tables and text who and which group the state says; charts look themselves. */
 function showParts() {
   for (const part of document.querySelectorAll("[data-who]"))
     if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", absent(part.dataset.who));
-  const group = State.get("group");
+  const group = groupShown();
   for (const part of document.querySelectorAll("[data-group]"))
     part.classList.toggle("other", group !== "" && part.dataset.group !== group);
   for (const box of document.querySelectorAll("input[data-toggle]"))

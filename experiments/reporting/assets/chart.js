@@ -9,9 +9,12 @@ function setUpFigure(place, chart) {
   const figure = { name, place, chart, views: [], frame: el("div", { class: "views" }) };
   figure.legend = el("div", { class: "legend", role: "group", "aria-label": "Curves: press to hide everywhere" });
   figure.switch = el("div", { class: "windows", role: "group", "aria-label": "Range shown" });
+  const skip = el("button", { type: "button", class: "skip small", text: "To the chart" });
+  skip.addEventListener("click", () => (drawNow(place), figure.frame.querySelector(".view")?.focus()));
+  numberBounds(chart);
   place.classList.add("chart");
   const above = el("div", { class: "above" }, figure.switch, chartMenu(figure));
-  place.replaceChildren(figure.legend, above, figure.frame);
+  place.replaceChildren(skip, figure.legend, above, figure.frame);
   const expected = 62 + (chart.panels.length > 1 ? 191 * chart.panels.length : 330);
   figure.frame.style.minHeight = `${expected}px`;
   figure.draw = () => drawFigure(figure);

@@ -29,7 +29,13 @@ function drawView(chart, range, width, name) {
 
 const described = (chart, [from, to]) =>
   `${chart.title}: ${chart.panels.map((p) => p.y).join(", ")} over ${chart.x}, ` +
+  `curves ${namesIn(chart).join(", ")}, ` +
   `${sayX(chart, from)} to ${sayX(chart, to)}. The same values stand in the tables and can be saved.`;
+
+/** Whom a chart shows, each once. */
+const namesIn = (chart) => [
+  ...new Set(chart.panels.flatMap((p) => p.lines.filter((l) => !hidden(l.who)).map((l) => l.label || l.who || l.role))),
+].filter(Boolean);
 
 function drawPanel(picture, { chart, panel, x, top, bottom, id }) {
   const lines = panel.lines.filter((line) => !hidden(line.who));

@@ -65,8 +65,8 @@ function heatBox(figure, panel, tone, width) {
     picture.append(...cellAt(left + i * cell.w, 22 + (chart.ys.length - 1 - j) * cell.h, cell, value, tone(value)));
   }));
   heatAxes(picture, chart, { left, cell, width, height });
-  const label = `${chart.title}, ${title}. Arrow keys read off cells.`;
-  const box = el("div", { class: "view heat", tabindex: "0", role: "application", "aria-label": label }, picture, tip);
+  const label = `${chart.title}, ${title}: ${chart.unit ?? ""} over ${chart.x} and ${chart.y}. Arrow keys read off cells.`;
+  const box = el("div", { class: "view heat", tabindex: "0", role: "group", "aria-label": label }, picture, tip);
   const reader = { chart, panel, picture, tip, left, cell, width, i: 0, j: -1 };
   box.addEventListener("pointermove", (event) => readCell(reader, event));
   box.addEventListener("pointerleave", () => (tip.hidden = true));

@@ -18,14 +18,31 @@ const ROLES = {
   estimate: { colour: "var(--muted)", dash: "", width: 1.5 },
 };
 
+// The second, third bound of a chart, where it has more than one.
+const BOUNDS = [
+  ROLES.bound,
+  { colour: "var(--muted)", dash: "9 3 1.5 3", width: 1.8 },
+  { colour: "var(--text)", dash: "1 5", width: 2.2 },
+];
+
 let looks = {}; // by estimator as typed
+
+/** Let bounds of different names in a chart look different: give each its number. */
+function numberBounds(chart) {
+  const bounds = (chart.xs ? [] : chart.panels).flatMap((p) => p.lines.filter((line) => line.role === "bound"));
+  const names = [...new Set(bounds.map((line) => line.label))];
+  for (const line of bounds) line.nth = names.indexOf(line.label);
+}
+
+const ofRole = (line) =>
+  line.role === "bound" ? BOUNDS[(line.nth ?? 0) % BOUNDS.length] : ROLES[line.role ?? "estimate"];
 
 /** The look of a line: that of its estimator, else of its role. */
 function lookOf(line) {
   const look = looks[line.who];
-  if (!look) return { ...ROLES[line.role ?? "estimate"], marker: "o", hollow: true };
+  if (!look) return { ...ofRole(line), marker: "o", hollow: true };
   const base = { colour: `var(--look-${look.place})`, dash: look.dash, width: 1.6 };
-  const role = line.role && line.role !== "estimate" ? { dash: ROLES[line.role].dash, width: 1.1 } : {};
+  const role = line.role && line.role !== "estimate" ? { dash: ofRole(line).dash, width: 1.1 } : {};
   return { ...base, marker: look.marker, hollow: look.hollow, ...role };
 }
 

@@ -2,15 +2,22 @@
 
 let picks = {}; // by name, as the page was given them
 
+let cameFrom = null; // the address before one was opened here; null where a link opened it
+
+/** Of names that come with an address: what every object has is no pick. */
+const pickOf = (name) => (Object.hasOwn(picks, name) ? picks[name] : undefined);
+
 /** Open one: as part of the state, so that a link opens it too. */
 function openPick(name) {
-  if (picks[name]) State.set({ pick: name });
+  if (!pickOf(name)) return;
+  if (!State.get("pick")) cameFrom = State.fragment({});
+  State.set({ pick: name });
 }
 
 /** Show in the dialog what the state says, or close it. */
 function showPick() {
   const dialog = document.getElementById("picked");
-  const found = picks[State.get("pick")];
+  const found = pickOf(State.get("pick"));
   if (!found) return dialog.open && dialog.close();
   dialog.replaceChildren(...pickParts(found));
   if (!dialog.open) dialog.showModal();
@@ -36,7 +43,15 @@ function pickParts(found) {
   ].filter(Boolean);
 }
 
-const closePick = () => State.set({ pick: null });
+/** Close it as going back does, where that shows what is shown now: it shall not open once more. */
+function closePick() {
+  const zooms = [...State.values.keys()].filter((key) => key.startsWith("win.pick."));
+  const changes = Object.fromEntries(["pick", ...zooms].map((key) => [key, null]));
+  document.getElementById("picked").close();
+  if (State.fragment(changes) === cameFrom) window.history.back();
+  else State.set(changes, { quietly: true });
+  cameFrom = null;
+}
 
 function setUpPicks() {
   const dialog = el("dialog", { id: "picked", "aria-labelledby": "picked-title" });

@@ -7,8 +7,8 @@ const HELP =
 /** Wrap a view so that it can be read: pointer, touch, keys. */
 function readable(figure, view) {
   const tip = el("div", { class: "tip", hidden: true });
-  const label = `${figure.chart.title}. ${HELP}`;
-  const box = el("div", { class: "view", tabindex: "0", role: "application", "aria-label": label }, view.svg, tip);
+  const label = `${described(figure.chart, view.range)} ${HELP}`;
+  const box = el("div", { class: "view", tabindex: "0", role: "group", "aria-label": label }, view.svg, tip);
   const reader = {
     figure, view, box, tip, cursor: null, line: figure.chosen ?? 0, drag: null,
     rule: svg("path", { class: "rule" }), brush: svg("rect", { class: "brush" }),
@@ -173,6 +173,7 @@ const KEYS = {
 
 function onKey(reader, event) {
   const act = KEYS[event.key];
+  if (event.key === "Escape" && reader.box.closest("dialog")) return; // it closes the dialog
   if (!act || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   act(reader);

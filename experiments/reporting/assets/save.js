@@ -6,10 +6,39 @@ function contentOf(live, all) {
   const wanted = [...live.head.cells].map(
     (cell) => all || (isShown(cell) && (open || !cell.classList.contains("more"))),
   );
-  const pick = (row) => [...row.cells].filter((_, i) => wanted[i]);
+  const sides = [...live.head.cells].map((_, i) => sidesOf(live.rows.map((row) => row.cells[i])));
+  const heads = [...live.head.cells].flatMap((cell, i) =>
+    wanted[i] ? ["", ...sides[i]].map((side) => sided(headText(cell), side)) : [],
+  );
+  const values = (row) => [...row.cells].flatMap((cell, i) =>
+    wanted[i] ? [valueOf(cell), ...sides[i].map((side) => partsOf(cell)[side] ?? null)] : [],
+  );
   const order = [...live.rows].sort((a, b) => a.compareDocumentPosition(b) & 4 ? -1 : 1);
-  const rows = order.filter((row) => all || isShown(row)).map((row) => pick(row).map(valueOf));
-  return { heads: distinct(pick(live.head).map(headText)), rows };
+  const rows = order.filter((row) => all || isShown(row)).map(values);
+  return { heads: distinct(heads), rows };
+}
+
+const END = "[-+−]?(?:[\\d.]+(?:e[-+−]?\\d+)?|∞)";
+const WITHIN = new RegExp(`(${END}|never) … (${END}|never)`);
+
+/** What a cell says besides its value: the ends of its interval, and a mark such as ≥. */
+function partsOf(cell) {
+  const { low, high, mark } = cell?.dataset ?? {};
+  const read = low === undefined ? WITHIN.exec(cell?.querySelector(".ci")?.textContent ?? "") : ["", low, high];
+  const end = (text) => (text === "never" ? Infinity : asValue(text));
+  return { ...(read ? { low: end(read[1]), high: end(read[2]) } : {}), ...(mark ? { mark } : {}) };
+}
+
+/** Which of them the cells of a column have. */
+function sidesOf(cells) {
+  const found = new Set(cells.flatMap((cell) => Object.keys(partsOf(cell))));
+  return ["low", "high", "mark"].filter((side) => found.has(side));
+}
+
+/** The name of a column with a side, before the unit: "lag low [s]"; a mark has no unit. */
+function sided(name, side) {
+  const [, words, unit] = /^(.*?)( \[[^\]]*\])?$/.exec(name);
+  return side ? `${words} ${side}${side === "mark" ? "" : (unit ?? "")}` : name;
 }
 
 /** The words of a head: as given for files, else as it reads. */
@@ -27,11 +56,14 @@ function distinct(names) {
   });
 }
 
+const HARMLESS = new RegExp(`^${END}(?: ?%)?(?: ?[…±] ?${END}(?: ?%)?)*$`); // a number, or a range
+
 /** Rows as text with a mark between; text that a spreadsheet would run as a formula is quoted. */
 function separated({ heads, rows }, mark) {
   const cell = (value) => {
     if (value === null) return "";
-    const text = typeof value === "string" && /^[=+@\t\r]/.test(value) ? `'${value}` : String(value);
+    const runs = typeof value === "string" && /^[-=+@\t\r]/.test(value) && !HARMLESS.test(value);
+    const text = runs ? `'${value}` : String(value);
     return new RegExp(`["\\r\\n${mark}]`).test(text) ? `"${text.replaceAll('"', '""')}"` : text;
   };
   return [heads, ...rows].map((row) => row.map(cell).join(mark)).join("\r\n") + "\r\n";
@@ -70,6 +102,7 @@ function menu(text, label, ...children) {
   );
   details.addEventListener("keydown", (event) => {
     if (event.key !== "Escape" || !details.open) return;
+    event.preventDefault(); // a dialog around it stays
     event.stopPropagation();
     details.open = false;
     details.querySelector("summary").focus();

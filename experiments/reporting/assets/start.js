@@ -17,6 +17,7 @@ function showChanges(keys) {
 function setUpPrint() {
   window.addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("main details:not([open], .menu)")) {
+      if (details.querySelector("table.live")) continue; // folded, for it is long
       details.open = true;
       details.dataset.opened = "";
     }
@@ -43,12 +44,19 @@ function setUpResize() {
 
 /** Go on with tables alone where a browser is too old to unpack the rest. */
 function withoutCharts() {
-  const words = "This browser is too old to unpack the charts of this page; its tables are whole.";
-  document.querySelector("main").prepend(el("p", { class: "note", role: "alert", text: words }));
+  remark("This browser is too old for the charts of this page; its tables are whole.");
   return EMPTY;
 }
 
+const remark = (words) =>
+  document.querySelector("main").prepend(el("p", { class: "note", role: "alert", text: words }));
+
+/** Whether colours have a light and a dark variant; else the style sheet has the light ones alone. */
+const twoColours = () => window.CSS?.supports?.("color", "light-dark(#000, #fff)") ?? false;
+
 async function start() {
+  document.documentElement.classList.add("scripted");
+  if (!twoColours()) remark("This browser is too old for dark colours; a newer one has both.");
   document.body.append(el("p", { id: "said", class: "unseen", "aria-live": "polite" }));
   State.read();
   setUpTables();

@@ -9,20 +9,28 @@ const State = {
 
   get: (key) => State.values.get(key) ?? State.first.get(key) ?? "",
   has: (key, one) => State.list(key).includes(one),
-  list: (key) => State.get(key).split("|").filter(Boolean).map(decodeURIComponent),
+  list: (key) => State.get(key).split("|").filter(Boolean).map(decoded),
 
-  /** Change some; null or "" removes. `quietly` replaces the entry of the history. */
+  /**
+   * Change some; null or "" removes. `quietly` replaces the entry of the history; so does what
+   * changes while a dialog is open, for it is one step to go back from.
+   */
   set(changes, { quietly = false } = {}) {
+    const text = State.fragment(changes);
+    if (text === "#" + window.location.hash.slice(1)) return;
+    if (quietly || (State.get("pick") && changes.pick === undefined)) window.location.replace(text);
+    else window.location.hash = text;
+    State.read();
+  },
+
+  /** What the address would say after changes. */
+  fragment(changes) {
     const next = new Map(State.values);
     for (const [key, value] of Object.entries(changes)) {
       const given = value || (State.first.has(key) ? NOTHING : "");
       given && given !== State.first.get(key) ? next.set(key, given) : next.delete(key);
     }
-    const text = "#" + [...next].map((pair) => pair.map(encodeURIComponent).join("=")).join("&");
-    if (text === "#" + window.location.hash.slice(1)) return;
-    if (quietly) window.location.replace(text);
-    else window.location.hash = text;
-    State.read();
+    return "#" + [...next].map((pair) => pair.map(encodeURIComponent).join("=")).join("&");
   },
 
   /** Add a member to a list of a key, or take it away. */
@@ -86,6 +94,7 @@ function followAnchors() {
 function goTo(at) {
   const target = at && document.getElementById(at);
   if (!target) return;
+  if (target.closest(".other")) State.set({ group: null }, { quietly: true }); // asked for by name
   for (let part = target; part; part = part.parentElement) if (part.tagName === "DETAILS") part.open = true;
   target.scrollIntoView();
   if (!target.hasAttribute("tabindex")) target.setAttribute("tabindex", "-1");

@@ -37,6 +37,12 @@ function reachable(scroll, name) {
   scroll.setAttribute("tabindex", "0");
   scroll.setAttribute("role", "region");
   scroll.setAttribute("aria-label", `Table ${name}`);
+  const hint = () =>
+    scroll.classList.toggle("beyond", scroll.scrollLeft + scroll.clientWidth < scroll.scrollWidth - 2);
+  scroll.addEventListener("scroll", hint, { passive: true });
+  const watch = new ResizeObserver(hint);
+  watch.observe(scroll);
+  for (const child of scroll.children) watch.observe(child);
 }
 
 function setUpHead(live, cell, column) {
@@ -63,7 +69,10 @@ function nextOrder(live, column) {
 
 /** What a cell is sorted by and saved as: a number where it is one. */
 function valueOf(cell) {
-  const text = cell.dataset.value ?? cell.textContent.trim();
+  return asValue(cell.dataset.value ?? cell.textContent.trim());
+}
+
+function asValue(text) {
   if (/^[-+]?(inf|infinity|∞)$/i.test(text)) return text.startsWith("-") ? -Infinity : Infinity;
   const plain = text.replaceAll("−", "-");
   if (plain === "" || plain === "–" || plain === "nan" || plain === "None") return null;
@@ -113,9 +122,13 @@ function filterRows(live, words) {
 /** Columns on demand: of a head with data-more, and the cells below. */
 function markMore(live) {
   const more = [...live.head.cells].map((cell) => cell.hasAttribute("data-more"));
+  const again = [...live.head.cells].map((cell) => cell.dataset.more === "again"); // said elsewhere too
   live.hasMore = more.includes(true);
   for (const row of [live.head, ...live.rows])
-    [...row.cells].forEach((cell, i) => cell.classList.toggle("more", more[i] === true));
+    [...row.cells].forEach((cell, i) => {
+      cell.classList.toggle("more", more[i] === true);
+      cell.classList.toggle("again", again[i] === true);
+    });
 }
 
 /** Filter, columns, copy and save, above a table. */
@@ -140,7 +153,9 @@ function showTools(live) {
   if (live.find.value !== words) live.find.value = words;
   live.all.setAttribute("aria-pressed", String(live.table.classList.contains("all")));
   const shown = live.rows.filter(isShown).length;
-  live.count.textContent = shown === live.rows.length ? "" : `${shown} of ${live.rows.length} rows`;
+  const rows = shown === live.rows.length ? [] : [`${shown} of ${live.rows.length} rows`];
+  const whole = groupShown() && !live.table.closest("[data-group]") && !live.table.querySelector("[data-group]");
+  live.count.textContent = [...rows, ...(whole ? [`of all ${groupsCalled()}s`] : [])].join(", ");
 }
 
 const isShown = (part) => !["miss", "gone", "other"].some((name) => part.classList.contains(name));
