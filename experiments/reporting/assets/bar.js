@@ -62,12 +62,6 @@ function groupChoice() {
   return el("label", { class: "group" }, el("span", { text: groupsCalled() }), select);
 }
 
-<<<<<<< HEAD
-=======
-/** What is only too much for charts at first stays in tables. */
-const absent = (who) => hidden(who) && !State.isFirst("hide", who);
-
->>>>>>> fixwords19
 /** What groups are called here: those of a run are tracks. */
 const groupsCalled = () => document.body.dataset.groups ?? "group";
 
@@ -76,12 +70,9 @@ const groupsOfPage = () =>
 
 /** The group that is shown alone; none where the address names one that is not here. */
 const groupShown = () => (groupsOfPage().includes(State.get("group")) ? State.get("group") : "");
-<<<<<<< HEAD
 
 /** What is only too much for charts at first stays in tables. */
 const absent = (who) => hidden(who) && !State.isFirst("hide", who);
-=======
->>>>>>> fixwords19
 
 /** Show in bar, tables and text who and which group the state says; charts look themselves. */
 function showParts() {
