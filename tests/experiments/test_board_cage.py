@@ -13,13 +13,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.board import cage as cages
 from flexaxis.experiments.board.cage import Cage, offered
 from flexaxis.experiments.board.errors import CageError, EntryError
 from flexaxis.experiments.board.rerun import _followed
 from flexaxis.experiments.board.wire import Wire
 from flexaxis.experiments.board.world import permitted, world_of
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.sim.record import Record
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
@@ -219,3 +222,12 @@ def test_where_a_record_is_cut_says_nothing_of_the_fault():
         assert claimed == [[at]]  # of the sample before the fault, all the same
         sizes.append(estimator.sizes)
     assert all(one == other for one, other in pairwise(sizes))
+
+
+def test_gaps_come_through_to_where_the_code_runs(tmp_path):
+    record = records(STEP, [1000], default_cache())[0][0]
+    u, y, valid = record.torque[:300], record.speed[:300].copy(), np.ones(300, bool)
+    valid[200:220], y[200:220] = False, 5.0
+    expected = run_estimator(build(parse("rpem-forgetting"), STEP), u, y, valid)
+    with Cage(tmp_path, plain=True) as cage, cage.case("rpem-forgetting", STEP) as remote:
+        assert run_estimator(remote, u, y, valid).tolist() == expected.tolist()
