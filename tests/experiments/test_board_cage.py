@@ -22,6 +22,7 @@ from flexaxis.experiments.board.wire import Wire
 from flexaxis.experiments.board.world import permitted, world_of
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.conformance.requirements import knows_gaps
 from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.sim.record import Record
 
@@ -231,3 +232,14 @@ def test_gaps_come_through_to_where_the_code_runs(tmp_path):
     expected = run_estimator(build(parse("rpem-forgetting"), STEP), u, y, valid)
     with Cage(tmp_path, plain=True) as cage, cage.case("rpem-forgetting", STEP) as remote:
         assert run_estimator(remote, u, y, valid).tolist() == expected.tolist()
+
+
+def test_a_run_that_knows_no_gaps_is_one_outside_too(folder):
+    (folder / "spy.py").write_text(
+        SPY + "class Plain(Spy):\n    def run(self, u, y): return [[0, 0, 0]] * len(u)\n"
+    )
+    with Cage(folder, plain=True) as cage:
+        with cage.case("spy.py:Plain", STEP) as remote:
+            assert not knows_gaps(remote)
+        with cage.case("rpem-forgetting", STEP) as remote:
+            assert knows_gaps(remote)
