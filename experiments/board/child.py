@@ -255,7 +255,8 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
                 u, measured = got.reshape(2, -1)
-                theta = run_estimator(estimator, u, measured, ~np.isnan(measured))
+                there = ~np.isnan(measured)
+                theta = run_estimator(estimator, u, np.where(there, measured, 0.0), there)
                 wire.send(theta.reshape(-1))
         elif got == "reset":
             estimator.reset()
