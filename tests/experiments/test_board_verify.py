@@ -17,6 +17,7 @@ from flexaxis.experiments.board.cage import Cage, permitted
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.hidden import Draw
 from flexaxis.experiments.board.rerun import rerun
+from flexaxis.experiments.board.rules import rules
 from flexaxis.experiments.board.trial import Ask, verify_entry
 from flexaxis.experiments.board.wire import Wire
 from flexaxis.experiments.catalogue.find import find_scenario
@@ -307,3 +308,13 @@ def test_a_peeker_finds_no_truth_in_the_cage(tmp_path):
         there = rerun(cage, "code/peeker.py:Peeker", STEP, record, "run")
     lag = [next(row["lag"] for row in rows if row["changed"]) for rows in (here, there)]
     assert lag[0] < 0.05 and lag[1] > 20 * lag[0]
+
+
+def test_an_honest_estimator_keeps_all_rules_in_the_cage(tmp_path):
+    """The cheap core of an entry that is accepted; with samples missing, as `valid` says."""
+    (tmp_path / "code").mkdir()
+    (tmp_path / "code" / "mine.py").write_text(HONEST)
+    with Cage(tmp_path, plain=not permitted()) as cage:
+        found = rules(cage, "code/mine.py:Honest", STEP, default_cache())
+    assert not [(rule.rule, rule.seen) for rule in found if rule.holds is False]
+    assert any(rule.rule == "survives a gap" and rule.holds for rule in found)
