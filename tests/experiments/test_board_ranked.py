@@ -101,7 +101,6 @@ def renamed(old, new):
     ("change", "said"),
     [(as_("load-v1", {f"{KNOBBED}[forgetting=0.9]": 1.0}), "is run as entered"),
      (as_("fm_step-v1", renamed("=0.99]", "=0.991]")), "is not the knob of"),
-     (as_("fm_step-v1", renamed("=0.99]", "=0.99]".replace("forgetting", "gain"))), ""),
      (as_("fm_step-v1", lambda line: line | {f"{KNOBBED}[gain=3]": 8.0}), "is no turn"),
      (as_("fm_step-v1", lambda line: line | {f"{KNOBBED}[forgetting=0.9]": 1.0}), "the usual")],
 )  # fmt: skip
