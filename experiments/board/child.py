@@ -238,6 +238,7 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
     from flexaxis.estimators.protocol import run_estimator
     from flexaxis.experiments.building.offer import offer_from
     from flexaxis.experiments.building.specs import build_of, parse
+    from flexaxis.experiments.conformance.requirements import knows_gaps
 
     def torque(which: str) -> Any:
         wire.send({"torque": which})
@@ -245,6 +246,7 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
 
     estimator: Any = build_of(parse(asked["estimator"]), offer_from(asked["offer"]), torque)
     able = [name for name in ("run", "reset", "covariance") if hasattr(estimator, name)]
+    able += ["gaps"] if knows_gaps(estimator) else []
     names = list(estimator.names)
     wire.send({"names": names, "output": estimator.output, "able": able})
     while True:
@@ -255,8 +257,8 @@ def _serve(wire: Wire, asked: Mapping[str, Any]) -> None:
                 wire.send(np.asarray(estimator.step(float(got[0]), y), float).reshape(-1))
             else:
                 u, measured = got.reshape(2, -1)
-                there = ~np.isnan(measured)
-                theta = run_estimator(estimator, u, np.where(there, measured, 0.0), there)
+                valid = ~np.isnan(measured)  # else any finite value may stand there
+                theta = run_estimator(estimator, u, np.where(valid, measured, 0.0), valid)
                 wire.send(theta.reshape(-1))
         elif got == "reset":
             estimator.reset()

@@ -13,13 +13,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.board import cage as cages
 from flexaxis.experiments.board.cage import Cage, offered
 from flexaxis.experiments.board.errors import CageError, EntryError
 from flexaxis.experiments.board.rerun import _followed
 from flexaxis.experiments.board.wire import Wire
 from flexaxis.experiments.board.world import permitted, world_of
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.conformance.requirements import knows_gaps
+from flexaxis.experiments.running.cache import default_cache, records
 from flexaxis.sim.record import Record
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="code is not verified here")
@@ -219,3 +223,23 @@ def test_where_a_record_is_cut_says_nothing_of_the_fault():
         assert claimed == [[at]]  # of the sample before the fault, all the same
         sizes.append(estimator.sizes)
     assert all(one == other for one, other in pairwise(sizes))
+
+
+def test_gaps_come_through_to_where_the_code_runs(tmp_path):
+    record = records(STEP, [1000], default_cache())[0][0]
+    u, y, valid = record.torque[:300], record.speed[:300].copy(), np.ones(300, bool)
+    valid[200:220], y[200:220] = False, 5.0
+    expected = run_estimator(build(parse("rpem-forgetting"), STEP), u, y, valid)
+    with Cage(tmp_path, plain=True) as cage, cage.case("rpem-forgetting", STEP) as remote:
+        assert run_estimator(remote, u, y, valid).tolist() == expected.tolist()
+
+
+def test_a_run_that_knows_no_gaps_is_one_outside_too(folder):
+    (folder / "spy.py").write_text(
+        SPY + "class Plain(Spy):\n    def run(self, u, y): return [[0, 0, 0]] * len(u)\n"
+    )
+    with Cage(folder, plain=True) as cage:
+        with cage.case("spy.py:Plain", STEP) as remote:
+            assert not knows_gaps(remote)
+        with cage.case("rpem-forgetting", STEP) as remote:
+            assert knows_gaps(remote)

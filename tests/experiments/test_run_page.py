@@ -77,6 +77,15 @@ def test_the_first_table_is_saved_whole(html, folder):
     assert "★" in marks and marks <= {"★", "≤", "≥", "★ ≤", "★ ≥"}
 
 
+def test_a_lag_in_brackets_is_saved_with_them(folder, monkeypatch):
+    monkeypatch.setattr(run_page.mismatch, "mismatched", lambda _: ["short"])
+    wrong = {("short", "f_m", "rpem-forgetting")}
+    monkeypatch.setattr(run_page.mismatch, "misled", lambda *_, **__: wrong)
+    html = run_page.render(pooled.load(folder))
+    assert len(re.findall(r'data-mark="\(\)">\([\d.]+ s\)<br>', html)) == 1
+    assert html.count('data-mark="()"') == 1
+
+
 def test_cells_say_what_was_pooled(html, folder):
     heads, rows = table(html, "short")
     assert heads[2:10] == [
