@@ -205,7 +205,7 @@ class Remote:
         except (LookupError, TypeError) as error:
             raise EntryError("the code sent something that is no answer") from error
         if "run" in self.able:
-            self.run = self._run if "gaps" in self.able else lambda u, y: self._run(u, y)
+            self.run = self._run if "gaps" in self.able else self._whole
         if "reset" in self.able:
             self.reset = lambda: wire.send("reset")
 
@@ -213,6 +213,9 @@ class Remote:
         """Return θ[k] (p,); the next sample is sent after it has come."""
         self._wire.send(np.array([u, np.nan if y is None else y]))
         return self._numbers(len(self.names))
+
+    def _whole(self, u: Array, y: Array) -> Array:
+        return self._run(u, y)
 
     def _run(self, u: Array, y: Array, valid: Array | None = None) -> Array:
         """Return θ (N, p) of some samples, going on from where it is."""

@@ -46,7 +46,7 @@ def tradeoff(points: Sequence[Row], order: Sequence[str], *, name: str = "tradeo
         name=name,
         title="Speed against noise",
         words="Nearer to the lower left is better. A line is an estimator whose knob is turned "
-        "from slow and quiet to quick and noisy; whiskers are 95 % intervals over seeds. Dotted: "
+        "from slow and quiet to quick and noisy; whiskers are 95 % intervals over seeds. Dotted and dash-dotted: "
         "the lags that the Cramér–Rao bounds allow."
         + (" The table is read off at the vertical line; what it "
            "prints is the jackknife’s value, which takes off the bias that so few runs have, and "
