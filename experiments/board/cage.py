@@ -29,7 +29,7 @@ from flexaxis.estimators.sampling.compiler import cache_folder
 from flexaxis.experiments.board.child import CASE, END
 from flexaxis.experiments.board.errors import CageError, EntryError
 from flexaxis.experiments.board.wire import Wire
-from flexaxis.experiments.board.world import UNSHARE, of_user, permitted, python, world_of
+from flexaxis.experiments.board.world import UNSHARE, hidden, of_user, permitted, python, world_of
 from flexaxis.experiments.building.offer import Torques, offer_of, torque_of
 from flexaxis.experiments.building.specs import check_fits
 from flexaxis.sim.scenario import Scenario
@@ -78,7 +78,9 @@ class Cage:
                 "each case: verify it there; --form looks at its files"
             )
         if not self._plain and not permitted():
-            raise CageError(_refusal("`unshare` of util-linux is missing or not permitted"))
+            lies = f"{', '.join(hidden())} lies in /tmp, of which code gets one of its own"
+            lacks = "`unshare` of util-linux is missing or not permitted"
+            raise CageError(_refusal(lies if hidden() else lacks))
         self._home = tempfile.mkdtemp(prefix="flexaxis-") if self._plain else ""
         try:
             self._start()

@@ -29,7 +29,9 @@ def python(module: str) -> list[str]:
 
 
 def permitted() -> bool:
-    """Whether this system gives a process a world of its own."""
+    """Whether this system gives a process a world of its own, with what Python needs in it."""
+    if hidden():
+        return False
     if not sys.platform.startswith("linux") or shutil.which(UNSHARE[0]) is None:
         return False
     try:
@@ -37,6 +39,11 @@ def permitted() -> bool:
     except (OSError, subprocess.TimeoutExpired):
         return False
     return tried.returncode == 0
+
+
+def hidden() -> list[str]:
+    """Return what Python needs and a world could not show: it has a /tmp of its own."""
+    return [path for path in _seen() if f"{path}/".startswith("/tmp/")]
 
 
 def of_user() -> list[str]:

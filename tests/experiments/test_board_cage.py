@@ -15,6 +15,7 @@ import pytest
 
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.board import cage as cages
+from flexaxis.experiments.board import world
 from flexaxis.experiments.board.cage import Cage, offered
 from flexaxis.experiments.board.errors import CageError, EntryError
 from flexaxis.experiments.board.rerun import _followed
@@ -147,6 +148,13 @@ def test_where_anything_is_lacking_nothing_is_run(folder, monkeypatch, line, lac
 
     monkeypatch.setattr(cages, "world_of", other)
     with pytest.raises(CageError, match=lacks), Cage(folder):
+        pass
+
+
+def test_python_in_tmp_has_no_place_in_a_world(folder, monkeypatch):
+    monkeypatch.setattr(world, "_seen", lambda: ["/usr", "/tmp/venv"])
+    assert not permitted()
+    with pytest.raises(CageError, match="/tmp/venv lies in /tmp"), Cage(folder):
         pass
 
 
