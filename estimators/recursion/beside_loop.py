@@ -32,16 +32,16 @@ def beside_loop(pattern: Pattern, records: tuple[int, ...], width: int) -> Compi
     callable
         ``run(tuning, state, series, u, y, valid, estimates, trace)`` takes samples: records are
         arrays (words, R), ``series`` is (weights, order, substeps), signals and ``valid`` are
-        (N, R), ``estimates`` (N, p, R) and ``trace`` (N, 3, R) are written.
+        (R, N), ``estimates`` (R, N, p) and ``trace`` (R, N, 3) are written.
     """
     flat = (width, *pattern.flat())
 
     def run(tuning, state, series, u, y, valid, estimates, trace):  # noqa: PLR0917
         weights, order, substeps = series
-        for k in range(len(u)):
+        for k in range(u.shape[1]):
             _take(
                 flat, records, tuning, state, weights, order, substeps,
-                k, u, y, valid, estimates, trace,
+                k, u.shape[1], u, y, valid, estimates, trace,
             )  # type: ignore[call-arg]  # fmt: skip
 
     size = f"{pattern.n} states and {pattern.p} parameters"
@@ -51,13 +51,13 @@ def beside_loop(pattern: Pattern, records: tuple[int, ...], width: int) -> Compi
 @intrinsic(prefer_literal=True)
 def _take(  # noqa: PLR0917
     typing_context, flat, records, tuning, state, weights, order, substeps,
-    k, u, y, valid, estimates, trace,
+    k, N, u, y, valid, estimates, trace,
 ):  # fmt: skip
     width, *rest = (number.literal_value for number in flat)
     pattern = unflatten(tuple(rest))
     layouts = layout_of(tuple(number.literal_value for number in records))
     given = (flat, records, tuning, state, weights, order, substeps,
-             k, u, y, valid, estimates, trace)  # fmt: skip
+             k, N, u, y, valid, estimates, trace)  # fmt: skip
 
     def emit(context, builder, signature, arguments):
         side = Side(context, builder, width)
@@ -67,25 +67,27 @@ def _take(  # noqa: PLR0917
             else value
             for kind, value in zip(signature.args, arguments, strict=True)
         ]
-        _, _, tuning, state, weights, order, substeps, k, u, y, valid, estimates, trace = data
+        _, _, tuning, state, weights, order, substeps, k, N, u, y, valid, estimates, trace = data
         records = [Fields(side, at, kind) for at, kind in zip((tuning, state), layouts, strict=True)]
-        measure(*records, side.load(y, k), side.flags(valid, k))
+        places = [builder.add(builder.mul(N, INDEX(r)), k) for r in range(width)]
+        measure(*records, side.gather(y, places), side.flags(valid, places))
         correct_state(*records)
         predict(*records)
-        _publish(records[1], estimates, trace, k)
-        _over(side, pattern, records, side.load(u, k), (weights, order, substeps))
+        _publish(records[1], estimates, trace, places)
+        _over(side, pattern, records, side.gather(u, places), (weights, order, substeps))
         return context.get_dummy_value()
 
     return types.void(*given), emit
 
 
-def _publish(state: Fields, estimates: ir.Value, trace: ir.Value, k: ir.Value) -> None:
+def _publish(state: Fields, estimates: ir.Value, trace: ir.Value, places: list) -> None:
     """Write what `flexaxis.estimators.recursion.measurement.publish` does."""
+    side, build = state.side, state.side.builder
     said = [state["expected"], state["epsilon"], state["variance"]]
     for array, numbers in ((estimates, state.row("theta")), (trace, said)):
-        first = state.side.builder.mul(k, INDEX(len(numbers)))
         for i, each in enumerate(numbers):
-            state.side.store(each, array, state.side.builder.add(first, INDEX(i)))
+            own = [build.add(build.mul(k, INDEX(len(numbers))), INDEX(i)) for k in places]
+            side.scatter(each, array, own)
 
 
 def _over(side: Side, pattern: Pattern, records: list[Fields], u: Runs, series: tuple) -> None:

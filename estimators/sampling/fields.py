@@ -1,6 +1,7 @@
 """Records of several runs side by side: fields of numbers, by name, as `sampling.runs` has them."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 from llvmlite import ir
@@ -52,6 +53,7 @@ class Fields:
         return first + int(np.ravel_multi_index(index, shape, mode="wrap") if index else 0)
 
 
+@lru_cache
 def layout(*kinds: np.dtype) -> tuple[int, ...]:
     """
     Return where the fields of some records are, as integers that the compiler takes as constants.

@@ -8,7 +8,7 @@ from operator import mul
 from llvmlite import ir
 from numba.core.cgutils import alloca_once, get_or_insert_function
 
-from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, has, multiply_add
+from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, LANE, has, multiply_add
 
 WIDE = 8  # runs in a register of AVX-512
 NARROW = 4  # in one of AVX2, of half that size
@@ -142,18 +142,33 @@ class Side:
         element = self.builder.gep(data, [self.builder.mul(place, INDEX(self.width))])
         return self.builder.bitcast(element, self.vector.as_pointer())
 
-    def flags(self, data: ir.Value, place: ir.Value) -> Mask:
-        """Load which are true, at a place of an array (…, R) of bool."""
+    def gather(self, data: ir.Value, places: Sequence[ir.Value]) -> Runs:
+        """Load a number for each run from its own place of an array."""
+        build, found = self.builder, ir.Constant(self.vector, ir.Undefined)
+        for r, place in enumerate(places):
+            number = build.load(build.gep(data, [place]))
+            found = build.insert_element(found, number, LANE(r))
+        return Runs(self, found)
+
+    def scatter(self, runs: Runs, data: ir.Value, places: Sequence[ir.Value]) -> None:
+        """Store the number of each run at its own place of an array."""
+        build = self.builder
+        for r, place in enumerate(places):
+            build.store(build.extract_element(runs.value, LANE(r)), build.gep(data, [place]))
+
+    def flags(self, data: ir.Value, places: Sequence[ir.Value]) -> Mask:
+        """Load which are true, each from its own place of an array of bool."""
         build, bytes_ = self.builder, ir.VectorType(ir.IntType(8), self.width)
-        element = build.gep(data, [build.mul(place, INDEX(self.width))])
-        found = build.load(build.bitcast(element, bytes_.as_pointer()), align=1)
+        found = ir.Constant(bytes_, ir.Undefined)
+        for r, place in enumerate(places):
+            found = build.insert_element(found, build.load(build.gep(data, [place])), LANE(r))
         return Mask(self, build.icmp_unsigned("!=", found, ir.Constant(bytes_, [0] * self.width)))
 
     def spread(self, scalar: ir.Value) -> Runs:
         """Return a number that is the same for all runs."""
         build, nothing = self.builder, ir.Constant(self.vector, ir.Undefined)
-        first = build.insert_element(nothing, scalar, ir.IntType(32)(0))
-        zeros = ir.Constant(ir.VectorType(ir.IntType(32), self.width), [0] * self.width)
+        first = build.insert_element(nothing, scalar, LANE(0))
+        zeros = ir.Constant(ir.VectorType(LANE, self.width), [0] * self.width)
         return Runs(self, build.shuffle_vector(first, nothing, zeros))
 
     @contextmanager
