@@ -6,13 +6,13 @@ differs.
 """
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.methods.beside import kind_of, take_together
+from flexaxis.estimators.methods.beside import Kind, kind_of, take_together
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.estimators.signals import check_signals
 
@@ -66,15 +66,16 @@ def run_together(
     if len({id(estimator) for estimator in estimators}) < len(estimators):
         raise EstimatorError("an estimator is given twice; give a copy of it for each run")
     signals = [check_signals(*each) for each in zip(u, y, gaps, strict=True)]
-    together: dict[Hashable, list[int]] = defaultdict(list)
+    together: dict[tuple[Kind, int], list[int]] = defaultdict(list)
     for i, (estimator, (given, _, _)) in enumerate(zip(estimators, signals, strict=True)):
         if (kind := kind_of(estimator)) is not None:
             together[kind, len(given)].append(i)
-    found: dict[int, Array | None] = {}
+    found: list[Array | None] = [None] * len(estimators)
     for (kind, _), places in together.items():
         some = [(estimators[i], signals[i]) for i in places]
-        found |= zip(places, take_together(kind, some, patient=patient), strict=True)
+        for i, theta in zip(places, take_together(kind, some, patient=patient), strict=True):
+            found[i] = theta
     return [
-        run_estimator(estimator, *signals[i]) if found.get(i) is None else found[i]
-        for i, estimator in enumerate(estimators)
+        run_estimator(estimator, *given) if theta is None else theta
+        for estimator, given, theta in zip(estimators, signals, found, strict=True)
     ]

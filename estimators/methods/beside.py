@@ -8,15 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.methods.rpem import Rpem, rpem_loop
+from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.sampling.compiler import Compiled
-from flexaxis.estimators.sampling.fields import WORD, layout
+from flexaxis.estimators.sampling.fields import layout
 from flexaxis.estimators.sampling.pattern import Pattern
 
 Array = NDArray[np.float64]
 Signals = tuple[Array, Array, NDArray[np.bool_]]
 
-PAYS = 8_000_000  # run-samples, of which side by side saves as much time as compiling for it takes
+LEAST = 4  # runs that take as long one after the other as a register of them
+PAYS = {8: 8_000_000, 4: 25_000_000}  # run-samples for which side by side, with registers of so
+# many, saves the time that compiling takes: .5 s
 SOUND = ("theta", "P", "claim", "X", "noise", "signal")  # what is not finite in these stays so
 
 _came: Counter = Counter()  # run-samples of each kind, in this process
@@ -35,14 +37,16 @@ def kind_of(estimator: object) -> Kind | None:
     """Return what those beside an estimator must share with it; None if it has to run alone."""
     if type(estimator) is not Rpem:  # one that is derived from it may do anything
         return None
-    make, given = estimator._loop.origin or (None, ())
-    if make is not rpem_loop or given[0].laws or estimator._restarts:
+    loop = estimator._loop
+    assert isinstance(loop, Compiled)
+    pattern = loop.origin[1][0] if loop.origin else None
+    if pattern is None or pattern.laws or estimator._restarts:
         return None
     tuning, state = estimator._tuning, estimator.state
     if not all(np.array_equal(state[name][0], state[name][0].T) for name in ("P", "claim")):
         return None
     records = layout(tuning.dtype, state.dtype)
-    return Kind(given[0], records, int(tuning["order"][0]), int(tuning["substeps"][0]))
+    return Kind(pattern, records, int(tuning["order"][0]), int(tuning["substeps"][0]))
 
 
 def take_together(
@@ -62,29 +66,30 @@ def take_together(
     """
     width = registers()
     N, alone = len(runs[0][1][0]), [None] * len(runs)
-    if width == 0 or N == 0 or len(runs) < width // 2:
+    if width == 0 or N == 0 or len(runs) < LEAST:
         return list(alone)
     _came[kind] += N * len(runs)
     loop = _loop(kind, width)
-    if patient and _came[kind] < PAYS and not loop.kept(*_arguments(kind, runs[:1], width, 0)):
+    waits = patient and _came[kind] < PAYS[width]
+    if waits and not loop.kept(*_arguments(kind, runs[:1], width, 0)):
         return list(alone)
     found: list[Array | None] = []
     for first in range(0, len(runs), width):
         block = runs[first : first + width]
-        # so many take no longer alone, one after the other, than a register that is half empty
-        found += alone[: len(block)] if len(block) < width // 2 else _take(kind, loop, block, width)
+        found += alone[: len(block)] if len(block) < LEAST else _take(kind, loop, block, width)
     return found
 
 
 @lru_cache
 def registers() -> int:
     """Return how many numbers a register has on this machine; 0 where nothing is compiled."""
-    from numba import config
+    import numba
     from numba.core.registry import cpu_target
 
     from flexaxis.estimators.sampling.runs import width
 
-    return 0 if config.DISABLE_JIT else width(cpu_target.target_context)
+    nothing = numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+    return 0 if nothing else width(cpu_target.target_context)
 
 
 def _loop(kind: Kind, width: int) -> Compiled:
@@ -116,13 +121,12 @@ def _take(
     loop(*arguments)
     _, state, *_, estimates, trace = arguments
     return [
-        _leave(each, state[:, r].copy(), estimates[r], trace[r])
-        for r, (each, _) in enumerate(runs)
+        _leave(each, state[:, r].copy(), estimates[r], trace[r]) for r, (each, _) in enumerate(runs)
     ]
 
 
 def _leave(each: Rpem, words: Array, estimates: Array, trace: Array) -> Array | None:
-    """Leave a filter in its last state; None where numbers are none: alone they spread otherwise."""
+    """Leave a filter in its last state; None where not all is finite, which spreads otherwise."""
     state = words.view(each.state.dtype)
     if not all(np.isfinite(state[name]).all() for name in SOUND):
         return None

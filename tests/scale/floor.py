@@ -107,7 +107,9 @@ def source(pattern: Pattern, runs: int) -> str:
     L = 1 + pattern.p if runs > 1 else pattern.lanes
     sizes = dict(R=runs, p=pattern.p, n=pattern.n, L=L, E=len(pattern.entries))
     fields = ", ".join(f"{name}{f'[{dims}]' if dims else ''}[R]" for name, dims in STATE.items())
-    head = HEAD.format(**sizes, T=len(pattern.terms), bytes=8 * max(runs, L * (runs == 1)), both=fields)
+    head = HEAD.format(
+        **sizes, T=len(pattern.terms), bytes=8 * max(runs, L * (runs == 1)), both=fields
+    )
     over = _over_many(pattern) if runs > 1 else _over_one(pattern)
     return head + MEASURE.replace("AT", "[r]") + over + RUN
 
@@ -151,7 +153,9 @@ def _over_many(pattern: Pattern) -> str:
                 terms.append(f"m{k}_{a} * torque")
         return " + ".join(terms) or "(V){0}"
 
-    lines += [f"V x{i}_{a} = *(V *)s->X[{i}][{a}], v{i}_{a} = x{i}_{a};" for i in range(n) for a in lanes]
+    lines += [
+        f"V x{i}_{a} = *(V *)s->X[{i}][{a}], v{i}_{a} = x{i}_{a};" for i in range(n) for a in lanes
+    ]
     lines.append("V torque = *(V *)u;")
     lines.append("for (int k = 0; k < 1; k++) {" + _term(n, lanes, row, "1", True) + "}")
     lines.append("for (int k = 1; k < t->order; k++) {" + _term(n, lanes, row, "1", False) + "}")
@@ -211,7 +215,11 @@ class Floor:
         command = [CC, *flags.split(), "-shared", "-fPIC", str(text), "-o", str(library), "-lm"]
         subprocess.run(command, check=True)
         self.run_c = ctypes.CDLL(str(library)).run
-        self.runs, self.p, self.lanes = runs, pattern.p, 1 + pattern.p if runs > 1 else pattern.lanes
+        self.runs, self.p, self.lanes = (
+            runs,
+            pattern.p,
+            1 + pattern.p if runs > 1 else pattern.lanes,
+        )
         tuning, state = estimator._tuning[0], estimator._begin[0]
         names = ["forgetting", "lower", "upper", "coefficients", "weights", "clip", "memory",
                  "consistency", "ceiling", "floor", "early"]  # fmt: skip
