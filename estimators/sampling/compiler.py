@@ -66,11 +66,11 @@ class Compiled:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """What numba calls a compiled function."""
+        """What numba calls a compiled function, for Python to call."""
         import numba
 
         _introduce()
-        made: Any = numba.njit(nogil=True, error_model="numpy", forceinline=self.inline)(
+        made: Any = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(
             self.function
         )
         folder = cache_folder()
@@ -87,6 +87,22 @@ class Compiled:
         return kinds in made.overloads or (
             isinstance(store, _Store) and store.path(kinds, made.targetctx.codegen()).exists()
         )
+
+    @cached_property
+    def part(self) -> Any:
+        """The same for compiled code to call."""
+        import numba
+
+        from flexaxis.estimators.sampling.parts import PartCompiler
+
+        return numba.njit(
+            nogil=True,
+            error_model="numpy",
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=True,
+            forceinline=self.inline,
+            pipeline_class=PartCompiler,
+        )(self.function)
 
     @cached_property
     def digest(self) -> str:
@@ -138,7 +154,7 @@ def _introduce() -> None:
 
     @typeof_impl.register(Compiled)
     def _typeof(value: Compiled, context: object) -> object:
-        return types.Dispatcher(value.dispatcher)
+        return types.Dispatcher(value.part)
 
 
 def _content(value: object, seen: set[int]) -> Iterator[bytes]:
