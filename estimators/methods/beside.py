@@ -49,9 +49,28 @@ def kind_of(estimator: object) -> Kind | None:
     return Kind(pattern, records, int(tuning["order"][0]), int(tuning["substeps"][0]))
 
 
-def take_together(
-    kind: Kind, runs: Sequence[tuple[Any, Signals]], *, patient: bool
-) -> list[Array | None]:
+def is_worth(kind: Kind, runs: int, samples: int) -> bool:
+    """
+    Return whether so many runs of a kind are better run together; what that needs is compiled now.
+
+    Parameters
+    ----------
+    kind : Kind
+    runs, samples : int
+        How many runs, and samples of each.
+    """
+    width = registers()
+    if width == 0 or runs < LEAST:
+        return False
+    _came[kind] += runs * samples
+    loop, nothing = _loop(kind, width), _nothing(kind, width)
+    if _came[kind] < PAYS[width] and not loop.kept(*nothing):
+        return False
+    loop(*nothing)
+    return True
+
+
+def take_together(kind: Kind, runs: Sequence[tuple[Any, Signals]]) -> list[Array | None]:
     """
     Let filters take samples, and return their estimates (N, p); None for those left as they were.
 
@@ -61,22 +80,15 @@ def take_together(
         That of all of them.
     runs : sequence of (filter, (u, y, valid))
         Signals are of one length N.
-    patient : bool
-        As for `flexaxis.estimators.side_by_side.run_together`.
     """
     width = registers()
-    N, alone = len(runs[0][1][0]), [None] * len(runs)
-    if width == 0 or N == 0 or len(runs) < LEAST:
-        return list(alone)
-    _came[kind] += N * len(runs)
-    loop = _loop(kind, width)
-    waits = patient and _came[kind] < PAYS[width]
-    if waits and not loop.kept(*_arguments(kind, runs[:1], width, 0)):
-        return list(alone)
     found: list[Array | None] = []
-    for first in range(0, len(runs), width):
-        block = runs[first : first + width]
-        found += alone[: len(block)] if len(block) < LEAST else _take(kind, loop, block, width)
+    for first in range(0, len(runs), width or len(runs)):
+        block = runs[first : first + width] if width else runs
+        if width == 0 or len(block) < LEAST or len(block[0][1][0]) == 0:
+            found += [None] * len(block)
+        else:
+            found += _take(kind, _loop(kind, width), block, width)
     return found
 
 
@@ -98,26 +110,31 @@ def _loop(kind: Kind, width: int) -> Compiled:
     return beside_loop(kind.pattern, kind.records, width)
 
 
-def _arguments(kind: Kind, runs: Sequence[tuple[Any, Signals]], width: int, N: int) -> tuple:
+def _nothing(kind: Kind, width: int) -> tuple:
+    """Return what the loop takes, with no samples in it."""
+    records = np.empty((0, width)), np.empty((0, width))
+    series = np.empty(0), kind.order, kind.substeps
+    signals = np.empty((width, 0)), np.empty((width, 0)), np.empty((width, 0), bool)
+    return (*records, series, *signals, np.empty((width, 0, 0)), np.empty((width, 0, 0)))
+
+
+def _arguments(kind: Kind, runs: Sequence[tuple[Any, Signals]], width: int) -> tuple:
     """Return what the loop takes: the runs, and the last of them again up to the width."""
     filled = [*runs, *[runs[-1]] * (width - len(runs))]
     tuning, state = (
         np.stack([record.view(float) for record in records], axis=-1)
         for records in zip(*((each._tuning, each.state) for each, _ in filled), strict=True)
     )
-    signals = (
-        np.stack([each[:N] for each in some])
-        for some in zip(*(given for _, given in filled), strict=True)
-    )
+    signals = [np.stack(some) for some in zip(*(given for _, given in filled), strict=True)]
     series = runs[0][0]._tuning["weights"][0], kind.order, kind.substeps
-    out = (np.empty((width, N, count)) for count in (kind.pattern.p, 3))
+    out = (np.empty((*signals[0].shape, count)) for count in (kind.pattern.p, 3))
     return (tuning, state, series, *signals, *out)
 
 
 def _take(
     kind: Kind, loop: Compiled, runs: Sequence[tuple[Any, Signals]], width: int
 ) -> list[Array | None]:
-    arguments = _arguments(kind, runs, width, len(runs[0][1][0]))
+    arguments = _arguments(kind, runs, width)
     loop(*arguments)
     _, state, *_, estimates, trace = arguments
     return [
