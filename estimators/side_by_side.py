@@ -76,7 +76,7 @@ def run_together(
     ]
 
 
-def worth_together(estimators: Sequence[Estimator], samples: int) -> list[bool]:
+def worth_together(estimators: Sequence[Estimator], samples: int, *, runs: int = 1) -> list[bool]:
     """
     Return which of some estimators are better run together, by `run_together`, than each alone.
 
@@ -89,9 +89,11 @@ def worth_together(estimators: Sequence[Estimator], samples: int) -> list[bool]:
     ----------
     estimators : sequence of Estimator
     samples : int
-        That each is to take.
+        That each is to take in a run.
+    runs : int
+        Of each, by copies of it.
     """
     kinds = [kind_of(estimator) for estimator in estimators]
     counts = Counter(kind for kind in kinds if kind is not None)
-    worth = {kind for kind, count in counts.items() if is_worth(kind, count, samples)}
+    worth = {kind for kind, count in counts.items() if is_worth(kind, runs * count, samples)}
     return [kind in worth for kind in kinds]

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
+from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.methods.rpem import Rpem
 from flexaxis.estimators.sampling.compiler import Compiled
-from flexaxis.estimators.sampling.fields import layout
+from flexaxis.estimators.sampling.fields import layout, layout_of
 from flexaxis.estimators.sampling.pattern import Pattern
 
 Array = NDArray[np.float64]
@@ -43,7 +44,8 @@ def kind_of(estimator: object) -> Kind | None:
     if pattern is None or pattern.laws or estimator._restarts:
         return None
     tuning, state = estimator._tuning, estimator.state
-    if not all(np.array_equal(state[name][0], state[name][0].T) for name in ("P", "claim")):
+    words, (_, lower, upper) = state.view(float), _places(state.dtype)
+    if not np.array_equal(words[lower], words[upper]):
         return None
     records = layout(tuning.dtype, state.dtype)
     return Kind(pattern, records, int(tuning["order"][0]), int(tuning["substeps"][0]))
@@ -90,6 +92,21 @@ def take_together(kind: Kind, runs: Sequence[tuple[Any, Signals]]) -> list[Array
         else:
             found += _take(kind, _loop(kind, width), block, width)
     return found
+
+
+@lru_cache
+def _places(kind: np.dtype) -> tuple[NDArray[np.int64], ...]:
+    """Return which words of a state are in `SOUND`, and which of P and Σ mirror each other."""
+    (fields,) = layout_of(layout(kind))
+    words = {
+        name: at + np.arange(prod(shape)).reshape(shape) for name, (at, shape) in fields.items()
+    }
+    matrices = [words["P"], words["claim"]]
+    return (
+        np.concatenate([words[name].ravel() for name in SOUND]),
+        np.concatenate([matrix.ravel() for matrix in matrices]),
+        np.concatenate([matrix.T.ravel() for matrix in matrices]),
+    )
 
 
 @lru_cache
@@ -145,7 +162,7 @@ def _take(
 def _leave(each: Rpem, words: Array, estimates: Array, trace: Array) -> Array | None:
     """Leave a filter in its last state; None where not all is finite, which spreads otherwise."""
     state = words.view(each.state.dtype)
-    if not all(np.isfinite(state[name]).all() for name in SOUND):
+    if not np.isfinite(words[_places(state.dtype)[0]]).all():
         return None
     state["taken"] += len(estimates)
     each.state[:], each._trace = state, trace

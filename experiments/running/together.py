@@ -56,11 +56,11 @@ def ran_together(scenario: Scenario, texts: Sequence[str], records: Sequence[Rec
     if not (specs and records):
         return {}
     with spent(COMPILING):
-        several = [each for _, each in specs for _ in records]
-        worth = worth_together(several, len(records[0].time))[:: len(records)]
+        each, samples = [estimator for _, estimator in specs], len(records[0].time)
+        worth = worth_together(each, samples, runs=len(records))
     runs = [
-        Run(spec, place, each.copy(), record)
-        for (spec, each), good in zip(specs, worth, strict=True)
+        Run(spec, place, estimator.copy(), record)
+        for (spec, estimator), good in zip(specs, worth, strict=True)
         for place, record in enumerate(records)
         if good
     ]
