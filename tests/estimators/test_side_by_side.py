@@ -101,7 +101,7 @@ def test_what_does_not_fit_runs_alone(nominal, loop):
 
     model = three_mass(nominal)
     own = Own(model, P0=P0, period=0.005)
-    several = [*filters(model, count=5), own, Frozen(model), Rpem(model, P0=P0, period=0.01)]
+    several = [*filters(model, count=5), own, Frozen(model), Rpem(model, P0=P0, period=0.02)]
     u, y, _ = signals(loop, len(several))
     u[4], y[4] = u[4][:700], y[4][:700]  # another length
     alone = [each.copy() for each in several]
