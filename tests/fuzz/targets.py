@@ -1,24 +1,32 @@
 """The commands that read files, and what may come of them: an answer, or an error in one line."""
 
 import contextlib
+import functools
 import io
+import os
 import re
 import resource
 import shutil
 import signal
+import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest import mock
 
 import documents
 
+from flexaxis.experiments import cli
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.reading import mat_file
 
 SECONDS = 10.0  # an answer to bad input takes no longer
 MEMORY = 1 << 30  # bytes, by which the process may grow
 LINES, LENGTH = 60, 2000  # of an error and of each; more are read by nobody
 STATUS = (0, 1, 2)  # of `flexaxis`: fine, a finding, wrong use
+PARSER = functools.cache(cli.parser)  # a command builds it once; so do thousands of them here
 
 
 class Target(NamedTuple):
@@ -117,7 +125,12 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     """Let a command read a file; return what is wrong with how it answers, or nothing."""
     out, err = io.StringIO(), io.StringIO()
     try:
-        with limited(seconds), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with (
+            limited(seconds),
+            mock.patch.object(cli, "parser", PARSER),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
             status = act(path)
     except SystemExit as error:  # argparse
         status = error.code
@@ -134,6 +147,41 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     if len(lines) > LINES or max(map(len, lines), default=0) > LENGTH:
         return f"{len(lines)} lines of error, {sum(map(len, lines))} characters: {said[:300]}"
     return ""
+
+
+def forks() -> contextlib.AbstractContextManager[Any]:
+    """Let MAT files be read in forks of this process, which need not import SciPy again."""
+    known = mock.Mock(wraps=subprocess, run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
+    return mock.patch.object(mat_file, "subprocess", known)
+
+
+def _forked(words: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
+    """Do what `python -m mat_file IN OUT` does; it may take its process along, as there."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if not child:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            os._exit(_converted(words[-2], words[-1]))
+        try:
+            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        except BaseException:  # time is over
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            raise
+        said = [file.seek(0) or file.read() for file in (out, err)]
+    return subprocess.CompletedProcess(list(words), status, *said)
+
+
+def _converted(path: str, out: str) -> int:
+    """Read a MAT file as the process of its own does; return the exit status."""
+    try:
+        with open(1, "w", closefd=False) as stdout, contextlib.redirect_stdout(stdout):
+            mat_file._convert(path, out)
+    except BaseException as error:
+        os.write(2, f"{type(error).__name__}: {error}".encode(errors="replace"))
+        return 1
+    return 0
 
 
 @contextlib.contextmanager
