@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
@@ -30,7 +31,7 @@ def warm(spec: Spec, scenario: Scenario) -> None:
     """Let an estimator compile what it compiles, so that the cost scored is that of running."""
     rest = np.zeros(2)
     _estimates(
-        spec.text, build(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)"
+        spec.text, ready(spec, scenario), rest, rest, None, where=f"{scenario.name} (warm-up)"
     )
 
 
@@ -115,7 +116,7 @@ def run_case(
         If the estimator raises, or returns what it may not.
     """
     with spent(MAKING):
-        estimator = build(spec, scenario)
+        estimator = ready(spec, scenario)
     claimed = innovations = None
     if batch is None:
         start = time.perf_counter()

@@ -18,7 +18,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.guest import Remark, limited, noted
-from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
 from flexaxis.experiments.running.case import case_id, has_batch, run_batch, run_case, warm
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.stopping import check, stoppable
@@ -139,7 +139,7 @@ def run_unit(
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
     with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with stoppable():
+        with stoppable(), kept_runs(store):
             check()
             _run(done, unit, store, whole, traced)
         found = done.outcome(remarks)
