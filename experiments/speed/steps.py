@@ -26,6 +26,7 @@ DEADLINE = "[deadline=0.001]"  # s, a fifth of the period of 5 ms
 WITH_DEADLINE = ("relocate", "relocate-friction")
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 TIMER = "(timer)"
+PIECE = 20_000  # samples that are made at a time
 SEED, WARM_UP = 1, 2  # of the noise: while it is timed, and before
 
 
@@ -64,7 +65,7 @@ def steps(
         for faults in streams:
             stream = _stream(axis, faults)
             estimator = build(parse(name), stream.scenario)
-            _warm(estimator, axis)
+            warm(estimator, axis)
             yield _row(name, axis, faults, estimator, count, stream)
 
 
@@ -82,9 +83,10 @@ def _stream(axis: str, faults: bool) -> Stream:
     return make_stream(axis, faults=faults)
 
 
-def _warm(estimator: Estimator, axis: str) -> None:
+def warm(estimator: Estimator, axis: str) -> None:
     """Let it compile what it compiles, also when something changes; then take it to its start."""
-    u, y = next(_stream(axis, True).laps(WARM_UP))
+    stream = _stream(axis, True)
+    u, y = stream.samples(WARM_UP).take(len(stream.u))
     run_estimator(estimator, u, y)
     for torque, speed in zip(u[:10].tolist(), y[:10].tolist(), strict=True):
         estimator.step(torque, speed)
@@ -125,16 +127,14 @@ def time_steps(estimator: Any, stream: Stream, count: int) -> tuple[Counts, Coun
     """
     cpu, wall = np.empty(count, np.int64), np.empty(count, np.int64)
     thread, clock, step = time.thread_time_ns, time.perf_counter_ns, estimator.step
-    k = 0
-    for u, y in stream.laps(SEED):
-        for torque, speed in zip(u[: count - k].tolist(), y[: count - k].tolist(), strict=True):
+    source = stream.samples(SEED)
+    for first in range(0, count, PIECE):
+        u, y = source.take(min(PIECE, count - first))
+        for k, (torque, speed) in enumerate(zip(u.tolist(), y.tolist(), strict=True), first):
             began, start = clock(), thread()
             step(torque, speed)
             stop, ended = thread(), clock()
             cpu[k], wall[k] = stop - start, ended - began
-            k += 1
-        if k == count:
-            break
     return cpu, wall
 
 

@@ -12,10 +12,18 @@ from flexaxis.experiments.running.case import followed
 from flexaxis.sim.simulate import simulate
 
 SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in REGISTRY if "friction" in name]
-OWN = (
-    "class Mine:\n    names, output = ('f_m',), 'speed'\n    def __init__(self, nominal, period):\n"
-)
-OWN += "        pass\n    def step(self, u, y):\n        return [0.05]\n"
+OWN = """class Mine:
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        pass
+
+    def step(self, u, y):
+        return [0.05]
+
+    def reset(self):
+        pass
+"""
 
 
 @pytest.fixture(scope="module")
