@@ -6,6 +6,7 @@ multiplied out once into monomials ``c·Πθ^e``, and from those follow the matr
 derivatives, and the compiled filters, for any choice of identified parameters.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -110,6 +111,20 @@ class Model:
                     f"given: {', '.join(self.nominal) or 'none'}"
                 )
         self._check_signs()
+        self._check_entries()
+
+    def _check_entries(self) -> None:
+        """Refuse nominal values of which an entry cannot be made, such as what divides by 0."""
+        for row, column, (coefficient, powers) in self.monomials():
+            try:
+                value = coefficient * math.prod(self.nominal[k] ** e for k, e in powers.items())
+            except ArithmeticError:
+                value = math.inf
+            if not math.isfinite(value):
+                raise EstimatorError(
+                    f"row {row + 1}, column {column + 1} of [A B; C 0] of model {self.name!r} is "
+                    f"not finite at the nominal values of {', '.join(powers)}"
+                )
 
     def _check_signs(self) -> None:
         for names, allowed, words in (

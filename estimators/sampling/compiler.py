@@ -75,6 +75,16 @@ class Compiled:
             made._cache = _Store(self, folder) if folder else _Nowhere(self.label)
         return made
 
+    def kept(self, *arguments: Any) -> bool:
+        """Whether it has been compiled for such arguments, here or in the cache folder."""
+        from numba import typeof
+
+        made, kinds = self.dispatcher, tuple(typeof(argument) for argument in arguments)
+        store = made._cache
+        return kinds in made.overloads or (
+            isinstance(store, _Store) and store.path(kinds, made.targetctx.codegen()).exists()
+        )
+
     @cached_property
     def part(self) -> Any:
         """The same, for compiled code to call."""
@@ -140,6 +150,7 @@ def _introduce() -> None:
 
 def _content(value: object, seen: set[int]) -> Iterator[bytes]:
     """Yield all that the code compiled for a value is made from, each function once."""
+    value = getattr(value, "_defn", value)  # what an intrinsic of numba is made of
     if isinstance(value, Compiled):
         value = value.function
     elif isinstance(value, type | FunctionType):  # runs in the compiler, so that its file matters
@@ -238,7 +249,7 @@ class _Store(_Nowhere):
         context.refresh()
         # a file that is missing, torn or of another kind must stop nobody
         with suppress(Exception):
-            path = self._path(signature, context.codegen())
+            path = self.path(signature, context.codegen())
             _refuse_others(path)
             content = path.read_bytes()
             return CompileResult._rebuild(context, *pickle.loads(content))
@@ -248,7 +259,7 @@ class _Store(_Nowhere):
         from numba.core.serialize import dumps
 
         super().save_overload(signature, result)
-        path = self._path(signature, result.codegen)
+        path = self.path(signature, result.codegen)
         aside = path.with_suffix(f".{os.getpid()}")
         try:
             aside.write_bytes(dumps(result._reduce()))
@@ -257,7 +268,8 @@ class _Store(_Nowhere):
             with suppress(OSError):
                 aside.unlink(missing_ok=True)
 
-    def _path(self, signature: Any, codegen: Any) -> Path:
+    def path(self, signature: Any, codegen: Any) -> Path:
+        """Return the file of what is compiled for these types."""
         import numba
 
         versions = numba.__version__, sys.version_info[:3]  # and the machine, in the magic

@@ -3,16 +3,33 @@
 from collections.abc import Sequence
 
 from llvmlite import ir
-from numba.core.cgutils import alloca_once
+from numba.core.cgutils import alloca_once, get_or_insert_function
 
 DOUBLE = ir.DoubleType()
 INDEX = ir.IntType(64)
 LANE = ir.IntType(32)
-FUSE = ("contract",)  # a·b + c in one instruction, rounded once; nothing is reordered
-
 
 CHUNK = 4  # lanes in a register; wider or odder vectors are taken apart badly
 Row = tuple[ir.Value, ...]
+
+
+def has(context, feature: str) -> bool:
+    """Return whether the processor that numba compiles for has a feature, such as ``"fma"``."""
+    return f"+{feature}" in context.codegen().magic_tuple()[2].split(",")
+
+
+def multiply_add(context, builder: ir.IRBuilder, a: ir.Value, b: ir.Value, c: ir.Value) -> ir.Value:
+    """
+    Return a·b + c of vectors, rounded once where the processor can.
+
+    It is said and not left to the compiler, which may fuse in one place and not in another: what
+    runs alone and what runs beside others must round alike.
+    """
+    if not has(context, "fma"):
+        return builder.fadd(builder.fmul(a, b), c)
+    name = f"llvm.fma.v{a.type.count}f64"
+    kind = ir.FunctionType(a.type, [a.type] * 3)
+    return builder.call(get_or_insert_function(builder.module, kind, name), [a, b, c])
 
 
 class Lanes:
@@ -91,7 +108,7 @@ class Lanes:
     def fused(self, a: Row, b: Row, c: Row) -> Row:
         """Return a·b + c."""
         return tuple(
-            self.builder.fadd(self.builder.fmul(x, y, flags=FUSE), z, flags=FUSE)
+            multiply_add(self.context, self.builder, x, y, z)
             for x, y, z in zip(a, b, c, strict=True)
         )
 

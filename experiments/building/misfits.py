@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.specs import Misfit, build, parse
+from flexaxis.experiments.building.offering import Misfit
+from flexaxis.experiments.building.ready import check_made
+from flexaxis.experiments.building.specs import parse
 from flexaxis.sim.scenario import Scenario
 
 
@@ -21,14 +23,14 @@ def readable(
     ----------
     scenarios : sequence of Scenario
     estimators : iterable of str
-        Whatever they name is made, once for each scenario.
+        Whatever they name is made on the way.
     """
     specs = [parse(text) for text in dict.fromkeys(estimators)]
     left: dict[str, str] = {}
     for scenario in scenarios:
         for spec in specs:
             try:
-                build(spec, scenario)
+                check_made(spec, scenario)
             except Misfit as error:
                 left.setdefault(scenario.name, str(error))
             except EstimatorError:  # of another kind: told where it is to be run

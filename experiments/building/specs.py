@@ -10,9 +10,8 @@ that text which was not typed on the command line goes through
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import entry_points
 from typing import Any
@@ -28,6 +27,7 @@ from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
 from flexaxis.experiments.building.nominal import Nominal
 from flexaxis.experiments.building.offer import Offer, Torques, offer_of, torque_of
+from flexaxis.experiments.building.offering import Misfit, keywords, offered_to
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.building.pipe_binary import BinaryPipeEstimator
 from flexaxis.experiments.scoring.theta import known_names
@@ -44,10 +44,6 @@ PIPES: Mapping[str, Callable[..., Estimator]] = {
     "pipe-binary-step:": partial(BinaryPipeEstimator, stepwise=True),
 }
 """What a program is asked by, from how its command begins."""
-
-
-class Misfit(EstimatorError):
-    """An estimator and a scenario that do not go together, though each is right."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,7 @@ def parse(text: str) -> Spec:
     make = _find(name.strip())
     options = _options(rest, text)
     try:
-        known = _keywords(make)
+        known = keywords(make)
     except (TypeError, ValueError) as error:  # as of a number, or of a class in C
         raise EstimatorError(
             f"{name} cannot be made like an estimator, from nominal values and a period: {error}"
@@ -161,19 +157,8 @@ def build_of(
     EstimatorCrash
         If its constructor raises anything.
     """
-    asked = _asked(spec, offer)
-    offered: dict[str, Any] = {"identify": asked, "output": offer.output}
-    if offer.noise is not None:
-        offered["noise"] = offer.noise
-    if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
-        offered["onsets"] = tuple(onsets)
-    wanted = "torque" in _keywords(spec.make) and "P0" not in spec.options
-    stored = replace(offer, identify=asked).has_prior
-    if wanted and _has_laws(spec.make):  # friction is of the size of the torque
-        offered["torque"] = torques("design")
-    elif wanted and (is_guest(spec.text) or not stored):
-        offered["torque"] = torques("reference")
-    return made(spec, dict(offer.nominal), offer.period, offered)
+    given = offered_to(spec, offer, torques, onsets=onsets)
+    return made(spec, dict(offer.nominal), offer.period, given)
 
 
 def check_fits(text: str, names: Sequence[str], output: str, scenario: Scenario) -> None:
@@ -214,7 +199,7 @@ def made(
     EstimatorCrash
         If its constructor raises anything else.
     """
-    known = _keywords(spec.make)
+    known = keywords(spec.make)
     given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
     refused: Exception | None = None
     if is_guest(spec.text) and isinstance(nominal, Mapping):
@@ -256,34 +241,12 @@ def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
         )
 
 
-def _asked(spec: Spec, offer: Offer) -> tuple[str, ...]:
-    """Return what an estimator is asked to identify: what is of no law, unless it has `laws`."""
-    if _has_laws(spec.make):
-        return offer.identify
-    if not offer.linear:
-        raise Misfit(
-            f"{spec.text} does not declare `laws`, and {offer.name} asks for nothing but "
-            f"{', '.join(offer.identify)}: leave the scenario out"
-        )
-    return offer.linear
-
-
-def _has_laws(make: Callable[..., Any]) -> bool:
-    entry = next((entry for entry in REGISTRY.values() if entry.factory is make), make)
-    return bool(getattr(entry, "laws", False))
-
-
 def _options(rest: str, text: str) -> dict[str, Any]:
     if not rest:
         return {}
     options = "options = {" + rest.removesuffix("]") + "}"
     source = f"{shown(text)}: write options as in [forgetting=0.99, regularization=1e-6]"
     return toml_tables(options, source=source, refuse=EstimatorError)["options"]
-
-
-def _keywords(make: Callable[..., Any]) -> set[str]:
-    parameters = list(inspect.signature(make).parameters.values())[2:]
-    return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
 
 
 def _find(name: str) -> Callable[..., Estimator]:

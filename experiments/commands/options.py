@@ -176,7 +176,8 @@ def working(
             advance=landed,
         )
         try:
-            yield means, advance
+            with means.kept() as means:
+                yield means, advance
         except KeyboardInterrupt:
             raise KeyboardInterrupt(go_on(args, done)) from None
         except FlexaxisError as error:

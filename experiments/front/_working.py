@@ -41,6 +41,7 @@ def working(
             remarks.extend(outcome.remarks)
             advance(outcome.cases)
 
-        yield Means(jobs=jobs, store=default_cache(), advance=landed)
+        with Means(jobs=jobs, store=default_cache(), advance=landed).kept() as means:
+            yield means
     for text in in_words(remarks):  # at the line of the user, who called through two of ours
         warnings.warn(text, stacklevel=5)

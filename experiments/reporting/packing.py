@@ -115,8 +115,10 @@ def _grid(values: NDArray[np.float64]) -> float:
     least = float(np.diff(there).min())
     span = float(there[-1] - there[0])
     for step in (least, least / 2, least / 3):
+        if not span < LEVELS * step:  # nor where the step is none, of numbers that are next to 0
+            continue
         places = (there - there[0]) / step
-        if span / step < LEVELS and abs(places - np.rint(places)).max() < ON_GRID:
+        if abs(places - np.rint(places)).max() < ON_GRID:
             return step
     return 0.0
 

@@ -22,6 +22,8 @@ from flexaxis.experiments.reporting.charts import Chart, Picks
 from flexaxis.experiments.reporting.run_budget import Budget, Thinning
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results, Rows
+from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.names import SUMMARY
 from flexaxis.experiments.scoring import mismatch, ranking
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
@@ -65,6 +67,12 @@ class Run:
         }
         order, aside = run_first.drawn_first(summary, AT_FIRST)
         singles = run_seeds.Singles.of(Results.load(results.folder), order)
+        for name, _ in singles.runs:
+            if name not in scenarios:
+                raise StudyError(
+                    f"{results.folder}: its rows are of a scenario {name!r}, of which {SUMMARY} "
+                    "says nothing: one of the two was changed"
+                )
         return cls(results, scenarios, order, singles, aside)
 
     @property

@@ -61,7 +61,7 @@ class Single:
         first = self.rows[0]
         if first["diverged"]:
             return float("inf")
-        return float(first["lag"] if first["changed"] else (first["std"] or 0.0))
+        return float((first["lag"] if first["changed"] else first["std"]) or 0.0)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columns import COLUMNS, axis_kind, columns_of
+from flexaxis.experiments.results.columns import COLUMNS, NEEDED, axis_kind, columns_of
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import COLUMNS as FILE
@@ -243,6 +243,8 @@ def _stored(
     name: str, given: list[Any], stored: Any, numbers: Mapping[Any, int] | None
 ) -> NDArray[Any]:
     """Return a part of a column as it is stored; `numbers` gives the next one to a new text."""
+    if name in NEEDED and None in given:
+        raise ValueError("is missing")
     if name == CASE:
         return np.array([int(case, 16) for case in given], stored)
     if numbers is not None:

@@ -24,6 +24,9 @@ COLUMNS: Mapping[str, Kind] = {
 }
 """Every column but those of the axes, which are named by the keys that are swept."""
 
+NEEDED = frozenset({"scenario", "estimator", "seed"})
+"""Columns that every row has."""
+
 UNITS: Mapping[str, str] = units() | {
     "seconds": "s",
     "cost.us_per_sample": "us",

@@ -11,7 +11,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.experiments.scoring.spending import spent
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
@@ -162,6 +163,11 @@ def records(
         if store and made:
             store.make_room()
     return [record for record in known.values() if record], len(missing)
+
+
+def kept_runs(store: RecordCache | None) -> AbstractContextManager[None]:
+    """Keep the nominal runs, too, that are simulated inside: each serves many scenarios."""
+    return nominal_runs(lambda scenario: records(scenario, [0], store)[0][0].torque)
 
 
 @cache

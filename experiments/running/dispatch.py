@@ -11,14 +11,14 @@ from concurrent.futures import (
     Future,
     wait,
 )
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from functools import partial
 from typing import Generic, TypeVar
 
 from flexaxis.experiments.building.inherited import held_back
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, two_stage
-from flexaxis.experiments.running.processes import kill, process_pool, stop
+from flexaxis.experiments.running.processes import Workers, kill, process_pool, stop
 from flexaxis.experiments.running.stopping import Stopped, check, stoppable
 
 ATTEMPTS = 3
@@ -33,6 +33,7 @@ def spread(
     jobs: int = 1,
     executor: Executor | None = None,
     in_flight: int | None = None,
+    workers: Workers | None = None,
 ) -> Generator[Result, None, None]:
     """Yield results as they come, in any order.
 
@@ -52,6 +53,8 @@ def spread(
         Where to work instead.
     in_flight : int, optional
         Tasks handed out at a time; twice the jobs by default.
+    workers : Workers, optional
+        Processes that are there already, in the place of as many new ones as there are jobs.
 
     Raises
     ------
@@ -68,7 +71,8 @@ def spread(
         elif jobs == 1:
             yield from _here(remaining, work)
         else:
-            yield from _own_pools(remaining, work, jobs, room, interrupts)
+            lend = workers.lent if workers else partial(process_pool, jobs)
+            yield from _own_pools(remaining, work, lend, room, interrupts)
         interrupts.tell()
 
 
@@ -100,7 +104,7 @@ def _elsewhere(flight: _Flight[Task, Result], tasks: Iterator[Task], room: int) 
 def _own_pools(
     tasks: Iterator[Task],
     work: Callable[[Task], Result],
-    jobs: int,
+    lend: Callable[[], AbstractContextManager[Executor]],
     room: int,
     interrupts: Interrupts,
 ) -> Iterator[Result]:
@@ -110,7 +114,7 @@ def _own_pools(
     """
     more = True
     while more:
-        with process_pool(jobs) as pool:
+        with lend() as pool:
             interrupts.stop = partial(stop, pool)
             flight = _Flight(pool, partial(_done, work), interrupts)
             try:

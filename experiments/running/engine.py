@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import opened
 from flexaxis.experiments.running.plan import Plan, make_plan
+from flexaxis.experiments.running.processes import Workers
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import write_traces
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
@@ -52,6 +53,8 @@ class Means:
         Called with each outcome, after its rows are written.
     work : callable, optional
         Stands in for `run_unit`, from unit to outcome.
+    workers : Workers, optional
+        Processes to be used by one call after the other, as from `kept`.
     """
 
     jobs: int = 1
@@ -60,6 +63,16 @@ class Means:
     store: RecordCache | None = None
     advance: Callable[[Outcome], None] | None = None
     work: Worker | None = None
+    workers: Workers | None = None
+
+    @contextmanager
+    def kept(self) -> Iterator[Means]:
+        """Give the same means, with processes that all calls inside share."""
+        if self.jobs == 1 or self.executor is not None or self.workers is not None:
+            yield self
+            return
+        with Workers(self.jobs) as workers:
+            yield replace(self, workers=workers)
 
     def also(self, called: Callable[[Outcome], None]) -> Means:
         """Return the same means, with something else called with each outcome, too."""
@@ -93,9 +106,9 @@ class Means:
                 wanted += unit.cases
                 yield unit
 
-        with closing(
-            spread(units(), work, jobs=self.jobs, executor=self.executor, in_flight=self.in_flight)
-        ) as outcomes:
+        where: dict[str, Any] = {"jobs": self.jobs, "executor": self.executor}
+        where |= {"in_flight": self.in_flight, "workers": self.workers}
+        with closing(spread(units(), work, **where)) as outcomes:
             for outcome in outcomes:
                 found += outcome.cases
                 yield outcome

@@ -10,6 +10,7 @@ from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import run_unit
 
 SAMPLE = 4  # records that are run to know what one takes
+SLOW = 1.0  # s of the first, after which one more has to do: nobody waits long for a forecast
 
 
 @dataclass(frozen=True)
@@ -34,8 +35,10 @@ def forecast(unit: Unit, work: Work) -> Forecast:
     Simulation is taken to cost by the simulated second, estimation too; estimators that differ
     from point to point are taken to cost what those of this unit do.
     """
-    small = replace(unit, seeds=unit.seeds[:SAMPLE])
-    run_unit(replace(small, seeds=small.seeds[:1]))
+    one = replace(unit, seeds=unit.seeds[:1])
+    first = run_unit(one)
+    slow = first.simulating + first.estimating > SLOW
+    small = one if slow else replace(unit, seeds=unit.seeds[:SAMPLE])
     sample = run_unit(small)
     moved = len(small.seeds) * unit.variants[0].duration
     # per record, against the sample

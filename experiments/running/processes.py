@@ -8,9 +8,10 @@ import signal
 import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
+from typing import Self
 
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
@@ -59,6 +60,48 @@ def process_pool(jobs: int) -> Iterator[Executor]:
                 os.environ.pop(key, None)
             else:
                 os.environ[key] = value
+
+
+class Workers:
+    """A pool of processes that is lent again and again, for to start one takes seconds.
+
+    A context manager. The processes start when they are first lent; those of a pool that is left by
+    an error, by Ctrl-C or by a process that was lost end with it, and the next are new.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._stack = jobs, ExitStack()
+        self._pool: Executor | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *rest: object) -> None:
+        self._end(lost=kind is not None)
+
+    @contextmanager
+    def lent(self) -> Iterator[Executor]:
+        """Give the pool as `process_pool` does, but for its end."""
+        if self._pool is None:
+            self._pool = self._stack.enter_context(process_pool(self._jobs))
+        whole = False
+        try:
+            yield self._pool
+            whole = not getattr(self._pool, "_broken", False)
+        finally:
+            if not whole:
+                self._end(lost=True)
+
+    def _end(self, *, lost: bool) -> None:
+        pool, self._pool = self._pool, None
+        if pool is not None and lost:  # nobody waits for what they do any more
+            kill(pool)
+        self._stack.close()
 
 
 def stop(pool: Executor) -> None:

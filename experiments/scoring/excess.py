@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +12,7 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.described import linear_model
-from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.nominal import Known, nominal_torque
 from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -31,20 +30,12 @@ def information(scenario: Scenario) -> Array | None:
     on the units of the parameters nor on how they are chosen. It is of the linear model, so that
     what is asked of its laws has zeros there. None where there is no noise.
     """
-    return _information(_Asked(scenario.hash, scenario))
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """A scenario, told apart by its content."""
-
-    hash: str
-    scenario: Scenario = field(compare=False)
+    return _information(Known(scenario.hash, scenario))
 
 
 @lru_cache(maxsize=256)
-def _information(asked: _Asked) -> Array | None:
-    scenario = asked.scenario
+def _information(known: Known) -> Array | None:
+    scenario = known.scenario
     variance = noise_variance(scenario)
     linear = [name for name in scenario.identify if name not in LAW_NAMES]
     if not variance > 0 or not linear:

@@ -16,6 +16,7 @@ from flexaxis.experiments.reporting.run_page import render
 from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.cache import kept_runs
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import read_study
@@ -105,6 +106,20 @@ def benchmark(
         If an estimator cannot be made, or as from `run_study`. One that fails on a record is a row
         with its error.
     """
+    means = means or Means()
+    with kept_runs(means.store), means.kept() as means:
+        return _run(wanted, folder, means, shard=shard, resume=resume, say=say)
+
+
+def _run(
+    wanted: Benchmark,
+    folder: Path,
+    means: Means,
+    *,
+    shard: tuple[int, int],
+    resume: bool,
+    say: Callable[[str], None] | None,
+) -> Pooled | None:
     plan = make_plan(wanted.study, shard=shard, run_code=True)
     sweeping = {
         "scenarios": [s.resolved() for s in wanted.swept_scenarios],

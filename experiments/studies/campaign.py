@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -84,7 +84,8 @@ def campaign(wanted: Benchmark, folder: Path, means: Means) -> Campaign:
 
     children, start = _of_children(), time.perf_counter()
     with ledger() as here:
-        benchmark(wanted, folder, means.also(landed))
+        # With processes of its own, whose time is known when they have ended.
+        benchmark(wanted, folder, replace(means, workers=None).also(landed))
     wall = time.perf_counter() - start
     spent = Counter[str](total)
     if means.jobs > 1:

@@ -96,6 +96,16 @@ def test_a_minute_after_trouble_all_is_well(nominal, trouble, name, kind):
     assert 0.085 < deviation(filter_) < 0.115  # of 0.1; the horizon's is of 200 samples
 
 
+@pytest.mark.parametrize("name", JOINT)
+def test_how_far_off_a_burst_is_does_not_matter(nominal, simulated, name):
+    loop, found = simulated(20.0, seed=6), []
+    for size in (1e4, 1e9):
+        y = loop.y.copy()
+        y[3000:3003] = size, 1.5 * size, 2 * size  # each another: else the sensor is stuck
+        found.append(make(name, nominal).run(loop.u, y))
+    np.testing.assert_array_equal(*found)
+
+
 def deviation(filter_):
     """σ̂ of a filter."""
     state = filter_.state

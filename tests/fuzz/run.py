@@ -9,11 +9,13 @@ put it into tests/fuzz/found/KIND/ when it is mended, so that it stays so.
 import argparse
 import contextlib
 import random
+import resource
 import sys
 import tempfile
 import time
 import warnings
-from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,11 @@ import mutations
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 from hypothesis import strategies as st
 from hypothesis.errors import Flaky
-from targets import TARGETS, fault, prepare
+from targets import TARGETS, fault, forks, prepare
+
+SHARE = 10.0  # s of a batch: what is read in no time is tried more often
+FEWEST, MOST = 20, 500  # files of a batch
+MEMORY = "/dev/shm"  # a disk that is none, where there is one
 
 
 class Found(Exception):
@@ -59,9 +65,35 @@ def attempt(kind: str, data: bytes, folder: Path) -> str:
     return fault(TARGETS[kind].act, path)
 
 
-def batch(kind: str, number: int, examples: int, folder: Path) -> tuple[int, str, bytes]:
+@dataclass
+class Tally:
+    """What was seen of a kind: files, faults of each sort, and the most computing for one [s]."""
+
+    files: int = 0
+    tracebacks: int = 0
+    hangs: int = 0
+    memory: int = 0
+    longest: float = 0.0
+    seconds: float = 0.0
+
+    def note(self, text: str) -> None:
+        """Count a fault."""
+        self.hangs += text.startswith("no answer")
+        self.memory += text.startswith("MemoryError")
+        self.tracebacks += not text.startswith(("no answer", "MemoryError"))
+
+    def next(self) -> int:
+        """Return how many files the next batch has."""
+        each = self.seconds / self.files if self.files else SHARE / FEWEST
+        return int(min(MOST, max(FEWEST, SHARE / each)))
+
+
+def batch(
+    kind: str, number: int, examples: int, folder: Path, tally: Tally | None = None
+) -> tuple[int, str, bytes]:
     """Try examples; return how many, and the smallest that has a fault, with the fault."""
-    tried, last = Counter[str](), ["", b""]
+    tally, last, before = tally or Tally(), ["", b""], time.monotonic()
+    already = tally.files
 
     @seed(number)
     @settings(
@@ -71,15 +103,18 @@ def batch(kind: str, number: int, examples: int, folder: Path) -> tuple[int, str
     )  # fmt: skip
     @given(contents(kind, folder))
     def search(data: bytes) -> None:
-        tried[kind] += 1
+        tally.files += 1
+        began = time.process_time()
         text = attempt(kind, data, folder)
+        tally.longest = max(tally.longest, time.process_time() - began)
         if text:
             last[:] = [text, data]
             raise Found(text)
 
     with contextlib.suppress(Found, Flaky):  # what is not so twice was the hour, not the file
         search()
-    return tried[kind], str(last[0]), bytes(last[1])
+    tally.seconds += time.monotonic() - before
+    return tally.files - already, str(last[0]), bytes(last[1])
 
 
 def main() -> int:
@@ -87,30 +122,57 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("kinds", nargs="*", metavar="KIND", help=", ".join(TARGETS))
     parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--examples", type=int, default=200, help="of a batch")
     parser.add_argument("--found", type=Path, default=Path("results/fuzz"))
     args = parser.parse_args()
     warnings.simplefilter("ignore")
-    kinds, tried, faults = args.kinds or list(TARGETS), Counter[str](), 0
-    end = time.monotonic() + 60 * args.minutes
-    with tempfile.TemporaryDirectory() as name:
-        prepare(Path(name))
-        for kind in kinds:  # nobody waits for compilers then
-            for good in TARGETS[kind].good(Path(name)):
-                fault(TARGETS[kind].act, placed(kind, good, Path(name)), seconds=600)
+    kinds = args.kinds or list(TARGETS)
+    tallies = {kind: Tally() for kind in kinds}
+    with tempfile.TemporaryDirectory(dir=MEMORY if Path(MEMORY).is_dir() else None) as name:
+        warm(kinds, Path(name))
+        end = time.monotonic() + 60 * args.minutes
         while time.monotonic() < end:
-            for kind in kinds:
-                number = random.SystemRandom().getrandbits(64)
-                count, text, data = batch(kind, number, args.examples, Path(name))
-                tried[kind] += count
-                if text:
-                    faults += 1
-                    args.found.mkdir(parents=True, exist_ok=True)
-                    path = args.found / f"{kind}-{number:x}{TARGETS[kind].suffix}"
-                    path.write_bytes(data)
-                    print(f"{path}: {text}\n{data[-300:].decode(errors='replace')}\n", flush=True)
-            print(f"{sum(tried.values())} files, {faults} faults: {dict(tried)}", flush=True)
-    return 1 if faults else 0
+            with forks():
+                each_once(tallies, Path(name), args.found)
+            print(table(tallies), flush=True)
+    return int(any(t.tracebacks or t.hangs or t.memory for t in tallies.values()))
+
+
+def warm(kinds: Sequence[str], folder: Path) -> None:
+    """Read the good files once, so that nobody waits for compilers later."""
+    prepare(folder)
+    for kind in kinds:
+        for good in TARGETS[kind].good(folder):
+            fault(TARGETS[kind].act, placed(kind, good, folder), seconds=600)
+
+
+def each_once(tallies: dict[str, Tally], folder: Path, found: Path) -> None:
+    """Try a batch of every kind; keep and print what is found."""
+    for kind, tally in tallies.items():
+        number = random.SystemRandom().getrandbits(64)
+        _, text, data = batch(kind, number, tally.next(), folder, tally)
+        if text:
+            tally.note(text)
+            found.mkdir(parents=True, exist_ok=True)
+            path = found / f"{kind}-{number:x}{TARGETS[kind].suffix}"
+            path.write_bytes(data)
+            print(f"{path}: {text}\n{data[-300:].decode(errors='replace')}\n", flush=True)
+
+
+def table(tallies: dict[str, Tally]) -> str:
+    """Return what was seen, a line a kind, and this process's largest memory."""
+    head = ["kind", "files", "tracebacks", "hangs", "memory", "longest s", "files/s"]
+    rows = [
+        [kind, t.files, t.tracebacks, t.hangs, t.memory, f"{t.longest:.1f}",
+         f"{t.files / max(t.seconds, 1e-9):.0f}"]
+        for kind, t in tallies.items()
+    ]  # fmt: skip
+    sums = [sum(int(row[i]) for row in rows) for i in range(1, 5)]
+    seconds = sum(t.seconds for t in tallies.values())
+    longest = max(t.longest for t in tallies.values())
+    rows.append(["all", *sums, f"{longest:.1f}", f"{sums[0] / max(seconds, 1e-9):.0f}"])
+    lines = (" ".join(f"{cell:>11}" for cell in row) for row in [head, *rows])
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    return "\n".join(lines) + f"\nlargest memory of the process {peak:.2f} GB\n"
 
 
 if __name__ == "__main__":

@@ -1,24 +1,37 @@
 """The commands that read files, and what may come of them: an answer, or an error in one line."""
 
 import contextlib
+import functools
 import io
+import os
 import re
 import resource
 import shutil
 import signal
+import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest import mock
 
 import documents
 
+from flexaxis.experiments import cli
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.reading import mat_file
 
-SECONDS = 10.0  # an answer to bad input takes no longer
+SECONDS = 10.0  # of computing: an answer to bad input takes no longer
+WAITING = 6.0  # times that by the clock, on a machine that has other things to do
 MEMORY = 1 << 30  # bytes, by which the process may grow
 LINES, LENGTH = 60, 2000  # of an error and of each; more are read by nobody
 STATUS = (0, 1, 2)  # of `flexaxis`: fine, a finding, wrong use
+PARSER = functools.cache(cli.parser)  # a command builds it once; so do thousands of them here
+
+
+class Over(BaseException):
+    """Time is over; nobody takes it for an error of theirs, as an `except OSError` would."""
 
 
 class Target(NamedTuple):
@@ -117,11 +130,16 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     """Let a command read a file; return what is wrong with how it answers, or nothing."""
     out, err = io.StringIO(), io.StringIO()
     try:
-        with limited(seconds), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with (
+            limited(seconds),
+            mock.patch.object(cli, "parser", PARSER),
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+        ):
             status = act(path)
     except SystemExit as error:  # argparse
         status = error.code
-    except TimeoutError:
+    except Over:
         return f"no answer in {seconds:g} s"
     except Exception as error:
         return f"{type(error).__name__}: {error}"[:600]
@@ -136,22 +154,61 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     return ""
 
 
+def forks() -> contextlib.AbstractContextManager[Any]:
+    """Let MAT files be read in forks of this process, which need not import SciPy again."""
+    known = mock.Mock(wraps=subprocess, run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
+    return mock.patch.object(mat_file, "subprocess", known)
+
+
+def _forked(words: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
+    """Do what `python -m mat_file IN OUT` does; it may take its process along, as there."""
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if not child:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            os._exit(_converted(words[-2], words[-1]))
+        try:
+            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        except BaseException:  # time is over
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            raise
+        said = [file.seek(0) or file.read() for file in (out, err)]
+    return subprocess.CompletedProcess(list(words), status, *said)
+
+
+def _converted(path: str, out: str) -> int:
+    """Read a MAT file as the process of its own does; return the exit status."""
+    try:
+        with open(1, "w", closefd=False) as stdout, contextlib.redirect_stdout(stdout):
+            mat_file._convert(path, out)
+    except BaseException as error:
+        os.write(2, f"{type(error).__name__}: {error}".encode(errors="replace"))
+        return 1
+    return 0
+
+
 @contextlib.contextmanager
 def limited(seconds: float) -> Iterator[None]:
     """Let it take so long, and so much memory."""
 
     def over(*_: object) -> None:
-        raise TimeoutError
+        raise Over
 
-    usual = signal.signal(signal.SIGALRM, over)
+    timers = {signal.ITIMER_PROF: seconds, signal.ITIMER_REAL: WAITING * seconds}
+    usual = {s: signal.signal(s, over) for s in (signal.SIGPROF, signal.SIGALRM)}
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text().split()[0]) if sys.platform == "linux" else 0
     if pages:
         resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + MEMORY, hard))
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    for timer, limit in timers.items():
+        signal.setitimer(timer, limit)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, usual)
+        for timer in timers:
+            signal.setitimer(timer, 0)
+        for number, before in usual.items():
+            signal.signal(number, before)
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
