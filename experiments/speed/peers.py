@@ -7,7 +7,7 @@ told, so that their estimates are the same to rounding; how near they come stand
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,12 +28,16 @@ FEW, REPEATS = 400, 3  # samples of the peers; runs of the whole record of ours
 TERMS = 17  # of the exponential's series, by which JAX differentiates: to rounding for this axis
 
 
-def peers(given: Problem) -> tuple[list[Contender], dict[str, str]]:
+def peers(
+    given: Problem, names: Sequence[str] | None = None
+) -> tuple[list[Contender], dict[str, str]]:
     """Return our filter and those of the others, and why some are left out.
 
     Parameters
     ----------
     given : Problem
+    names : sequence of str, optional
+        Of `PEERS`; all by default.
 
     Returns
     -------
@@ -50,7 +54,8 @@ def peers(given: Problem) -> tuple[list[Contender], dict[str, str]]:
                   seconds=timed(lambda: [ours(given.u, given.y) for _ in range(REPEATS)], samples)),
     ]  # fmt: skip
     missing = {}
-    for name, (what, make, clock) in PEERS.items():
+    for name in PEERS if names is None else names:
+        what, make, clock = PEERS[name]
         try:
             run = make(given)
         except ImportError as error:
