@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,8 @@ def peers(
     """
     ours = _ours(given)
     samples = REPEATS * len(given.u)
-    reference = ours(given.u[:FEW], given.y[:FEW])
+    u, y = given.u[:FEW], given.y[:FEW]
+    reference = ours(u, y)
     found = [
         Contender(OURS, "joint_ekf().run, the noise told", EXPM, besides=OURS,
                   seconds=timed(lambda: [ours(given.u, given.y) for _ in range(REPEATS)], samples)),
@@ -61,18 +63,11 @@ def peers(
         except ImportError as error:
             missing[name] = str(error)
             continue
-        found.append(_contender(name, what, run, clock, given, reference))
+        off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
+        seconds = timed(partial(run, u, y), FEW, clock)
+        facts = {"difference": float(off.max())}
+        found.append(Contender(name, what, EXPM, seconds, besides=OURS, facts=facts))
     return found, missing
-
-
-def _contender(
-    name: str, what: str, run: Filter, clock: Any, given: Problem, reference: Array
-) -> Contender:
-    u, y = given.u[:FEW], given.y[:FEW]
-    off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
-    seconds = timed(lambda: run(u, y), FEW, clock)
-    return Contender(name, what, EXPM, seconds, besides=OURS,
-                     facts={"difference": float(off.max())})  # fmt: skip
 
 
 def _ours(given: Problem) -> Filter:
@@ -134,6 +129,8 @@ def _filterpy(given: Problem) -> Filter:
     H = joint.output(joint.start)
 
     class Moving(ExtendedKalmanFilter):  # what its documentation says to override
+        x: Array
+
         def predict_x(self, u: float = 0) -> None:
             self.x, self.F = joint.move(self.x, u)
 
