@@ -7,6 +7,7 @@ it is made from, so that an edit of any function that is reached, or of a consta
 anew, and nothing else does.
 """
 
+import gc
 import hashlib
 import marshal
 import os
@@ -55,7 +56,7 @@ class Compiled:
         """Call the compiled function; it is compiled now if it has to be."""
         try:
             return self.dispatcher(*arguments)
-        except Exception:
+        except BaseException:
             if cache := getattr(self.dispatcher, "_cache", None):
                 getattr(cache, "ended", lambda: None)()  # it may not have compiled
             raise
@@ -67,12 +68,8 @@ class Compiled:
     @cached_property
     def dispatcher(self) -> Any:
         """What numba calls a compiled function, for Python to call."""
-        import numba
-
         _introduce()
-        made: Any = numba.njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True)(
-            self.function
-        )
+        made = _numbas().whole(self.function)
         folder = cache_folder()
         if not self.inline:
             made._cache = _Store(self, folder) if folder else _Nowhere(self.label)
@@ -90,24 +87,13 @@ class Compiled:
 
     @cached_property
     def part(self) -> Any:
-        """The same for compiled code to call."""
-        import numba
-
-        from flexaxis.estimators.sampling.parts import PartCompiler
-
-        return numba.njit(
-            nogil=True,
-            error_model="numpy",
-            no_cfunc_wrapper=True,
-            no_cpython_wrapper=True,
-            forceinline=self.inline,
-            pipeline_class=PartCompiler,
-        )(self.function)
+        """The same, for compiled code to call."""
+        return _numbas().part(self.function, inline=self.inline)
 
     @cached_property
     def digest(self) -> str:
         """What tells this function, and all that it reaches, from any other."""
-        parts = hashlib.sha256()
+        parts = hashlib.sha256(_source(_numbas()))
         for part in _content(self, set()):
             parts.update(part)
         return parts.hexdigest()
@@ -141,6 +127,11 @@ def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
         return made
 
     return make
+
+
+def _numbas() -> ModuleType:
+    """Return the module that imports numba, which takes half a second."""
+    return import_module("flexaxis.estimators.sampling.parts")
 
 
 @lru_cache
@@ -219,6 +210,7 @@ class _Nowhere:
 
     cache_path = None
     _told: "_Nowhere | None" = None  # of the outermost compilation the user is told
+    _collecting = True
 
     def __init__(self, label: str, where: str = "as no cache folder can be written") -> None:
         self.label, self.where = label, where
@@ -227,6 +219,8 @@ class _Nowhere:
         if _Nowhere._told is None:
             print(f"flexaxis: compiling {self.label} {self.where} …", file=sys.stderr, flush=True)
             _Nowhere._told = self
+            _Nowhere._collecting = gc.isenabled()
+            gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
 
     def save_overload(self, signature: Any, result: Any) -> None:
         self.ended()
@@ -234,6 +228,8 @@ class _Nowhere:
     def ended(self) -> None:
         if _Nowhere._told is self:
             _Nowhere._told = None
+            if _Nowhere._collecting:
+                gc.enable()
 
     def enable(self) -> None: ...
 

@@ -1,4 +1,4 @@
-"""Measure what estimators cost: time a sample, the longest step, memory; and where a run's time goes.
+"""Measure what estimators cost: time a sample, the longest step, memory; what a run takes.
 
 Without more, every shipped estimator is timed beside a matrix exponential, other ways to do the
 same, the extended Kalman filter of other libraries (`pip install 'flexaxis[peers]'`) and the
@@ -26,7 +26,8 @@ example:
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 HELP = "measure time per sample, the longest step, memory"
 GROUP = "judge"
+WIDTH = 160  # characters of a table that no terminal shows
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -222,4 +224,5 @@ def _show(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         table.add_column(head, justify="right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    # a table that is read by a program, or kept, is not cut to the width of a terminal
+    Console(width=None if sys.stdout.isatty() else WIDTH).print(table)

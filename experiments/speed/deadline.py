@@ -82,7 +82,7 @@ def _both(name: str, seconds: float, seed: int) -> tuple[list[Run], int]:
     stream = make_stream(axis, seed=seed)
     found = []
     for text in (name, f"{name}[deadline={seconds:g}]"):
-        estimator = build(parse(text), stream.scenario)
+        estimator: Any = build(parse(text), stream.scenario)
         warm(estimator, axis)
         claiming = _Claiming(estimator)
         cpu, _ = time_steps(claiming, stream, len(stream.u))
@@ -94,7 +94,8 @@ class _Claiming:
     """An estimator, of which is told when it first claims a covariance."""
 
     def __init__(self, estimator: Any) -> None:
-        self._estimator, self.first, self._count = estimator, None, 0
+        self._estimator, self._count = estimator, 0
+        self.first: int | None = None
 
     def step(self, u: float, y: float | None) -> Any:
         theta = self._estimator.step(u, y)

@@ -58,15 +58,17 @@ def steps(
         max`` [µs], the timer's own time in them; ``of_period``: longest in processor time over the
         sampling period; ``findings``: how many, null where it tells none.
     """
-    nothing = _Nothing()
-    yield _row(TIMER, "linear", False, nothing, count, _stream("linear", False))
+    yield {"estimator": TIMER, "axis": "linear", "faults": False} | _timed(
+        _Nothing(), count, _stream("linear", False)
+    )
     for name in estimators or stepped():
         axis = axis_of(name)
         for faults in streams:
             stream = _stream(axis, faults)
             estimator = build(parse(name), stream.scenario)
             warm(estimator, axis)
-            yield _row(name, axis, faults, estimator, count, stream)
+            row = {"estimator": name, "axis": axis, "faults": faults}
+            yield row | _timed(estimator, count, stream)
 
 
 class _Nothing:
@@ -93,20 +95,14 @@ def warm(estimator: Estimator, axis: str) -> None:
     restart(estimator)
 
 
-def _row(
-    name: str, axis: str, faults: bool, estimator: Any, count: int, stream: Stream
-) -> dict[str, Any]:
+def _timed(estimator: Any, count: int, stream: Stream) -> dict[str, Any]:
     cpu, wall = time_steps(estimator, stream, count)
     told = getattr(estimator, "findings", None)
-    longest = cpu.max() * 1e-9
     return {
-        "estimator": name,
-        "axis": axis,
-        "faults": faults,
         "steps": count,
         "cpu_us": _spread(cpu),
         "wall_us": _spread(wall),
-        "of_period": longest / stream.scenario.period,
+        "of_period": 1e-9 * float(cpu.max()) / stream.scenario.period,
         "findings": None if told is None else len(told),
     }
 

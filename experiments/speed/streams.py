@@ -68,9 +68,7 @@ class Samples:
         return stream.u[k], stream.clean[k] + noise
 
 
-def make_stream(
-    axis: str, *, faults: bool = True, every: float = EVERY, seed: int = 0
-) -> Stream:
+def make_stream(axis: str, *, faults: bool = True, every: float = EVERY, seed: int = 0) -> Stream:
     """Simulate a lap.
 
     Parameters
