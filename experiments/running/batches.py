@@ -69,4 +69,4 @@ def run_batch(scenario: Scenario, records: Sequence[Record], spec: Spec) -> list
         )
     for record, own in zip(records, theta, strict=True):
         tell_not_finite(spec.text, own, f"{scenario.name}, seed {record.seed}")
-    return [Ran(own, None, None, seconds) for own in theta]
+    return [Ran(own, seconds, tuple(estimator.names)) for own in theta]

@@ -33,17 +33,22 @@ class Ran(NamedTuple):
     Attributes
     ----------
     theta : ndarray (N, p)
+    seconds : float
+        That it took.
+    names : tuple of str
     claimed : ndarray (p, p) or None
     innovations : ndarray (N, 2) or None
         As from `followed`.
-    seconds : float
-        That it took.
+    findings : sequence or None
+        What it detected.
     """
 
     theta: NDArray[np.float64]
-    claimed: Any
-    innovations: NDArray[np.float64] | None
     seconds: float
+    names: tuple[str, ...]
+    claimed: Any = None
+    innovations: NDArray[np.float64] | None = None
+    findings: Sequence[Any] | None = None
 
 
 def warm(spec: Spec, scenario: Scenario) -> None:
@@ -76,17 +81,10 @@ def run_case(
     EstimatorError
         If the estimator raises, or returns what it may not.
     """
-    with spent(MAKING):
-        estimator = ready(spec, scenario)
     if ran is None:
-        start = time.perf_counter()
-        with spent(account(spec)):
-            found = followed(spec.text, estimator, scenario, record)
-        ran = Ran(*found, seconds=time.perf_counter() - start)
-    theta, seconds = ran.theta, ran.seconds
-    findings = getattr(estimator, "findings", None)
-    names = tuple(estimator.names)
-    track = track_of(scenario, record, names, theta, ran.claimed, ran.innovations, findings)
+        ran = _ran(scenario, record, spec)
+    theta, seconds, names, *rest = ran
+    track = track_of(scenario, record, names, theta, *rest)
     identity = {
         "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
@@ -103,6 +101,17 @@ def run_case(
     about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
     with spent(SCORES):
         return scored(track, estimator=spec.text, seed=seed, **about)
+
+
+def _ran(scenario: Scenario, record: Record, spec: Spec) -> Ran:
+    with spent(MAKING):
+        estimator = ready(spec, scenario)
+    start = time.perf_counter()
+    with spent(account(spec)):
+        theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
+    seconds = time.perf_counter() - start
+    findings = getattr(estimator, "findings", None)
+    return Ran(theta, seconds, tuple(estimator.names), claimed, innovations, findings)
 
 
 def account(spec: Spec) -> str:
