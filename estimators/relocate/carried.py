@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.recursion.records import Record, joined, on_lanes, record
+from flexaxis.estimators.recursion.records import Record, aligned, joined, on_lanes, record
 from flexaxis.estimators.relocate.choices import Choice
 from flexaxis.estimators.relocate.held import held, rows_with
 from flexaxis.estimators.relocate.rows import OF_ALL, OF_SAMPLE, words_of
@@ -177,7 +177,7 @@ def _ordered(state: Record) -> Record:
     """Return a state that begins with what is remembered of it."""
     first = OF_SAMPLE + OF_ALL
     names = (*first, *(name for name in state.dtype.names or () if name not in first))
-    made = np.zeros(1, np.dtype([(name, state.dtype[name]) for name in names], align=True))
+    made = np.zeros(1, aligned(tuple((name, state.dtype[name]) for name in names)))
     for name in names:
         made[name] = state[name]
     return made

@@ -6,7 +6,7 @@ import platform
 import time
 from collections.abc import Sequence
 from hashlib import sha256
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,26 @@ from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
 ESTIMATOR = "estimator "  # and its name: the account of what it takes
-MAKING, SCORES = "making estimators", "scores"
+MAKING, COMPILING, SCORES = "making estimators", "compiling", "scores"
+
+
+class Ran(NamedTuple):
+    """What an estimator made of a record.
+
+    Attributes
+    ----------
+    theta : ndarray (N, p)
+    claimed : ndarray (p, p) or None
+    innovations : ndarray (N, 2) or None
+        As from `followed`.
+    seconds : float
+        That it took.
+    """
+
+    theta: NDArray[np.float64]
+    claimed: Any
+    innovations: NDArray[np.float64] | None
+    seconds: float
 
 
 def warm(spec: Spec, scenario: Scenario) -> None:
@@ -85,7 +104,7 @@ def run_batch(
     y = np.stack([getattr(record, scenario.output) for record in records])
     where = f"on {len(records)} records of {scenario.name}"
     start = time.perf_counter()
-    with hosted(spec.text, where), spent(_account(spec)):
+    with hosted(spec.text, where), spent(account(spec)):
         theta = np.asarray(estimator.run_batch(u, y), float)
     seconds = (time.perf_counter() - start) / len(records)
     wanted = (*u.shape, len(estimator.names))
@@ -104,11 +123,11 @@ def run_case(
     spec: Spec,
     *,
     whole: bool = False,
-    batch: tuple[NDArray[np.float64], float] | None = None,
+    ran: Ran | None = None,
 ) -> Case:
     """Run an estimator on a record and score it; `whole` keeps all estimates.
 
-    With `batch`, the estimates of this record and the time they took, nothing is run.
+    What it has `ran` already is scored only.
 
     Raises
     ------
@@ -117,17 +136,15 @@ def run_case(
     """
     with spent(MAKING):
         estimator = ready(spec, scenario)
-    claimed = innovations = None
-    if batch is None:
+    if ran is None:
         start = time.perf_counter()
-        with spent(_account(spec)):
-            theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
-        seconds = time.perf_counter() - start
-    else:
-        theta, seconds = batch
+        with spent(account(spec)):
+            found = followed(spec.text, estimator, scenario, record)
+        ran = Ran(*found, seconds=time.perf_counter() - start)
+    theta, seconds = ran.theta, ran.seconds
     findings = getattr(estimator, "findings", None)
     names = tuple(estimator.names)
-    track = track_of(scenario, record, names, theta, claimed, innovations, findings)
+    track = track_of(scenario, record, names, theta, ran.claimed, ran.innovations, findings)
     identity = {
         "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
@@ -146,7 +163,8 @@ def run_case(
         return scored(track, estimator=spec.text, seed=seed, **about)
 
 
-def _account(spec: Spec) -> str:
+def account(spec: Spec) -> str:
+    """Return the account on which the time of an estimator goes."""
     return ESTIMATOR + spec.text.partition("[")[0]
 
 
@@ -222,24 +240,28 @@ def followed(
         If the estimator raises, or returns what it may not.
     """
     where, samples = f"{scenario.name}, seed {record.seed}", len(record.time)
-    events = scenario.events()
-    stop = events[0].index if events and hasattr(estimator, "covariance") else samples
     y = getattr(record, estimator.output)
     valid = record.valid
     parts, innovations = [], []
     claimed = None
-    for part in (slice(0, stop), slice(stop, None)):
-        if part.start < samples:
-            gaps = None if valid is None else valid[part]
-            u = record.torque[part]
-            at: dict[str, Any] = {"first": part.start, "period": scenario.period}
-            parts.append(_estimates(text, estimator, u, y[part], gaps, where=where, **at))
-            innovations.append(_innovations(text, estimator, len(u), where=where))
+    for part in pieces(scenario, estimator, samples):
+        gaps = None if valid is None else valid[part]
+        u = record.torque[part]
+        at: dict[str, Any] = {"first": part.start, "period": scenario.period}
+        parts.append(_estimates(text, estimator, u, y[part], gaps, where=where, **at))
+        innovations.append(_innovations(text, estimator, len(u), where=where))
         if claimed is None:
             claimed = getattr(estimator, "covariance", None)
     known = [each for each in innovations if each is not None]
     whole = np.concatenate(known) if len(known) == len(innovations) else None
     return np.concatenate(parts), claimed, whole
+
+
+def pieces(scenario: Scenario, estimator: Any, samples: int) -> list[slice]:
+    """Return a record in two where an estimator is asked before the first fault what it claims."""
+    events = scenario.events()
+    stop = events[0].index if events and hasattr(estimator, "covariance") else samples
+    return [part for part in (slice(0, stop), slice(stop, None)) if part.start < samples]
 
 
 def _innovations(

@@ -24,11 +24,12 @@ import numpy as np
 from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.speed.steps import stepped
-from flexaxis.experiments.speed.streams import Stream, axis_of, make_stream
+from flexaxis.experiments.speed.streams import Samples, Stream, axis_of, make_stream
 
 SEED = 1
 EVERY = 30.0  # s between two changes: 1200 of them in ten hours
 FIRST = 0.1  # of the stream: what is held after that is what growth is measured from
+PIECE = 20_000  # samples
 LAST = 20  # samples of the last piece: what an estimator keeps of it is then always the same
 FLAT = 1.0
 """Bytes a sample: whoever grows by less keeps nothing of each sample; one number has eight."""
@@ -73,13 +74,15 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
         that is not known; ``findings``: told in the end, null where it tells none; ``flat``;
         ``cpu_s``: processor time of the stream [s].
     """
-    run_estimator(build(parse(name), stream.scenario), *next(stream.laps(SEED)))  # compiles
+    compiled = build(parse(name), stream.scenario)
+    run_estimator(compiled, *stream.samples(SEED).take(len(stream.u)))  # by a lap with all faults
     samples = round(hours * 3600 / stream.scenario.period)
     first = max(LAST, round(FIRST * samples))
     estimator = build(parse(name), stream.scenario)
     made, start = _held(estimator), time.process_time()
-    early = _take(estimator, stream, 0, first)
-    late = _take(estimator, stream, first, samples)
+    source = stream.samples(SEED)
+    early = _take(estimator, source, first)
+    late = _take(estimator, source, samples - first)
     spent = time.process_time() - start
     told = getattr(estimator, "findings", None)
     grown = {name: _less(late[name], early[name]) for name in late}
@@ -100,17 +103,13 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
     }
 
 
-def _take(estimator: Estimator, stream: Stream, first: int, until: int) -> dict[str, int | None]:
-    """Run from one sample to another, a lap at a time; return what is held then."""
-    laps, pieces = stream.laps(SEED + first), []
-    for size in (until - LAST - first, LAST):
-        whole, rest = divmod(size, len(stream.u))
-        pieces += [len(stream.u)] * whole + [rest] * (rest > 0)
-    for size in pieces:
-        u, y = next(laps)
-        theta = run_estimator(estimator, u[:size], y[:size])
+def _take(estimator: Estimator, source: Samples, count: int) -> dict[str, int | None]:
+    """Run so many samples, piece by piece; return what is held then."""
+    whole, rest = divmod(count - LAST, PIECE)
+    for size in [*[PIECE] * whole, *[rest] * (rest > 0), LAST]:
+        theta = run_estimator(estimator, *source.take(size))
         if not np.all(np.isfinite(theta[-1])):
-            raise FloatingPointError(f"not finite between samples {first} and {until}")
+            raise FloatingPointError(f"its estimates are not finite: {theta[-1]}")
     return {"held": _held(estimator), "resident": _resident()}
 
 

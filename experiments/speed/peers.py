@@ -7,7 +7,8 @@ told, so that their estimates are the same to rounding; how near they come stand
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,12 +29,16 @@ FEW, REPEATS = 400, 3  # samples of the peers; runs of the whole record of ours
 TERMS = 17  # of the exponential's series, by which JAX differentiates: to rounding for this axis
 
 
-def peers(given: Problem) -> tuple[list[Contender], dict[str, str]]:
+def peers(
+    given: Problem, names: Sequence[str] | None = None
+) -> tuple[list[Contender], dict[str, str]]:
     """Return our filter and those of the others, and why some are left out.
 
     Parameters
     ----------
     given : Problem
+    names : sequence of str, optional
+        Of `PEERS`; all by default.
 
     Returns
     -------
@@ -44,30 +49,25 @@ def peers(given: Problem) -> tuple[list[Contender], dict[str, str]]:
     """
     ours = _ours(given)
     samples = REPEATS * len(given.u)
-    reference = ours(given.u[:FEW], given.y[:FEW])
+    u, y = given.u[:FEW], given.y[:FEW]
+    reference = ours(u, y)
     found = [
         Contender(OURS, "joint_ekf().run, the noise told", EXPM, besides=OURS,
                   seconds=timed(lambda: [ours(given.u, given.y) for _ in range(REPEATS)], samples)),
     ]  # fmt: skip
     missing = {}
-    for name, (what, make, clock) in PEERS.items():
+    for name in PEERS if names is None else names:
+        what, make, clock = PEERS[name]
         try:
             run = make(given)
         except ImportError as error:
             missing[name] = str(error)
             continue
-        found.append(_contender(name, what, run, clock, given, reference))
+        off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
+        seconds = timed(partial(run, u, y), FEW, clock)
+        facts = {"difference": float(off.max())}
+        found.append(Contender(name, what, EXPM, seconds, besides=OURS, facts=facts))
     return found, missing
-
-
-def _contender(
-    name: str, what: str, run: Filter, clock: Any, given: Problem, reference: Array
-) -> Contender:
-    u, y = given.u[:FEW], given.y[:FEW]
-    off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
-    seconds = timed(lambda: run(u, y), FEW, clock)
-    return Contender(name, what, EXPM, seconds, besides=OURS,
-                     facts={"difference": float(off.max())})  # fmt: skip
 
 
 def _ours(given: Problem) -> Filter:
@@ -129,6 +129,8 @@ def _filterpy(given: Problem) -> Filter:
     H = joint.output(joint.start)
 
     class Moving(ExtendedKalmanFilter):  # what its documentation says to override
+        x: Array
+
         def predict_x(self, u: float = 0) -> None:
             self.x, self.F = joint.move(self.x, u)
 

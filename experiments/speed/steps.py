@@ -26,6 +26,7 @@ DEADLINE = "[deadline=0.001]"  # s, a fifth of the period of 5 ms
 WITH_DEADLINE = ("relocate", "relocate-friction")
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "max": 100.0}
 TIMER = "(timer)"
+PIECE = 20_000  # samples that are made at a time
 SEED, WARM_UP = 1, 2  # of the noise: while it is timed, and before
 
 
@@ -57,15 +58,17 @@ def steps(
         max`` [µs], the timer's own time in them; ``of_period``: longest in processor time over the
         sampling period; ``findings``: how many, null where it tells none.
     """
-    nothing = _Nothing()
-    yield _row(TIMER, "linear", False, nothing, count, _stream("linear", False))
+    yield {"estimator": TIMER, "axis": "linear", "faults": False} | _timed(
+        _Nothing(), count, _stream("linear", False)
+    )
     for name in estimators or stepped():
         axis = axis_of(name)
         for faults in streams:
             stream = _stream(axis, faults)
             estimator = build(parse(name), stream.scenario)
-            _warm(estimator, axis)
-            yield _row(name, axis, faults, estimator, count, stream)
+            warm(estimator, axis)
+            row = {"estimator": name, "axis": axis, "faults": faults}
+            yield row | _timed(estimator, count, stream)
 
 
 class _Nothing:
@@ -82,29 +85,24 @@ def _stream(axis: str, faults: bool) -> Stream:
     return make_stream(axis, faults=faults)
 
 
-def _warm(estimator: Estimator, axis: str) -> None:
+def warm(estimator: Estimator, axis: str) -> None:
     """Let it compile what it compiles, also when something changes; then take it to its start."""
-    u, y = next(_stream(axis, True).laps(WARM_UP))
+    stream = _stream(axis, True)
+    u, y = stream.samples(WARM_UP).take(len(stream.u))
     run_estimator(estimator, u, y)
     for torque, speed in zip(u[:10].tolist(), y[:10].tolist(), strict=True):
         estimator.step(torque, speed)
     restart(estimator)
 
 
-def _row(
-    name: str, axis: str, faults: bool, estimator: Any, count: int, stream: Stream
-) -> dict[str, Any]:
+def _timed(estimator: Any, count: int, stream: Stream) -> dict[str, Any]:
     cpu, wall = time_steps(estimator, stream, count)
     told = getattr(estimator, "findings", None)
-    longest = cpu.max() * 1e-9
     return {
-        "estimator": name,
-        "axis": axis,
-        "faults": faults,
         "steps": count,
         "cpu_us": _spread(cpu),
         "wall_us": _spread(wall),
-        "of_period": longest / stream.scenario.period,
+        "of_period": 1e-9 * float(cpu.max()) / stream.scenario.period,
         "findings": None if told is None else len(told),
     }
 
@@ -125,16 +123,14 @@ def time_steps(estimator: Any, stream: Stream, count: int) -> tuple[Counts, Coun
     """
     cpu, wall = np.empty(count, np.int64), np.empty(count, np.int64)
     thread, clock, step = time.thread_time_ns, time.perf_counter_ns, estimator.step
-    k = 0
-    for u, y in stream.laps(SEED):
-        for torque, speed in zip(u[: count - k].tolist(), y[: count - k].tolist(), strict=True):
+    source = stream.samples(SEED)
+    for first in range(0, count, PIECE):
+        u, y = source.take(min(PIECE, count - first))
+        for k, (torque, speed) in enumerate(zip(u.tolist(), y.tolist(), strict=True), first):
             began, start = clock(), thread()
             step(torque, speed)
             stop, ended = thread(), clock()
             cpu[k], wall[k] = stop - start, ended - began
-            k += 1
-        if k == count:
-            break
     return cpu, wall
 
 

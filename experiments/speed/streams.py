@@ -48,16 +48,27 @@ class Stream:
     clean: Array
     noise: float
 
-    def laps(self, seed: int) -> Iterator[tuple[Array, Array]]:
-        """Yield u and y (N,) of lap after lap, without an end."""
-        random = np.random.default_rng(seed)
-        while True:
-            yield self.u, self.clean + self.noise * random.standard_normal(len(self.u))
+    def samples(self, seed: int) -> Samples:
+        """Return its samples from the first on, with noise of this seed."""
+        return Samples(self, np.random.default_rng(seed))
 
 
-def make_stream(
-    axis: str, *, faults: bool = True, every: float = EVERY, seed: int = 0
-) -> Stream:
+class Samples:
+    """Samples of a stream, one piece after another."""
+
+    def __init__(self, stream: Stream, random: np.random.Generator) -> None:
+        self._stream, self._random, self._next = stream, random, 0
+
+    def take(self, count: int) -> tuple[Array, Array]:
+        """Return u and y (count,) of the next samples."""
+        stream = self._stream
+        k = np.arange(self._next, self._next + count) % len(stream.u)
+        self._next = int(k[-1]) + 1
+        noise = stream.noise * self._random.standard_normal(count)
+        return stream.u[k], stream.clean[k] + noise
+
+
+def make_stream(axis: str, *, faults: bool = True, every: float = EVERY, seed: int = 0) -> Stream:
     """Simulate a lap.
 
     Parameters

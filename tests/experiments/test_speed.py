@@ -1,21 +1,153 @@
-"""The table of speeds: that it is complete and consistent, not how fast this machine is."""
+"""What `flexaxis speed` tells: complete and consistent, not how fast this machine is."""
 
 import json
+import time
+from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.speed.deadline import Run, _later
+from flexaxis.experiments.speed.memory import streamed
+from flexaxis.experiments.speed.peers import PEERS, peers
+from flexaxis.experiments.speed.problem import problem
+from flexaxis.experiments.speed.steps import PERCENTILES, time_steps
+from flexaxis.experiments.speed.streams import make_stream
+
+# what other libraries warn of when they are imported is theirs
+PEERS_WARN = pytest.mark.filterwarnings("ignore")
+HOARDER = """
+class Hoarder:
+    names, output = ("k_T",), "speed"
+
+    def __init__(self, nominal, period):
+        self.all, self.theta = [], [nominal["k_T"]]
+
+    def step(self, u, y):
+        self.all.append(y)
+        return self.theta
+"""
 
 
+def told(capsys, *words):
+    assert main(["speed", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def stream():
+    return make_stream("linear")
+
+
+@PEERS_WARN
 def test_one_round(capsys):
-    assert main(["speed", "--rounds", "1", "--json"]) == 0
-    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
-    assert {"expm", "literal-rpem", "c2d", "rpem-run", "rpem-step", "ekf-run", "plant"} <= set(rows)
+    found = told(capsys, "--rounds", "1", "--estimator", "ekf")
+    rows = {row["name"]: row for row in found["rows"]}
+    assert {"expm", "literal-rpem", "c2d", "rpem-run", "ekf-run", "plant"} <= set(rows)
+    assert set(rows) | set(found["missing"]) >= set(PEERS)
     assert rows["expm"]["ratio"] == rows["engine"]["ratio"] == 1.0
     for row in rows.values():
         assert row["low"] <= row["ratio"] <= row["high"] and row["us_per_sample"] > 0
     unit = rows["expm"]["us_per_sample"]
     assert abs(rows["c2d"]["ratio"] - unit / rows["c2d"]["us_per_sample"]) < 1e-9
+    by = {row["by"]: row for row in found["rows"] if row.get("estimator") == "ekf"}
+    assert set(by) == {"run", "run-fault", "step"}
+    for row in by.values():
+        assert row["unit"] == "rpem-forgetting" and row["besides"] == "expm"
+        assert abs(row["times"] - row["us_per_sample"] / unit) < 1e-9
 
 
-def test_no_rounds(capsys):
-    assert main(["speed", "--rounds", "0"]) == 2
-    assert "--rounds 0" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [("--rounds 0", "--rounds 0"), ("--steps -1", "--steps -1"), ("--memory 0", "--memory 0"),
+     ("--steps 5 --seeds 3", "--seeds"), ("--steps 5 --estimator relocat", "relocat")],
+)  # fmt: skip
+def test_what_cannot_be_measured_is_refused(capsys, words, named):
+    assert main(["speed", *words.split()]) == 2
+    assert named in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", PEERS)
+@PEERS_WARN
+def test_peers_compute_what_we_compute(name):
+    found, missing = peers(problem(), [name])
+    if missing:
+        pytest.skip(missing[name])
+    row = found[-1]
+    # rounding in P, whose numbers span eight decades; a wrong sample of the torque gives 1e-2
+    assert row.facts["difference"] < 1e-6
+
+
+def test_steps_are_told_from_the_median_to_the_longest(capsys):
+    timer, *rows = told(capsys, "--steps", "400", "--estimator", "rpem-forgetting")["rows"]
+    assert [row["faults"] for row in rows] == [False, True]
+    for row in (timer, *rows):
+        for clock in ("cpu_us", "wall_us"):
+            assert list(row[clock]) == list(PERCENTILES)
+            assert list(row[clock].values()) == sorted(row[clock].values())
+        assert row["steps"] == 400
+        assert abs(row["of_period"] - row["cpu_us"]["max"] / 5000) < 1e-9
+    assert timer["cpu_us"]["p50"] < rows[0]["cpu_us"]["p50"]
+
+
+def test_a_long_step_is_seen_by_the_clock_that_runs_in_it(stream):
+    def step(u, y):
+        step.count += 1
+        if step.count == 50:
+            while time.thread_time() < busy:
+                pass
+        if step.count == 80:
+            time.sleep(0.1)
+
+    step.count, busy = 0, time.thread_time() + 0.03
+    cpu, wall = time_steps(SimpleNamespace(step=step), stream, 100)
+    assert cpu.argmax() == 49 and 1e7 < cpu[49] <= wall[49]
+    assert wall[79] > 1e8 > 2 * cpu[79]
+
+
+def test_the_next_lap_goes_on_where_the_last_one_ended(stream):
+    lap = len(stream.u)
+    rpem = build(parse("rpem-forgetting"), stream.scenario)
+    rpem.run(*stream.samples(0).take(2 * lap))
+    off = rpem.innovations[:, 0] / stream.noise
+    assert np.abs(off[lap - 5 : lap + 200]).max() < 5
+    assert np.abs(off).max() > 5  # as at the faults
+    changed = np.prod([[f.factor for f in stream.scenario.fault]])
+    assert changed == pytest.approx(1.0)
+
+
+def test_pieces_of_a_stream_are_the_stream(stream):
+    whole = stream.samples(3).take(100)
+    pieces = stream.samples(3)
+    parts = zip(*(pieces.take(size) for size in (1, 60, 39)), strict=True)
+    for at_once, piecewise in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(at_once, np.concatenate(piecewise))
+
+
+def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
+    (tmp_path / "hoarder.py").write_text(HOARDER)
+    row = streamed(f"{tmp_path / 'hoarder.py'}:Hoarder", stream, 0.01)
+    assert row["samples"] == 7200 and not row["flat"]
+    assert row["grown"] >= 8 * 0.9 * 7200
+    kept = streamed("rpem-forgetting", stream, 0.01)
+    assert kept["grown"] == 0 and kept["made"] > 100
+    assert list(kept) == list(row)
+
+
+def test_how_much_later_a_finding_comes():
+    def found(alarm, onset, *parameters):
+        return SimpleNamespace(alarm=alarm, onset=onset, parameters=parameters)
+
+    without = Run(1.0, 0, [found(105, 100, "f_m"), found(305, 300, "k_T"), found(505, 500, "d_g")])
+    limited = Run(1.0, 0, [found(125, 99, "f_m"), found(308, 301, "J_a"), found(512, 500, "d_g")])
+    assert list(_later(without, limited)) == [20, 7]
+
+
+@pytest.mark.slow
+def test_a_deadline_makes_steps_shorter_and_findings_later(capsys):
+    words = ("--deadline", "0.001", "--seeds", "0:1", "--estimator", "relocate")
+    (row,) = told(capsys, *words)["rows"]
+    assert row["longest_with_us"] < row["longest_us"]
+    assert row["alike"] > 0 and 0 <= row["later_median"] <= row["later_max"]

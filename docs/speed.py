@@ -1,0 +1,246 @@
+"""Measure the tables of docs/speed.md anew: `python docs/speed.py`.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
+are written. What the commands have measured is kept in `results/speed/`, and measured where it is
+missing: `speed` takes minutes, `steps` half an hour, `memory` an hour, `deadline` minutes.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+PAGE, FOLDER = ROOT / "docs" / "speed.md", ROOT / "results" / "speed"
+MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
+COMMANDS = {
+    "speed": "speed",  # once for each of TIMES
+    "steps": "speed --steps 1000000",
+    "memory": "speed --memory 10",
+    "deadline": "speed --deadline 0.001 --seeds 300:310",
+}
+TIMES = ("1", "2", "3")
+UNIT, LIMITED, LEADER = "rpem-forgetting", "relocate[deadline=0.001]", "relocate"
+RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "rpem-run-2-threads", "plant")
+
+Row = Mapping[str, Any]
+
+
+def three() -> str:
+    """Return the numbers that a reader wants."""
+    times, unit = _fastest(LEADER), _fastest(UNIT)
+    step = next(r for r in measured("steps") if r["estimator"] == LIMITED and r["faults"])
+    held = {r["estimator"]: r for r in measured("memory")}
+    flat = sum(r["flat"] for r in held.values())
+    return (
+        f"- **{unit['us_per_sample']:.2g} µs a sample** with the paper's method, "
+        f"{1 / unit['times']:.0f} times as fast as one matrix exponential; "
+        f"{times['ratio']:.2g} times that with `{LEADER}` between two alarms.\n"
+        f"- **{_ms(step['cpu_us']['max'])} ms, the longest of {step['steps']:.0e} steps** of "
+        f"`{LIMITED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
+        "sampling period.\n"
+        f"- **{flat} of {len(held)} estimators hold after ten hours what they held after one**; "
+        f"`{UNIT}` {_kB(held[UNIT]['late'])} kB, `{LEADER}` {_kB(held[LEADER]['late'])} kB.\n"
+    )
+
+
+def estimators() -> str:
+    """Return what a sample takes each estimator."""
+    rows = []
+    for name in dict.fromkeys(r["estimator"] for r in measured("speed", "1") if "by" in r):
+        quiet, fault, step = (_of(name, by) for by in ("run", "run-fault", "step"))
+        spread = 100 * (max(r["ratio"] for r in quiet) / min(r["ratio"] for r in quiet) - 1)
+        cells = [
+            _middle(quiet, "us_per_sample"),
+            _middle(quiet, "ratio"),
+            _part(float(np.median([r["times"] for r in quiet]))),
+            f"{spread:.0f} %",
+            _middle(fault, "us_per_sample"),
+            _middle(step, "us_per_sample"),
+        ]
+        rows.append([f"`{name}`", *cells])
+    heads = ["", "`run` [µs]", f"times `{UNIT}`", "of a matrix exponential",
+             "between three runs", "`run` with a fault in 20 s [µs]", "`step` [µs]"]  # fmt: skip
+    return table(heads, rows) + said("speed", "three times; the medians")
+
+
+def rivals() -> str:
+    """Return what the paper's method takes by other means, and the plant."""
+    rows = {r["name"]: r for r in measured("speed", "1")}
+    lines = []
+    for name in RIVALS:
+        r = rows[name]
+        of = f"{r['ratio']:.3g} times {'as fast as ' if r['faster'] else ''}`{r['unit']}`"
+        lines.append([f"`{name}`", r["what"], f"{r['us_per_sample']:.3g}", of])
+    return table(["", "what", "µs", ""], lines) + said("speed")
+
+
+def peers() -> str:
+    """Return the extended Kalman filter of other libraries."""
+    lines = []
+    for row in measured("speed", "1"):
+        if row["name"].startswith("ekf-"):
+            off = f"{row['difference']:.0e}" if "difference" in row else "–"
+            cells = f"{row['us_per_sample']:.3g}", f"{row['times']:.3g}", off
+            lines.append([f"`{row['name']}`", row["what"], *cells])
+    heads = ["", "what", "µs", "times ours", "off our estimates, of nominal"]
+    return table(heads, lines) + said("speed")
+
+
+def steps() -> str:
+    """Return how long a step takes."""
+    by_name: dict[str, list[Row]] = {}
+    for row in measured("steps"):
+        by_name.setdefault(row["estimator"], []).append(row)
+    lines = []
+    for name, rows in by_name.items():
+        cells = [f"{row['cpu_us'][p]:.3g}" for row in rows for p in row["cpu_us"]]
+        longest = f"{rows[-1]['wall_us']['max']:.3g}"
+        lines.append([f"`{name}`", *cells, *["–"] * (8 - len(cells)), longest])
+    parts = ["p50", "p99", "p99.9", "max"]
+    heads = ["µs", *parts, *(f"{p}, faults" for p in parts), "max, faults, on the wall"]
+    return table(heads, lines) + said("steps")
+
+
+def memory() -> str:
+    """Return what an estimator holds."""
+    lines = [
+        [
+            f"`{r['estimator']}`",
+            *(_kB(r[n]) for n in ("made", "early", "late")),
+            _number(r["grown"]),
+            _kB(r["resident_grown"]),
+            _number(r["findings"]),
+            "yes" if r["flat"] else "**no**",
+        ]
+        for r in measured("memory")
+    ]
+    heads = ["", "made [kB]", "after 1 h", "after 10 h", "grown [B]", "the process grew by [kB]",
+             "findings", "flat"]  # fmt: skip
+    return table(heads, lines) + said("memory")
+
+
+def deadline() -> str:
+    """Return what a deadline does."""
+    lines = [
+        [
+            f"`{r['estimator']}`",
+            str(r["steps"]),
+            f"{_ms(r['longest_us'])} → {_ms(r['longest_with_us'])}",
+            f"{r['findings']} → {r['findings_with']}, {r['alike']} alike",
+            f"{r['later_median']:.0f}, at most {r['later_max']}",
+            f"{r['claim']} → {r['claim_with']}",
+        ]
+        for r in measured("deadline")
+    ]
+    heads = ["", "steps", "longest step [ms]", "findings", "alarms later [samples]",
+             "first claim, at the latest [sample]"]  # fmt: skip
+    return table(heads, lines) + said("deadline")
+
+
+TABLES: Mapping[str, Callable[[], str]] = {
+    "three": three,
+    "estimators": estimators,
+    "rivals": rivals,
+    "peers": peers,
+    "steps": steps,
+    "memory": memory,
+    "deadline": deadline,
+}
+
+
+@cache
+def stored(what: str, again: str = "") -> Any:
+    """Return what a command has measured, and at which commit."""
+    path = FOLDER / f"{what}{again}.json"
+    if not path.exists():
+        words = [*COMMANDS[what].split(), "--json"]
+        done = subprocess.run(
+            [sys.executable, "-m", "flexaxis.experiments", *words],
+            stdout=subprocess.PIPE,
+            check=True,
+        )
+        FOLDER.mkdir(parents=True, exist_ok=True)
+        content = {"commit": _commit()} | json.loads(done.stdout)
+        path.write_text(json.dumps(content), encoding="utf-8")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def measured(what: str, again: str = "") -> Sequence[Row]:
+    """Return the rows of a measurement."""
+    rows: Sequence[Row] = stored(what, again)["rows"]
+    return rows
+
+
+def said(what: str, more: str = "") -> str:
+    """Return the line below a table: what made it."""
+    commit = stored(what, "1" if what == "speed" else "")["commit"]
+    return f"\n`flexaxis {COMMANDS[what]}`{', ' + more if more else ''}, commit {commit}.\n"
+
+
+def _of(estimator: str, by: str) -> list[Row]:
+    """Return the rows of an estimator in all runs of the command."""
+    return [
+        row
+        for again in TIMES
+        for row in measured("speed", again)
+        if row.get("estimator") == estimator and row["by"] == by
+    ]
+
+
+def _fastest(estimator: str) -> Row:
+    return _of(estimator, "run")[0]
+
+
+def _middle(rows: Sequence[Row], key: str) -> str:
+    return f"{np.median([row[key] for row in rows]):.3g}"
+
+
+def _part(times: float) -> str:
+    return f"1/{1 / times:.0f}" if times < 0.5 else f"{times:.2g}"
+
+
+def _ms(microseconds: float) -> str:
+    return f"{1e-3 * microseconds:.3g}"
+
+
+def _kB(number: int | None) -> str:
+    return "–" if number is None else f"{number / 1000:.0f}"
+
+
+def _number(number: int | None) -> str:
+    return "–" if number is None else str(number)
+
+
+def _commit() -> str:
+    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
+    return subprocess.check_output(words, text=True).strip()
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    return "".join(f"| {' | '.join(x)} |\n" for x in [heads, ["---"] * len(heads), *rows])
+
+
+def main(wanted: Sequence[str]) -> None:
+    """Write what is wanted, all if nothing is named."""
+    if wrong := set(wanted) - set(TABLES):
+        sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
+
+    def written(match: re.Match[str]) -> str:
+        name = match[1]
+        if wanted and name not in wanted:
+            return match[0]
+        return f"<!-- table: {name} -->\n{TABLES[name]()}<!-- end -->"
+
+    PAGE.write_text(MARK.sub(written, PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
