@@ -222,7 +222,7 @@ def test_constraints_are_left_out_where_there_are_none(name):
 
     nonlinear = list(find_scenario(name).nonlinear.values())
     plant = Plant([preset("n1")], period=PERIOD, substeps=20, nonlinear=nonlinear)
-    model, off = plant.model(0), mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    model, off = plant.model(0), int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     assert bool(model.opt.disableflags & off) == (name != "coulomb_fm_step-v1")
     ends = []
     for flags in (model.opt.disableflags, model.opt.disableflags & ~off):
