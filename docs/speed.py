@@ -1,8 +1,9 @@
 """Measure the tables of docs/speed.md anew: `python docs/speed.py`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
-are written. What the commands have measured is kept in `results/speed/`, and measured where it is
-missing: `speed` and `deadline` take minutes, `steps` and `memory` half an hour each on a free core.
+are written. What the commands have measured is kept in `results/speed/`; it is measured where it is
+missing, and again with `--fresh`: `speed` and `deadline` take minutes, `steps` and `memory` half an
+hour each on a free core.
 """
 
 import json
@@ -34,6 +35,8 @@ COMMANDS = {
 TIMES = ("1", "2", "3")
 UNIT, LIMITED, LEADER = "rpem-forgetting", "relocate[deadline=0.001]", "relocate"
 RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "plant")
+
+FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
 
@@ -166,7 +169,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
 def stored(what: str, again: str = "") -> Any:
     """Return what a command has measured, and at which commit."""
     path = FOLDER / f"{what}{again}.json"
-    if not path.exists():
+    if not path.exists() or FRESH:
         words = [*COMMANDS[what].split(), *_named(what), "--json"]
         done = subprocess.run(
             [sys.executable, "-m", "flexaxis.experiments", *words],
@@ -250,6 +253,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def main(wanted: Sequence[str]) -> None:
     """Write what is wanted, all if nothing is named."""
+    wanted = [word for word in wanted if not word.startswith("--")]
     if wrong := set(wanted) - set(TABLES):
         sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
 
