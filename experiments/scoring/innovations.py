@@ -97,9 +97,10 @@ def whiteness_of(track: Track, i: int) -> float | None:
 
 def _quiet(track: Track) -> Array | None:
     """Return the innovations from first to last quiet sample, NaN in pauses between them."""
-    if track.innovations is None or not track.quiet.size:
+    given = track.innovations
+    if given is None or not track.quiet.size:
         return None
-    return track.once("innovations", lambda: _spread(track.innovations, track.quiet))
+    return track.once("innovations", lambda: _spread(given, track.quiet))
 
 
 def _spread(innovations: Array, quiet: NDArray[np.intp]) -> Array:
