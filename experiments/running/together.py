@@ -58,12 +58,13 @@ def ran_together(scenario: Scenario, texts: Sequence[str], records: Sequence[Rec
     with spent(COMPILING):
         each, samples = [estimator for _, estimator in specs], len(records[0].time)
         worth = worth_together(each, samples, runs=len(records))
-    runs = [
-        Run(spec, place, estimator.copy(), record)
-        for (spec, estimator), good in zip(specs, worth, strict=True)
-        for place, record in enumerate(records)
-        if good
-    ]
+    with spent(MAKING):
+        runs = [
+            Run(spec, place, estimator.copy(), record)
+            for (spec, estimator), good in zip(specs, worth, strict=True)
+            for place, record in enumerate(records)
+            if good
+        ]
     try:
         return _run(scenario, runs) if runs else {}
     except EstimatorError:  # each alone says what is wrong with it
@@ -98,7 +99,11 @@ def _run(scenario: Scenario, runs: Sequence[Run]) -> Together:
     seconds = (time.perf_counter() - start) / len(runs)
     return {
         (run.spec.text, run.place): Ran(
-            np.concatenate(found[i]), claimed[i], np.concatenate(innovations[i]), seconds
+            np.concatenate(found[i]),
+            seconds,
+            run.estimator.names,
+            claimed[i],
+            np.concatenate(innovations[i]),
         )
         for i, run in enumerate(runs)
     }
