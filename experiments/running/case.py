@@ -24,7 +24,7 @@ from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
 ESTIMATOR = "estimator "  # and its name: the account of what it takes
-MAKING, COMPILING, SCORES = "making estimators", "compiling", "scores"
+MAKING, SCORES = "making estimators", "scores"
 
 
 class Ran(NamedTuple):

@@ -14,7 +14,8 @@ from flexaxis.estimators.side_by_side import run_together, worth_together
 from flexaxis.experiments.building.guest import is_guest
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, parse
-from flexaxis.experiments.running.case import COMPILING, MAKING, Ran, account, pieces
+from flexaxis.experiments.running.case import MAKING, Ran, account, pieces
+from flexaxis.experiments.running.compiling import COMPILING
 from flexaxis.experiments.scoring.spending import shared, spent
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario

@@ -20,7 +20,8 @@ from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.guest import Remark, limited, noted
 from flexaxis.experiments.running.batches import has_batch, run_batch
 from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
-from flexaxis.experiments.running.case import COMPILING, case_id, run_case, warm
+from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.stopping import check, stoppable
 from flexaxis.experiments.running.together import Together, ran_together
@@ -141,7 +142,7 @@ def run_unit(
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
     with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with stoppable(), kept_runs(store):
+        with stoppable(), kept_runs(store), compiled_apart():
             check()
             _run(done, unit, store, whole, traced)
         found = done.outcome(remarks)
