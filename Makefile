@@ -17,7 +17,7 @@ export MKL_NUM_THREADS = 1
 # A process a core; the tests of one file stay in one process, for they share what is costly.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
 
-.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables docs-speed notebooks site clean
+.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables docs-speed notebooks site dist clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
@@ -31,6 +31,7 @@ help:
 	@echo "make docs-speed  the tables of docs/speed.md, measured on this machine (an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
+	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
 	@echo "make clean      remove .venv, results and caches"
 
 bench: $(VENV)/.core
@@ -76,6 +77,9 @@ notebooks: $(VENV)/.test
 
 site: $(VENV)/.docs
 	$(BIN)/python docs/site/build.py
+
+dist: $(VENV)/.test
+	$(BIN)/python tests/archives.py -o dist
 
 # The installed set is a stamp file each, remade when pyproject.toml changes.
 $(VENV)/.core: EXTRA :=
