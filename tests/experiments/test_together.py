@@ -1,6 +1,7 @@
 """Cases of a unit that fit together run side by side, and their rows are as from each alone."""
 
 import json
+from time import thread_time
 from types import SimpleNamespace
 
 import numpy as np
@@ -82,3 +83,9 @@ def test_what_is_shared_goes_on_each_account():
         np.linalg.inv(np.random.default_rng(0).random((200, 200)))
     assert seconds["b"] == pytest.approx(2 * seconds["a"]) and seconds["a"] > 0
     assert set(seconds) == {"a", "b", "outer", OTHER}
+    with ledger() as again:
+        start = thread_time()
+        with shared(["a", "b"]):
+            np.linalg.inv(np.random.default_rng(0).random((200, 200)))
+        whole = thread_time() - start
+    assert again["a"] + again["b"] <= whole
