@@ -77,10 +77,9 @@ def test_what_is_compiled_on_the_way_is_no_time_of_who_needs_it():
     def outer(x):
         return inner(x) * 2.0
 
-    with ledger() as seconds, compiled_apart():
-        with spent("a"):
-            outer(1.0)
-            outer(2.0)
+    with ledger() as seconds, compiled_apart(), spent("a"):
+        outer(1.0)
+        outer(2.0)
     assert seconds[COMPILING] > 5 * seconds["a"]
     with pytest.raises(numba.TypingError), ledger() as failed, compiled_apart():
         outer("text")

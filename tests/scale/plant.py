@@ -44,7 +44,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=16)
     args = parser.parse_args()
     plant.Batch = Timed
-    ratio("fm_step-v1", 1)  # imports, and what is compiled
+    for name in ("fm_step-v1", "directional_fm_step-v1"):
+        ratio(name, 1)  # imports, and what is compiled
     print(f"{'scenario':45}{'ms a record':>12}{'over engine':>12}")
     found = {}
     for name in args.scenarios or scenario_names():
