@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
-from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.prepared import copy, prepare, travel
 from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
@@ -47,17 +47,25 @@ def _along(ready, X, u):
     moved, rows = np.zeros_like(X), np.zeros((len(u), len(X)))
     for k in range(len(u) - 1):
         travel(ready, X, moved, u[k])
-        X[:] = moved
-        rows[k + 1] = X[:, -1]
+        copy(moved, X)
+        for a in range(len(X)):
+            rows[k + 1, a] = X[a, X.shape[1] - 1]
     return rows
 
 
 @compiled
 def respond(transition, gain, output, u):
-    """Return output @ X (N, m) of X[k+1] = Φ X[k] + Γ u[k], from rest."""
+    """
+    Return output @ X (N, m) of X[k+1] = Φ X[k] + Γ u[k], from rest.
+
+    Element by element where no product of matrices is: slices take the compiler seconds.
+    """
     X = np.zeros(len(transition))
     outputs = np.empty((len(u), len(output)))
     for k in range(len(u)):
-        outputs[k] = output @ X
-        X = transition @ X + gain * u[k]
+        row, moved = np.dot(output, X), np.dot(transition, X)
+        for i in range(len(row)):
+            outputs[k, i] = row[i]
+        for i in range(len(X)):
+            X[i] = moved[i] + gain[i] * u[k]
     return outputs

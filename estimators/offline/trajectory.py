@@ -14,7 +14,7 @@ from flexaxis.estimators.offline.reversals import follow
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.forces import BRISTLE, STATIC
 from flexaxis.estimators.sampling.plan import LAW_STEPS, law_plan
-from flexaxis.estimators.sampling.prepared import prepare, travel
+from flexaxis.estimators.sampling.prepared import copy, prepare, travel
 from flexaxis.estimators.sampling.sampled import Terms, planned, terms
 
 Array = NDArray[np.float64]
@@ -201,20 +201,28 @@ def _along(ready, reversing, X, u, slope, offset, begin):  # noqa: PLR0917
     the error is what friction does in a step, so that these are many.
     """
     moved, rows = np.zeros_like(X), np.zeros((len(X), len(u)))
-    peak, last = np.zeros(len(ready.kind)), np.zeros(len(ready.kind))
+    laws = _number(ready.laws)
+    peak, last = np.zeros(laws), np.zeros(laws)
     for k in range(begin, len(u) - 1):
         X[-1, offset] = slope[k]
         travel(ready, X, moved, u[k])
-        if turns(ready, X, moved, peak, last):
+        if turns(ready.laws, X, moved, peak, last):
             travel(reversing, X, moved, u[k])
-        X[:] = moved
+        copy(moved, X)
         for a in range(len(X)):
             rows[a, k + 1] = X[a, -1]
     return rows
 
 
 @compiled
-def turns(ready, X, moved, peak, last):
+def _number(laws):
+    if laws is None:
+        return 0
+    return len(laws.kind)
+
+
+@compiled
+def turns(laws, X, moved, peak, last):
     """
     Return whether some friction reverses in a sample, or sticks.
 
@@ -224,13 +232,15 @@ def turns(ready, X, moved, peak, last):
     step.
     """
     found = False
-    for i in range(len(ready.kind)):
-        if ready.kind[i] != BRISTLE and ready.kind[i] != STATIC:
+    if laws is None:
+        return found
+    for i in range(len(laws.kind)):
+        if laws.kind[i] != BRISTLE and laws.kind[i] != STATIC:
             continue
         before, after = 0.0, 0.0
         for m in range(X.shape[1] - 1):
-            before += ready.drive[i, m] * X[0, m]
-            after += ready.drive[i, m] * moved[0, m]
+            before += laws.drive[i, m] * X[0, m]
+            after += laws.drive[i, m] * moved[0, m]
         change = max(abs(after - before), 2.0 * abs(before - last[i]))
         peak[i], last[i] = max(peak[i], abs(before)), before
         near = before * after <= 0.0 or min(abs(before), abs(after)) < 0.5 * change

@@ -68,7 +68,7 @@ def _take(  # noqa: PLR0917
             for kind, value in zip(signature.args, arguments, strict=True)
         ]
         _, _, tuning, state, weights, order, substeps, k, N, u, y, valid, estimates, trace = data
-        records = [Fields(side, at, kind) for at, kind in zip((tuning, state), layouts, strict=True)]
+        records = Fields(side, tuning, layouts[0]), Fields(side, state, layouts[1])
         places = [builder.add(builder.mul(N, INDEX(r)), k) for r in range(width)]
         measure(*records, side.gather(y, places), side.flags(valid, places))
         correct_state(*records)
@@ -90,19 +90,21 @@ def _publish(state: Fields, estimates: ir.Value, trace: ir.Value, places: list) 
             side.scatter(each, array, own)
 
 
-def _over(side: Side, pattern: Pattern, records: list[Fields], u: Runs, series: tuple) -> None:
+def _over(
+    side: Side, pattern: Pattern, records: tuple[Fields, Fields], u: Runs, series: tuple
+) -> None:
     """Take X over a sample, as `flexaxis.estimators.sampling.over` does."""
     tuning, state = records
     lanes = range(1 + pattern.p)
     found = entries(pattern, tuning.row("coefficients"), state.row("theta"))
     for entry, row in found.items():
         for a in lanes:
-            state["M", entry, a] = 0.0 if row[a] is None else row[a]
+            state["M", entry, a] = row[a] or 0.0
     M: Entries = {
         k: found.get(k) or [state["M", k, 0], *[None] * pattern.p]
         for k in range(len(pattern.entries))
     }
     X = [[state["X", i, a] for a in lanes] for i in range(pattern.n)]
-    for i, row in enumerate(advance(side, pattern, M, X, u, series)):
+    for i, numbers in enumerate(advance(side, pattern, M, X, u, series)):
         for a in lanes:
-            state["X", i, a] = row[a]
+            state["X", i, a] = numbers[a]

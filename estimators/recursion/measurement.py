@@ -170,7 +170,9 @@ def sticks(tuning, state, y):
     """Return whether y is that of a sensor that is stuck; the first samples are believed."""
     known = state["samples"] >= KNOWN or tuning["known"] > 0.0
     noise = state["noise"] if known else state["earlier"]
-    return repeats(state, y, state["expected"], noise * state["scale"])
+    if repeats(state, y, state["expected"], noise * state["scale"]):
+        return True
+    return tuning["once"] > 0.0 and state["anew"] > 1.0  # ŷ is no number: θ stays what it was
 
 
 @inlined

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import inlined
+from flexaxis.estimators.sampling.symmetric import NOTHING
 
 
 @inlined
@@ -19,7 +20,7 @@ def triangularize(A, rows, columns):
         square = 0.0
         for i in range(j, rows):
             square += A[i, j] ** 2
-        if square <= 0.0:
+        if square <= NOTHING:
             continue
         norm = np.sqrt(square)
         alpha = -norm if A[j, j] > 0.0 else norm

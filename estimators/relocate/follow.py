@@ -81,14 +81,21 @@ def follow(prepared, X, moved, u):
     u : (2,) array
         Torque held from the start of the sample on, and the motor angle there as measured.
     """
-    for i in range(len(prepared.kind)):
-        if prepared.kind[i] == SINUSOID:
-            for j in range(prepared.drive.shape[1] - 1):
-                if prepared.drive[i, j] != 0.0:
-                    X[0, j] = u[1]
+    _put_angle(prepared.laws, X, u[1])
+    travel(prepared, X, moved, u[0])
+
+
+@compiled
+def _put_angle(laws, X, angle):
+    if laws is None:
+        return
+    for i in range(len(laws.kind)):
+        if laws.kind[i] == SINUSOID:
+            for j in range(laws.drive.shape[1] - 1):
+                if laws.drive[i, j] != 0.0:
+                    X[0, j] = angle
                     for a in range(1, len(X)):
                         X[a, j] = 0.0
-    travel(prepared, X, moved, u[0])
 
 
 @inlined

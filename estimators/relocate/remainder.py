@@ -75,7 +75,8 @@ def remaining(
     cost = of_sample(terms, 1)
     samples = samples_of(grain, cost)
     yield to_begin(terms, 1)
-    prepared, X, left = _begun(terms, theta), np.r_[x, 0.0][None], np.zeros(len(u))
+    prepared = prepare(terms, theta, np.zeros(0, np.int64))
+    X, left = np.r_[x, 0.0][None], np.zeros(len(u))
     for first in range(0, len(u), samples):
         last = min(first + samples, len(u))
         yield CALL + cost * (last - first)
@@ -96,11 +97,6 @@ def remainder(
 ) -> Remainder:
     """Do as `remaining`, at once."""
     return finished(remaining(terms, theta, x, signals, parameters))
-
-
-@compiled
-def _begun(terms, theta):
-    return prepare(terms, theta, np.zeros(0, np.int64))
 
 
 @compiled

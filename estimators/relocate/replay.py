@@ -155,7 +155,9 @@ def replaying(  # noqa: PLR0917
         np.ones(N),
         np.ones(N),
     )
-    now = _begun(terms, theta, X, P, claim, np.zeros(p) if before is None else before - theta)
+    room = X.copy(), np.empty(X.shape), P.copy(), claim.copy()
+    delta = np.zeros(p) if before is None else before - theta
+    now = Now(prepare(terms, theta, np.arange(p)), *room, delta)
     fading = np.broadcast_to(forgetting, P.shape).copy()
     gained = np.zeros(P.shape) if drift is None else drift
     known = np.r_[y, 0.0], np.r_[present, False]
@@ -168,14 +170,6 @@ def replaying(  # noqa: PLR0917
         made.theta[some] += moved
         made.X[some, 0] += np.einsum("kp,kpn->kn", moved, made.X[some, 1:])
     return made
-
-
-@compiled
-def _begun(terms, theta, X, P, claim, delta):  # noqa: PLR0917
-    """Return `Now` before the first sample."""
-    p = len(theta)
-    prepared = prepare(terms, theta, np.arange(p))
-    return Now(prepared, X.copy(), np.empty_like(X), P.copy(), claim.copy(), delta.copy())
 
 
 @compiled

@@ -55,7 +55,8 @@ def seconds(pieces: float) -> float:
 def of_sample(terms: Terms, rows: int) -> float:
     """Return the operations of states and sensitivities, so many rows, over a sample."""
     moves = (2 + rows) * (terms.n + 1) ** 2 / 2  # two at once
-    return terms.steps * (moves + LAW * len(terms.kind))
+    laws = terms.laws
+    return moves if laws is None else laws.steps * (moves + LAW * len(laws.kind))
 
 
 def to_begin(terms: Terms, rows: int) -> float:

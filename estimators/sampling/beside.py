@@ -7,6 +7,7 @@ derivatives of an entry those that are zero are left out.
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from functools import reduce
 from operator import add
 
@@ -15,9 +16,11 @@ from numba.core.cgutils import for_range, for_range_slice
 
 from flexaxis.estimators.sampling.emit import INDEX
 from flexaxis.estimators.sampling.pattern import Pattern
-from flexaxis.estimators.sampling.runs import Runs, Side
+from flexaxis.estimators.sampling.plan import MAX_ORDER
+from flexaxis.estimators.sampling.runs import Runs, Side, at_a_time
 
-Row = list[Runs | None]  # a value and its derivatives; None for what is known to be zero
+Row = Sequence[Runs | None]  # a value and its derivatives; None for what is known to be zero
+Rows = list[list[Runs]]
 Entries = dict[int, Row]
 
 
@@ -45,7 +48,7 @@ def entries(pattern: Pattern, coefficients: list[Runs], theta: list[Runs]) -> En
     }
 
 
-def through(pattern: Pattern, M: Entries, i: int, V: list[Row | None], a: int) -> list:
+def through(pattern: Pattern, M: Entries, i: int, V: Sequence[Row | None], a: int) -> list:
     """Return the factors whose products are lane a of row i of [A B; C 0] V."""
     pairs = []
     for k, (row, column, _) in enumerate(pattern.entries):
@@ -59,9 +62,80 @@ def through(pattern: Pattern, M: Entries, i: int, V: list[Row | None], a: int) -
     return pairs
 
 
-def advance(
-    side: Side, pattern: Pattern, M: Entries, X: list[list[Runs]], u: Runs, series: tuple
-) -> list[list[Runs]]:
+class Series:
+    """
+    The powers A^k x/k! and their derivatives, some lanes at a time, so that registers suffice.
+
+    Lanes do not hear of each other but for the values, lane 0: they go first, and are kept.
+
+    Parameters
+    ----------
+    side : Side
+    pattern : Pattern
+    M : mapping of int to row
+        All entries.
+    X : (n, 1+p) rows
+        Where it begins.
+    together : int
+        Lanes that go at a time.
+    """
+
+    def __init__(self, side: Side, pattern: Pattern, M: Entries, X: Rows, together: int) -> None:
+        self.side, self.pattern, self.M = side, pattern, M
+        n, lanes = pattern.n, range(1 + pattern.p)
+        self.x = [[side.variable() for _ in lanes] for _ in range(n)]
+        self.v = [[side.variable() for _ in lanes] for _ in range(n)]
+        self.values = side.variable(MAX_ORDER * n)  # of each power
+        self.groups = [lanes[a : a + together] for a in lanes[::together]]
+        for i in range(n):
+            for a in lanes:
+                side.write(side.of(0.0) if i in pattern.reset else X[i][a], self.x[i][a])
+
+    def substep(self, u: Runs, weights: ir.Value, order: ir.Value) -> None:
+        """Emit one substep, with u held."""
+        side, n = self.side, self.pattern.n
+        for group in self.groups:
+            for i in range(n):
+                for a in group:
+                    side.write(side.read(self.x[i][a]), self.v[i][a])
+            self._term(group, INDEX(0), weights, [u, *[None] * self.pattern.p])
+            with for_range_slice(side.builder, INDEX(1), order, INDEX(1)) as (k, _):
+                self._term(group, k, weights, None)
+
+    def _term(self, group: range, k: ir.Value, weights: ir.Value, held: Row | None) -> None:
+        side, build, n = self.side, self.side.builder, self.pattern.n
+        first = build.mul(k, INDEX(n))
+        V: list[Row | None] = []
+        for i, row in enumerate(self.v):
+            place = build.gep(self.values, [build.add(first, INDEX(i))])
+            value = side.read(row[0] if 0 in group else place)
+            if 0 in group:
+                side.write(value, place)
+            own = [side.read(row[a]) if a in group else None for a in range(1, len(row))]
+            V.append([value, *own])
+        weight = side.spread(build.load(build.gep(weights, [k])))
+        for i in range(n):
+            for a in group:
+                power = side.sum_of_products(through(self.pattern, self.M, i, [*V, held], a))
+                if power is not None:
+                    total = side.fused(weight, power, side.read(self.x[i][a]))
+                    side.write(total, self.x[i][a])
+                side.write(side.of(0.0) if power is None else power, self.v[i][a])
+
+    def end(self) -> Rows:
+        """Return x, sensitivities and output."""
+        n = self.pattern.n
+        state = [[self.side.read(each) for each in row] for row in self.x]
+        output = [
+            self.side.sum_of_products(through(self.pattern, self.M, n, [*state, None], a))
+            for a in range(1 + self.pattern.p)
+        ]
+        return [*state, [self.side.of(0.0) if each is None else each for each in output]]
+
+
+def advance(  # noqa: PLR0917
+    side: Side, pattern: Pattern, M: Entries, X: Rows, u: Runs, series: tuple
+) -> Rows:
     """
     Return x, sensitivities and output after a sample, as `lanes.advance` does.
 
@@ -76,33 +150,8 @@ def advance(
     series : (weights, order, substeps)
         Address of the weights, which all runs share, and the two numbers.
     """
-    build, n, (weights, order, substeps) = side.builder, pattern.n, series
-    lanes = range(1 + pattern.p)
-    x, v = ([[side.variable() for _ in lanes] for _ in range(n)] for _ in range(2))
-    zero = side.of(0.0)
-
-    def add_term(k: ir.Value, held: Row | None) -> None:
-        V: list[Row | None] = [[side.read(each) for each in row] for row in v]
-        weight = side.spread(build.load(build.gep(weights, [k])))
-        for i in range(n):
-            for a in lanes:
-                power = side.sum_of_products(through(pattern, M, i, [*V, held], a))
-                if power is not None:
-                    total = side.fused(weight, power, side.read(x[i][a]))
-                    side.write(total, x[i][a])
-                side.write(zero if power is None else power, v[i][a])
-
-    for i in range(n):
-        for a in lanes:
-            side.write(zero if i in pattern.reset else X[i][a], x[i][a])
-    with for_range(build, substeps):
-        for i in range(n):
-            for a in lanes:
-                side.write(side.read(x[i][a]), v[i][a])
-        add_term(INDEX(0), [u, *[None] * pattern.p])
-        with for_range_slice(build, INDEX(1), order, INDEX(1)) as (k, _):
-            add_term(k, None)
-    state: list[Row | None] = [[side.read(each) for each in row] for row in x]
-    output = [side.sum_of_products(through(pattern, M, n, [*state, None], a)) for a in lanes]
-    rows = [[side.read(each) for each in row] for row in x]
-    return [*rows, [zero if each is None else each for each in output]]
+    weights, order, substeps = series
+    powers = Series(side, pattern, M, X, at_a_time(side.context))
+    with for_range(side.builder, substeps):
+        powers.substep(u, weights, order)
+    return powers.end()

@@ -70,7 +70,7 @@ def layout(*kinds: np.dtype) -> tuple[int, ...]:
     """
     flat: list[int] = []
     for kind in kinds:
-        fields = kind.fields or {}
+        fields: Mapping = kind.fields or {}
         flat.append(len(fields))
         for name, (part, where, *_) in fields.items():
             flat += [len(name), *name.encode(), where // WORD, len(part.shape), *part.shape]
@@ -79,7 +79,8 @@ def layout(*kinds: np.dtype) -> tuple[int, ...]:
 
 def layout_of(flat: tuple[int, ...]) -> list[Layout]:
     """Undo `layout`."""
-    rest, found = iter(flat), []
+    rest = iter(flat)
+    found: list[Layout] = []
     for count in rest:
         fields = {}
         for _ in range(count):

@@ -19,14 +19,12 @@ from flexaxis.estimators.sampling.sampled import move, sample
 Array = NDArray[np.float64]
 
 
-class Prepared(NamedTuple):
+class Ready(NamedTuple):
     """
-    A model at fixed parameters, as `travel` takes it.
+    The laws of a model at fixed parameters.
 
     Attributes
     ----------
-    D : (1+q, n+1, n+1) array
-        As from `sample`, of a part of a sample.
     kind, memory, drive, value, lane
         The laws; factor and lane (less one) of each role with respect to the active parameters.
     cleared : (r,) int array
@@ -40,7 +38,6 @@ class Prepared(NamedTuple):
         Room, as `flexaxis.estimators.sampling.reaction.room` has it.
     """
 
-    D: Array
     kind: NDArray[np.int64]
     memory: NDArray[np.int64]
     drive: Array
@@ -52,6 +49,22 @@ class Prepared(NamedTuple):
     response: Array
     X: Array
     work: tuple[Array, ...]
+
+
+class Prepared(NamedTuple):
+    """
+    A model at fixed parameters, as `travel` takes it.
+
+    Attributes
+    ----------
+    D : (1+q, n+1, n+1) array
+        As from `sample`, of a part of a sample.
+    laws : Ready or None
+        None for a linear model.
+    """
+
+    D: Array
+    laws: Ready | None
 
 
 @compiled
@@ -69,22 +82,29 @@ def prepare(terms, theta, active, further=0):
         Rows of the states to come beyond those, which `move` has a word for.
     """
     D = sample(terms, theta, active)
-    L, n, lanes = len(terms.kind), terms.n, 1 + len(active) + further
+    return Prepared(D, _ready(terms.laws, terms.n, theta, active, D, further))
+
+
+@compiled
+def _ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+    if laws is None:
+        return None
+    L, lanes = len(laws.kind), 1 + len(active) + further
     response = np.zeros((L, n + 1, lanes))
     for i in range(L):
         for m in range(n + 1):
             if m < n - L or m == n:
                 for a in range(len(D)):
                     response[i, m, a] = D[a, m, n - L + i]
-    lane = np.full((L, terms.parameter.shape[1]), -1)
+    lane = np.full((L, laws.parameter.shape[1]), -1)
     for i in range(L):
         for r in range(lane.shape[1]):
             for a in range(len(active)):
-                if terms.parameter[i, r] == active[a]:
+                if laws.parameter[i, r] == active[a]:
                     lane[i, r] = a
-    roles, coupling = np.zeros((L, terms.value.shape[1])), np.zeros((L, L))
-    assign(terms.value, terms.parameter, theta, roles)
-    couple(terms.drive, response, coupling)
+    roles, coupling = np.zeros((L, laws.value.shape[1])), np.zeros((L, L))
+    assign(laws.value, laws.parameter, theta, roles)
+    couple(laws.drive, response, coupling)
     work = (
         np.zeros(L),
         np.zeros(L),
@@ -99,16 +119,15 @@ def prepare(terms, theta, active, further=0):
         np.zeros((L, lanes)),
         np.zeros(L),
     )
-    return Prepared(
-        D,
-        terms.kind,
-        terms.memory,
-        terms.drive,
-        terms.value,
+    return Ready(
+        laws.kind,
+        laws.memory,
+        laws.drive,
+        laws.value,
         lane,
-        terms.cleared,
-        terms.steps,
-        terms.h,
+        laws.cleared,
+        laws.steps,
+        laws.h,
         response,
         np.zeros((lanes, n + 1)),
         work,
@@ -128,21 +147,26 @@ def travel(prepared, X, moved, u):
         their torques, which are of no account.
     u : float
     """
-    L, n = len(prepared.kind), X.shape[1] - 1
-    if L == 0:
-        move(prepared.D, X, moved, u)
+    _travel(prepared.laws, prepared.D, X, moved, u)
+
+
+@compiled
+def _travel(laws, D, X, moved, u):
+    if laws is None:  # known to the compiler, which leaves out the rest
+        move(D, X, moved, u)
         return
-    now = prepared.X
+    L, n = len(laws.kind), X.shape[1] - 1
+    now = laws.X
     copy(X, now)
-    for i in prepared.cleared:
+    for i in laws.cleared:
         clear(now, i, i + 1)
-    laws = prepared.kind, prepared.memory, prepared.drive, prepared.value, prepared.lane
-    for part in range(prepared.steps):
+    act = laws.kind, laws.memory, laws.drive, laws.value, laws.lane
+    for part in range(laws.steps):
         clear(now, n - L, n)
-        drives(prepared.drive, now.T, u, prepared.work[8])
-        move(prepared.D, now, moved, u)
-        react(laws, prepared.h, prepared.response, u, moved.T, prepared.work)
-        if part + 1 < prepared.steps:
+        drives(laws.drive, now.T, u, laws.work[8])
+        move(D, now, moved, u)
+        react(act, laws.h, laws.response, u, moved.T, laws.work)
+        if part + 1 < laws.steps:
             copy(moved, now)
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import reduce
-from operator import mul
 
 from llvmlite import ir
 from numba.core.cgutils import alloca_once, get_or_insert_function
@@ -178,9 +176,9 @@ class Side:
         with self.builder.if_then(self.builder.icmp_unsigned("!=", bits, bits.type(0))):
             yield
 
-    def variable(self) -> ir.Value:
-        """Return the address of numbers that change in a loop; they stay in registers."""
-        return alloca_once(self.builder, self.vector)
+    def variable(self, count: int = 1) -> ir.Value:
+        """Return the address of numbers that change in a loop; a single one is in a register."""
+        return alloca_once(self.builder, self.vector, count)
 
     def read(self, variable: ir.Value) -> Runs:
         """Return what a variable is."""
@@ -198,9 +196,17 @@ class Side:
         """Return Σ a·b in the order of `emit.Lanes.sum_of_products`; None where there are none."""
         if not pairs:
             return None
-        return reduce(lambda total, ab: self.fused(*ab, total), pairs[1:], mul(*pairs[0]))
+        total = pairs[0][0] * pairs[0][1]
+        for a, b in pairs[1:]:
+            total = self.fused(a, b, total)
+        return total
 
 
 def width(context) -> int:
     """Return how many runs fit into a register of the processor that numba compiles for."""
     return WIDE if has(context, "avx512f") else NARROW
+
+
+def at_a_time(context) -> int:
+    """Return how many lanes of five states, and of their powers, fit into its registers."""
+    return 2 if has(context, "avx512f") else 1

@@ -10,13 +10,38 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.models.laws import MOST_ROLES, Acting
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.lanes import fill, step
 from flexaxis.estimators.sampling.plan import MAX_ORDER, law_plan, plan
 
 Array = NDArray[np.float64]
+
+
+class Solved(NamedTuple):
+    """
+    The laws of a model, and how they are solved.
+
+    Attributes
+    ----------
+    kind, memory, drive, value, parameter
+        As in `flexaxis.estimators.models.laws.Acting`.
+    steps : int
+        Parts of a sample, in each of which the torques of the laws are held.
+    h : float
+        Length of a part [s].
+    cleared : (r,) int array
+        States that are zero before the first part.
+    """
+
+    kind: NDArray[np.int64]
+    memory: NDArray[np.int64]
+    drive: Array
+    value: Array
+    parameter: NDArray[np.int64]
+    steps: int
+    h: float
+    cleared: NDArray[np.int64]
 
 
 class Terms(NamedTuple):
@@ -39,14 +64,8 @@ class Terms(NamedTuple):
         `flexaxis.estimators.sampling.plan.plan`.
     weights : (order,) array
         1/1!, 1/2!, …
-    kind, memory, drive, value, parameter
-        The laws, as in `flexaxis.estimators.models.laws.Acting`; of none of length zero.
-    steps : int
-        Parts of a sample, in each of which the torques of the laws are held; 1 without laws.
-    h : float
-        Length of a part [s].
-    cleared : (r,) int array
-        With laws the states that are zero before the first part, in the place of ``reset``.
+    laws : Solved or None
+        None for a linear model: its type tells the compiler to leave the laws out.
     """
 
     row: NDArray[np.int64]
@@ -59,14 +78,7 @@ class Terms(NamedTuple):
     order: int
     substeps: int
     weights: Array
-    kind: NDArray[np.int64]
-    memory: NDArray[np.int64]
-    drive: Array
-    value: Array
-    parameter: NDArray[np.int64]
-    steps: int
-    h: float
-    cleared: NDArray[np.int64]
+    laws: Solved | None
 
 
 def planned(model: Parametrization, lower: Array, upper: Array, period: float) -> Terms:
@@ -98,25 +110,17 @@ def terms(
         np.ascontiguousarray(entry.ravel()),
         model.coefficient * scale,
         np.ascontiguousarray(model.exponent),
-        np.array(() if model.forces else model.reset, np.int64),
+        np.zeros(0, np.int64) if model.forces else _reset(model),
         model.n,
         order,
         substeps,
         1 / np.cumprod(np.arange(1.0, MAX_ORDER + 1)),
-        *(_NO_LAWS if model.laws is None else model.laws),
-        steps,
-        period,
-        np.array(model.reset if model.forces else (), np.int64),
+        None if model.laws is None else Solved(*model.laws, steps, period, _reset(model)),
     )
 
 
-_NO_LAWS = Acting(
-    np.zeros(0, np.int64),
-    np.zeros(0, np.int64),
-    np.zeros((0, 1)),
-    np.zeros((0, MOST_ROLES)),
-    np.zeros((0, MOST_ROLES), np.int64),
-)
+def _reset(model: Parametrization) -> NDArray[np.int64]:
+    return np.array(model.reset, np.int64)
 
 
 @compiled

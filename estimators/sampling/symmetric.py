@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+NOTHING = 1e-290  # a square of which the inverse, nearly, is no number: a column of it is none
+
 
 def padded(m: int) -> int:
     """Return the length of the row of a covariance: whole registers of four."""

@@ -6,6 +6,7 @@ from numba.extending import intrinsic, overload
 
 from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, LANE, Lanes
 from flexaxis.estimators.sampling.symmetric import (
+    NOTHING,
     carry,
     look,
     merge,
@@ -197,7 +198,7 @@ def _reflection(rows, v, j):
     alpha = builder.select(minus, builder.fneg(norm), norm)
     above = builder.fsub(first, alpha)
     scale = builder.fdiv(DOUBLE(1.0), builder.fmul(alpha, above))
-    nothing = builder.fcmp_ordered("<=", square, DOUBLE(0.0))
+    nothing = builder.fcmp_ordered("<=", square, DOUBLE(NOTHING))
     return norm, above, builder.select(nothing, DOUBLE(0.0), scale)
 
 

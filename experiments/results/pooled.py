@@ -81,26 +81,27 @@ _NEAR = "near_"  # before the names of what is about the first fault, sample by 
 
 
 def _save_curves(path: Path, curves: Sequence[Curve]) -> None:
-    from flexaxis.sim.netcdf import new_netcdf
+    from flexaxis.sim.netcdf import new_hdf5, scale
 
-    with new_netcdf(path) as file:
+    with new_hdf5(path) as file:
         for number, curve in enumerate(curves):
-            group = file.create_group(str(number))
+            group = file.create_group(str(number), track_order=True)
             group.attrs["scenario"], group.attrs["estimator"] = curve.scenario, curve.estimator
             group.attrs["names"] = json.dumps(curve.names)
             group.attrs["percentiles"] = "low 10, median 50, high 90; all over nominal"
-            _add(group, curve, "")
+            estimate = scale(group, "estimate", len(curve.names))
+            _add(group, curve, estimate, "")
             if curve.near is not None:
-                _add(group, curve.near, _NEAR)
+                _add(group, curve.near, estimate, _NEAR)
 
 
-def _add(group: Any, curve: Curve, before: str) -> None:
-    from flexaxis.sim.netcdf import add
+def _add(group: Any, curve: Curve, estimate: Any, before: str) -> None:
+    from flexaxis.sim.netcdf import along, scale
 
-    time = f"{before}time"
-    add(group, time, (time,), curve.time, units="s")
+    time = scale(group, f"{before}time", curve.time, units="s")
     for name in _ARRAYS:
-        add(group, before + name, (time, "estimate"), np.asarray(getattr(curve, name), np.float32))
+        values = np.asarray(getattr(curve, name), np.float32)
+        along(group, before + name, values, (time, estimate))
 
 
 def _load_curves(path: Path) -> list[Curve]:

@@ -18,10 +18,13 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.guest import Remark, limited, noted
+from flexaxis.experiments.running.batches import has_batch, run_batch
 from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
-from flexaxis.experiments.running.case import case_id, has_batch, run_batch, run_case, warm
+from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.stopping import check, stoppable
+from flexaxis.experiments.running.together import Together, ran_together
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
 from flexaxis.experiments.scoring.pooling import Case
@@ -33,7 +36,7 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import versions
 
 Row = dict[str, Any]
-COMPILING, ROWS = "compiling", "rows as text"  # accounts of what they take
+ROWS = "rows as text"  # the account of what they take
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,7 @@ def run_unit(
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
     with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with stoppable(), kept_runs(store):
+        with stoppable(), kept_runs(store), compiled_apart():
             check()
             _run(done, unit, store, whole, traced)
         found = done.outcome(remarks)
@@ -156,8 +159,10 @@ def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced
         for seed, text in failed.items():
             for entry in variant.entries:
                 done.cases.append((_failure(variant, entry, seed, text, scenario.name), None, None))
+        together = ran_together(scenario, [entry.text for entry in variant.entries], found)
+        check()
         for entry in variant.entries:
-            for rows, case in _cases(variant, scenario, entry, found):
+            for rows, case in _cases(variant, scenario, entry, found, together):
                 done.cases.append(_with_what_goes(rows, case, whole=whole, traced=traced))
                 check()
     done.estimating = time.perf_counter() - between
@@ -187,7 +192,11 @@ def _records(
 
 
 def _cases(
-    variant: Variant, scenario: Scenario, entry: Entry, found: Sequence[Record]
+    variant: Variant,
+    scenario: Scenario,
+    entry: Entry,
+    found: Sequence[Record],
+    together: Together,
 ) -> Iterator[tuple[list[Row], Case | None]]:
     """Yield the rows of each record, and what was scored; None for what could not be run."""
     spec, problem, batch = None, None, None
@@ -203,11 +212,11 @@ def _cases(
         problem = error
     columns = _columns(variant, entry)
     for place, record in enumerate(found):
-        own = None if batch is None else (batch[0][place], batch[1])
+        ran = together.get((entry.text, place)) if batch is None else batch[place]
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec, whole=True, batch=own)
+                case = run_case(scenario, record, spec, whole=True, ran=ran)
             except EstimatorError as error:
                 failure = error
         if case is None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from time import thread_time
 
 OTHER = "else"  # what is in no account
+
+_SHARED = "shared"
 
 
 class _Here(threading.local):
@@ -55,3 +57,19 @@ def spent(account: str) -> Iterator[None]:
         whole = thread_time() - start
         seconds[account] = seconds.get(account, 0.0) + whole - _here.inside.pop()
         _here.inside[-1] += whole
+
+
+@contextmanager
+def shared(accounts: Sequence[str]) -> Iterator[None]:
+    """Put what is done inside on several accounts, on each as often as it is named."""
+    seconds = _here.seconds
+    if seconds is None:
+        yield
+        return
+    try:
+        with spent(_SHARED):
+            yield
+    finally:
+        whole = seconds.pop(_SHARED, 0.0)
+        for account in accounts:
+            seconds[account] = seconds.get(account, 0.0) + whole / len(accounts)

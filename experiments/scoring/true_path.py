@@ -11,7 +11,7 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
 from flexaxis.estimators.sampling.plan import law_plan
-from flexaxis.estimators.sampling.prepared import Prepared, prepare, travel
+from flexaxis.estimators.sampling.prepared import Prepared, copy, prepare, travel
 from flexaxis.estimators.sampling.sampled import terms
 from flexaxis.experiments.scoring.described import true_model
 from flexaxis.sim.scenario import Scenario
@@ -61,9 +61,12 @@ def jump_gradient(
 def _driven(transition, gain, x, u):
     """Return the states (N+1, n) that u takes x to."""
     states = np.empty((len(u) + 1, len(x)))
-    states[0] = x
+    for i in range(len(x)):
+        states[0, i] = x[i]
     for k in range(len(u)):
-        states[k + 1] = transition @ states[k] + gain * u[k]
+        moved = np.dot(transition, states[k])
+        for i in range(len(x)):
+            states[k + 1, i] = moved[i] + gain[i] * u[k]
     return states
 
 
@@ -72,10 +75,10 @@ def _travelled(prepared, X, u):
     """Return ψ (N, q), zero at first, and states and sensitivities after N samples; X is lost."""
     gradient, moved = np.zeros((len(u), len(X) - 1)), np.zeros_like(X)
     for k in range(len(u)):
-        if k > 0:
-            gradient[k] = X[1:, -1]
+        for a in range(1, len(X) if k > 0 else 1):
+            gradient[k, a - 1] = X[a, X.shape[1] - 1]
         travel(prepared, X, moved, u[k])
-        X[:] = moved
+        copy(moved, X)
     return gradient, X
 
 

@@ -173,7 +173,7 @@ def test_the_search_ends_where_the_laws_hold():
         for value in u:
             travel(ready, X, moved, value)
             X, moved = moved, X
-            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.work
+            _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.laws.work
             left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
             assert abs(left) < 1e-9 * scale[0]
 

@@ -166,3 +166,10 @@ def test_the_nominal_axis_is_that_of_the_simulation(nominal):
 def test_a_division_by_zero_is_no_entry(entry):
     with pytest.raises(EstimatorError, match="cannot read the entry"):
         multiply_out(entry)
+
+
+@pytest.mark.parametrize("J", [0.0, 1e-320])
+def test_an_entry_that_is_no_number_is_refused(J):
+    with pytest.raises(EstimatorError, match=r"row 1, column 1 .* nominal values of .*J"):
+        Model("lag", states=("v",), A=[["-f/J"]], B=["k"], C=["1"],
+              nominal={"f": 2.0, "J": J, "k": 3.0})  # fmt: skip

@@ -1,6 +1,7 @@
 """Triangular factors against NumPy's."""
 
 import numpy as np
+import pytest
 
 from flexaxis.estimators.recursion.records import record
 from flexaxis.estimators.recursion.square_root import cholesky, forward, triangularize
@@ -57,3 +58,17 @@ def test_columns_side_by_side_may_be_singular():
     state = record(A=A, R=np.zeros((5, 5)))
     triangularized(state)
     np.testing.assert_allclose(state["R"][0].T @ state["R"][0], A @ A.T, atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-156, 1e-160, 1e-300])
+def test_columns_next_to_nought_are_no_less_a_number(size):
+    """As those of a state that has died away while the drive is off."""
+    A = np.zeros((5, 12))
+    A[:, :11] = RNG.standard_normal((5, 11))
+    A[2, 2:] *= size  # what is left of it beside the columns before
+    A[2, :2] = 0.0
+    state, one = record(A=A, R=np.zeros((5, 5))), A.T.copy()
+    triangularized(state)
+    triangularize(one, 12, 5)
+    for R in (state["R"][0], np.triu(one[:5])):
+        np.testing.assert_allclose(R.T @ R, A @ A.T, atol=1e-13)

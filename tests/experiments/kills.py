@@ -77,7 +77,7 @@ KINDS = (
     "differs at the end",
     "leftovers",
 )
-TIMES = ("cost", "us_per_sample", "seconds_per_sample")  # in no two results the same
+TIMES = ("cost", "us_per_sample", "seconds_per_sample", "seal")  # in no two results the same
 
 
 def prepare(place: Path, scenario: Path, names: Sequence[str]) -> dict[str, Task]:
@@ -204,8 +204,10 @@ def whole(path: Path) -> bool:
     import h5py
     import numpy as np
 
+    from flexaxis.experiments.running.sealed import read_sealed
+
     readers: dict[str, Callable[[Path], Any]] = {
-        ".json": lambda path: json.loads(path.read_bytes()),
+        ".json": lambda path: read_sealed(path, ValueError),
         ".toml": lambda path: tomllib.loads(path.read_text()),
         ".npz": lambda path: [np.load(path)[name] for name in np.load(path).files],
         ".nc": lambda path: h5py.File(path).visititems(lambda _, each: each and None),

@@ -67,3 +67,12 @@ def dies_on(seed, unit):
 
 def fails(unit):
     raise OSError("the network is down")
+
+
+def which(task):
+    """Return who does it."""
+    return os.getpid()
+
+
+def dies_if(task):
+    os._exit(9)

@@ -72,6 +72,13 @@ def test_a_burst_does_not_make_the_rest_coarse():
     np.testing.assert_allclose(found, y, rtol=1e-7)
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("least", [5e-324, 1e-310])
+def test_numbers_next_to_nought_have_no_grid(least):
+    y = np.r_[0.0, least, 1.0, 2.0]
+    np.testing.assert_allclose(unpacked(packed({"y": y}))["y"], y, atol=1e-4)
+
+
 def test_what_is_the_same_lies_there_once():
     y = np.random.default_rng(3).standard_normal(5000)
     assert len(packed([y, y, y])) < 1.02 * len(packed([y]))

@@ -216,6 +216,23 @@ def test_a_damaged_row_leaves_nothing_and_is_named(stored, tmp_path, large):
     assert [p.name for p in tmp_path.iterdir()] == ["scores.jsonl"]
 
 
+def test_a_case_that_is_there_twice_is_not_counted_twice(stored, tmp_path):
+    """As where files were put together by hand."""
+    results = stored(tmp_path, some_rows(), AXES)
+    path = tmp_path / "scores.jsonl"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + text, encoding="utf-8")
+    with pytest.raises(StudyError, match=r"rows of case [0-9a-f]{16} are there 2 times"):
+        len(results.rows)
+
+
+@pytest.mark.parametrize("name", ["scenario", "estimator", "seed"])
+def test_a_row_that_lacks_what_every_row_has_is_refused(stored, tmp_path, name):
+    results = stored(tmp_path, [*some_rows()[:-1], some_rows()[-1] | {name: None}], AXES)
+    with pytest.raises(StudyError, match=f"{name}: is missing"):
+        len(results.rows)
+
+
 def test_rows_of_older_runs_are_read(stored, tmp_path):
     """Without what belongs to a study: a run was none once."""
     results = stored(tmp_path, some_rows()[:4])

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import h5netcdf
 import numpy as np
 import pytest
 
@@ -126,6 +127,12 @@ def test_pooled_curves_come_back_with_what_is_near_the_fault(short, record, tmp_
     alone = curve_of(short, "frozen", case.names, runs)
     assert alone.near is None
     pooled.save(tmp_path, pooled.Pooled({}, [both, alone], tmp_path))
+    with h5netcdf.File(tmp_path / "curves.nc", "r") as file:  # for whoever reads it elsewhere
+        group = file["0"]
+        assert group.variables["near_high"].dimensions == ("near_time", "estimate")
+        assert group["low"].shape == (len(both.time), 3)
+        assert group["time"].attrs["units"] == "s" and "estimate" not in group.variables
+        assert group.dimensions["estimate"].size == 3
     back = pooled.load(tmp_path).curves
     np.testing.assert_allclose(back[0].near.high, both.near.high, rtol=1e-6)
     np.testing.assert_allclose(back[0].near.time, both.near.time)

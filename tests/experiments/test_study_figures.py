@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ import pytest
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.reporting import study_settings, sweep_charts
 from flexaxis.experiments.reporting.findings import Alarms, alarms, confusion
+from flexaxis.experiments.running import forecast as forecasting
 from flexaxis.experiments.running.forecast import forecast
 from flexaxis.experiments.running.plan import Work, make_plan
+from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.scoring.theory import isolation
 from flexaxis.experiments.studies.definition import study_from
 
@@ -160,6 +163,22 @@ def test_an_estimator_is_not_pooled_over_its_knob():
     assert study_settings.pooled_over(many, ["fault[0].factor"]) == [knob]
     row = {"method": "rpem-forgetting[regularization=1e-6]", knob: 0.99}
     assert study_settings.who(row, [knob]) == "rpem-forgetting[regularization=1e-6,forgetting=0.99]"
+
+
+@pytest.mark.parametrize(("seconds", "records"), [(0.5, 4), (2.0, 1)])
+def test_a_forecast_of_slow_cases_takes_one_record_of_them(monkeypatch, seconds, records):
+    """Nobody waits for half a minute to hear how long a study takes."""
+    variant = SimpleNamespace(duration=8.0, entries=("frozen",))
+    unit = Unit(variants=(variant,), seeds=tuple(range(9)))
+    asked = []
+
+    def run_unit(unit):
+        asked.append(len(unit.seeds))
+        return SimpleNamespace(simulating=0.0, estimating=seconds, cases=asked[-1], lines=b"-")
+
+    monkeypatch.setattr(forecasting, "run_unit", run_unit)
+    forecast(unit, Work(cases=9, records=9, seconds=72.0))
+    assert asked == [1, records]
 
 
 def test_a_forecast_scales_with_the_work(short_toml):

@@ -3,7 +3,9 @@
 Some seconds of it; `make fuzz` goes on for as long as one likes.
 """
 
+import contextlib
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -64,6 +66,12 @@ def hang(path):
         pass
 
 
+def wait(path):
+    with contextlib.suppress(OSError):  # for which the end of its time is not to be taken
+        time.sleep(60)
+    return 0
+
+
 def grow(path):
     bytearray(3 << 30)
     return 0
@@ -74,6 +82,7 @@ def grow(path):
     [
         (crash, "KeyError"),
         (hang, "no answer"),
+        (wait, "no answer"),
         (grow, "MemoryError"),
         (lambda path: 70, "status 70"),
         (lambda path: 2, "without a word"),

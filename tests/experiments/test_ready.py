@@ -1,0 +1,102 @@
+"""Estimators that are made once and reset: nobody can tell them from new ones."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building import ready as ready_
+from flexaxis.experiments.building.ready import check_made, ready
+from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.running.case import followed
+from flexaxis.sim.simulate import simulate
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in REGISTRY if "friction" in name]
+OWN = """class Mine:
+    names, output = ("f_m",), "speed"
+
+    def __init__(self, nominal, period):
+        pass
+
+    def step(self, u, y):
+        return [0.05]
+
+    def reset(self):
+        pass
+"""
+
+
+@pytest.fixture(scope="module")
+def records():
+    from flexaxis.experiments.catalogue.find import find_scenario
+
+    short = find_scenario("fm_step-v1").override({"duration": 4.0, "fault[0].at": 3.0})
+    return short, simulate(short, [0, 1])
+
+
+@pytest.mark.parametrize("name", [*(name for name in REGISTRY if "friction" not in name), *SLOW])
+def test_to_the_last_bit_it_is_a_new_one(records, name):
+    scenario, (one, other) = records
+    spec = parse(name)
+    used = ready(spec, scenario)
+    followed(name, used, scenario, one)
+    found, new = ready(spec, scenario), build(spec, scenario)
+    assert found is used or not hasattr(new, "reset")
+    for mine, its in zip(
+        followed(name, found, scenario, other), followed(name, new, scenario, other), strict=True
+    ):
+        np.testing.assert_array_equal(mine, its)
+    assert repr(getattr(found, "findings", ())) == repr(getattr(new, "findings", ()))
+
+
+def test_it_is_made_anew_where_it_is_offered_something_else(records):
+    scenario, _ = records
+    spec = parse("rpem-forgetting")
+    same = [scenario.override({"fault[0].factor": 2.0}), scenario.override({"name": "other"})]
+    assert {id(ready(spec, each)) for each in (scenario, *same)} == {id(ready(spec, scenario))}
+    for changes in ({"start": 1.2}, {"output": "increment"}, {"identify": ["k_T", "f_m"]},
+                    {"told": {"noise": 0.1}}, {"told": {"k_g": 1.1}}):  # fmt: skip
+        assert ready(spec, scenario.override(changes)) is not ready(spec, scenario), changes
+    assert ready(parse("rpem-forgetting[forgetting=0.99]"), scenario) is not ready(spec, scenario)
+
+
+def test_the_control_that_is_told_of_faults_is_one_for_each(records):
+    scenario, _ = records
+    spec = parse("oracle-reset")
+    later = scenario.override({"fault[0].at": 3.5})
+    assert ready(spec, later) is not ready(spec, scenario)
+
+
+def test_code_of_users_is_made_for_each_record(records, tmp_path):
+    (tmp_path / "mine.py").write_text(OWN)
+    spec = parse(f"{tmp_path / 'mine.py'}:Mine")
+    assert ready(spec, records[0]) is not ready(spec, records[0])
+
+
+def test_a_thread_has_its_own(records):
+    from concurrent.futures import ThreadPoolExecutor
+
+    spec = parse("frozen")
+    with ThreadPoolExecutor(1) as threads:
+        theirs = threads.submit(ready, spec, records[0]).result()
+    assert theirs is not ready(spec, records[0])
+
+
+def test_only_so_many_are_kept(records, monkeypatch):
+    monkeypatch.setattr(ready_, "KEPT", 2)
+    texts = [f"rpem-forgetting[forgetting={0.99 + i / 1000}]" for i in range(3)]
+    first, *_ = [ready(parse(text), records[0]) for text in texts]
+    assert ready(parse(texts[0]), records[0]) is not first
+
+
+def test_whether_it_could_be_made_is_found_out_once(records, monkeypatch):
+    scenario, _ = records
+    spec = parse("ekf")
+    check_made(spec, scenario)
+    monkeypatch.setattr(ready_, "made", lambda *_: pytest.fail("made again"))
+    check_made(spec, scenario.override({"fault[0].factor": 2.0}))
+    monkeypatch.undo()
+    wrong = parse("rpem-forgetting[forgetting=2.0]")
+    for _ in range(2):
+        with pytest.raises(EstimatorError, match="forgetting"):
+            check_made(wrong, scenario)

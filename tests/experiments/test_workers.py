@@ -1,0 +1,74 @@
+"""Processes that are lent again and again: the same ones, until one of them is lost."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from flexaxis.experiments.running import processes
+from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.processes import Workers
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_calls_share_a_pool_until_one_is_left(monkeypatch):
+    pools = []
+
+    @contextmanager
+    def process_pool(jobs):
+        with ThreadPoolExecutor(jobs) as pool:
+            pools.append(pool)
+            yield pool
+
+    monkeypatch.setattr(processes, "process_pool", process_pool)
+    with Workers(2) as workers:
+        for _ in range(2):
+            assert sorted(spread([-1, -2], abs, jobs=2, workers=workers)) == [1, 2]
+        assert len(pools) == 1
+        left = spread([1, 2, 3], abs, jobs=2, workers=workers)
+        next(left)
+        left.close()
+        assert pools[0]._shutdown
+        assert list(spread([4], abs, jobs=2, workers=workers)) == [4]
+    assert len(pools) == 2 and pools[1]._shutdown
+
+
+@pytest.mark.slow
+def test_the_second_call_has_the_processes_of_the_first(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    from study_stubs import dies_if, which
+
+    with Workers(1) as workers:
+        (first,) = spread([0], which, jobs=2, workers=workers)
+        (second,) = spread([0], which, jobs=2, workers=workers)
+        assert first == second != os.getpid()
+        # One that is lost is replaced, and what was out with it is run again elsewhere.
+        with pytest.raises(Exception, match="given up"):
+            list(spread([0], dies_if, jobs=2, workers=workers))
+        (third,) = spread([0], which, jobs=2, workers=workers)
+        assert third != first and not alive(first)
+        # Nobody waits for what is under way where a call is left before its end.
+        left = spread([0, 1], which, jobs=2, workers=workers)
+        next(left)
+        left.close()
+        assert not alive(third)
+        (last,) = spread([0], which, jobs=2, workers=workers)
+    assert not alive(last)
+
+
+def test_means_are_kept_once():
+    with Means(jobs=2).kept() as means, means.kept() as inner:
+        assert inner is means and means.workers is not None
+    for none in (Means(), Means(jobs=2, executor=object())):
+        with none.kept() as means:
+            assert means is none
