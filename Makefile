@@ -17,7 +17,7 @@ export MKL_NUM_THREADS = 1
 # A process a core; the tests of one file stay in one process, for they share what is costly.
 PARALLEL := -n auto --maxprocesses=8 --dist=loadfile
 
-.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables notebooks site dist clean
+.PHONY: help bench test test-slow test-browser check format fuzz kill mutants docs-tables docs-speed notebooks site dist clean
 
 help:
 	@echo "make bench      simulate, inject faults, estimate, score: results/smoke/report.html"
@@ -28,6 +28,7 @@ help:
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
 	@echo "make mutants    errors planted one at a time; each must be seen by a test (an hour)"
 	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
+	@echo "make docs-speed  the tables of docs/speed.md, measured on this machine (an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
 	@echo "make site       the documentation as pages that need no network: results/site/index.html"
 	@echo "make dist       wheel and source archive of the last commit, the same bytes wherever: dist/"
@@ -67,6 +68,9 @@ mutants: $(VENV)/.test
 
 docs-tables: $(VENV)/.core
 	$(BIN)/python docs/tables.py --fresh
+
+docs-speed: $(VENV)/.core
+	$(BIN)/python docs/speed.py --fresh
 
 notebooks: $(VENV)/.test
 	$(BIN)/python docs/notebooks/build.py

@@ -1,8 +1,9 @@
 """Measure the tables of docs/speed.md anew: `python docs/speed.py`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
-are written. What the commands have measured is kept in `results/speed/`, and measured where it is
-missing: `speed` takes minutes, `steps` half an hour, `memory` an hour, `deadline` minutes.
+are written. What the commands have measured is kept in `results/speed/`; it is measured where it is
+missing, and again with `--fresh`: `speed` and `deadline` take minutes, `steps` and `memory` half an
+hour each on a free core.
 """
 
 import json
@@ -16,18 +17,26 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.speed.steps import stepped
+from flexaxis.experiments.speed.streams import axis_of
+
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "speed.md", ROOT / "results" / "speed"
 MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
 COMMANDS = {
     "speed": "speed",  # once for each of TIMES
     "steps": "speed --steps 1000000",
+    "steps-friction": "speed --steps 100000",
     "memory": "speed --memory 10",
+    "memory-friction": "speed --memory 1",
     "deadline": "speed --deadline 0.001 --seeds 300:310",
 }
+"""What is measured; `-friction`: the estimators of an axis with friction, which are slower."""
 TIMES = ("1", "2", "3")
 UNIT, LIMITED, LEADER = "rpem-forgetting", "relocate[deadline=0.001]", "relocate"
-RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "rpem-run-2-threads", "plant")
+RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "plant")
+
+FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
 
@@ -36,7 +45,7 @@ def three() -> str:
     """Return the numbers that a reader wants."""
     times, unit = _fastest(LEADER), _fastest(UNIT)
     step = next(r for r in measured("steps") if r["estimator"] == LIMITED and r["faults"])
-    held = {r["estimator"]: r for r in measured("memory")}
+    held = {r["estimator"]: r for r in _streamed()}
     flat = sum(r["flat"] for r in held.values())
     return (
         f"- **{unit['us_per_sample']:.2g} µs a sample** with the paper's method, "
@@ -45,7 +54,7 @@ def three() -> str:
         f"- **{_ms(step['cpu_us']['max'])} ms, the longest of {step['steps']:.0e} steps** of "
         f"`{LIMITED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
         "sampling period.\n"
-        f"- **{flat} of {len(held)} estimators hold after ten hours what they held after one**; "
+        f"- **{flat} of {len(held)} estimators hold no more after hours** than at their begin: "
         f"`{UNIT}` {_kB(held[UNIT]['late'])} kB, `{LEADER}` {_kB(held[LEADER]['late'])} kB.\n"
     )
 
@@ -96,16 +105,16 @@ def peers() -> str:
 def steps() -> str:
     """Return how long a step takes."""
     by_name: dict[str, list[Row]] = {}
-    for row in measured("steps"):
+    for row in [*measured("steps")[1:], *measured("steps-friction")[1:]]:  # but the timer's
         by_name.setdefault(row["estimator"], []).append(row)
     lines = []
     for name, rows in by_name.items():
         cells = [f"{row['cpu_us'][p]:.3g}" for row in rows for p in row["cpu_us"]]
         longest = f"{rows[-1]['wall_us']['max']:.3g}"
-        lines.append([f"`{name}`", *cells, *["–"] * (8 - len(cells)), longest])
+        lines.append([f"`{name}`", f"{rows[0]['steps']:.0e}", *cells, longest])
     parts = ["p50", "p99", "p99.9", "max"]
-    heads = ["µs", *parts, *(f"{p}, faults" for p in parts), "max, faults, on the wall"]
-    return table(heads, lines) + said("steps")
+    heads = ["µs", "steps", *parts, *(f"{p}, faults" for p in parts), "max, faults, on the wall"]
+    return table(heads, lines) + said("steps") + said("steps-friction")
 
 
 def memory() -> str:
@@ -113,17 +122,18 @@ def memory() -> str:
     lines = [
         [
             f"`{r['estimator']}`",
+            f"{r['hours']:g}",
             *(_kB(r[n]) for n in ("made", "early", "late")),
             _number(r["grown"]),
             _kB(r["resident_grown"]),
             _number(r["findings"]),
             "yes" if r["flat"] else "**no**",
         ]
-        for r in measured("memory")
+        for r in _streamed()
     ]
-    heads = ["", "made [kB]", "after 1 h", "after 10 h", "grown [B]", "the process grew by [kB]",
-             "findings", "flat"]  # fmt: skip
-    return table(heads, lines) + said("memory")
+    heads = ["", "hours", "made [kB]", "after a tenth", "at the end", "grown [B]",
+             "the process grew by [kB]", "findings", "flat"]  # fmt: skip
+    return table(heads, lines) + said("memory") + said("memory-friction")
 
 
 def deadline() -> str:
@@ -159,8 +169,8 @@ TABLES: Mapping[str, Callable[[], str]] = {
 def stored(what: str, again: str = "") -> Any:
     """Return what a command has measured, and at which commit."""
     path = FOLDER / f"{what}{again}.json"
-    if not path.exists():
-        words = [*COMMANDS[what].split(), "--json"]
+    if not path.exists() or FRESH:
+        words = [*COMMANDS[what].split(), *_named(what), "--json"]
         done = subprocess.run(
             [sys.executable, "-m", "flexaxis.experiments", *words],
             stdout=subprocess.PIPE,
@@ -182,6 +192,19 @@ def said(what: str, more: str = "") -> str:
     """Return the line below a table: what made it."""
     commit = stored(what, "1" if what == "speed" else "")["commit"]
     return f"\n`flexaxis {COMMANDS[what]}`{', ' + more if more else ''}, commit {commit}.\n"
+
+
+def _named(what: str) -> list[str]:
+    """Return the estimators of a measurement, as options, where it is not of all."""
+    kind, _, axis = what.partition("-")
+    if kind not in ("steps", "memory"):
+        return []
+    names = [n for n in stepped() if axis_of(n) == (axis or "linear")]
+    return [word for name in names for word in ("--estimator", name)]
+
+
+def _streamed() -> list[Row]:
+    return [*measured("memory"), *measured("memory-friction")]
 
 
 def _of(estimator: str, by: str) -> list[Row]:
@@ -230,6 +253,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 def main(wanted: Sequence[str]) -> None:
     """Write what is wanted, all if nothing is named."""
+    wanted = [word for word in wanted if not word.startswith("--")]
     if wrong := set(wanted) - set(TABLES):
         sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.sim.controller import Controller
 from flexaxis.sim.nonlinear import substeps
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.plant import Plant
+from flexaxis.sim.plant import QUIET, Plant
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.sensors import White, reading
 from flexaxis.sim.timing import TICK
@@ -58,6 +58,13 @@ def closed_loop(
     SimulationError
         If the engine warns or a state is not finite.
     """
+    with QUIET:
+        return _run(scenario, reference, white, threads, progress)
+
+
+def _run(
+    scenario: Scenario, reference: Array, white: White, threads: int, progress: Progress | None
+) -> Truth:
     samples, runs = reference.shape
     changes = Changes(scenario)
     drive = _Drive(scenario, runs, threads)

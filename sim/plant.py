@@ -15,7 +15,7 @@ from flexaxis.models_mjcf import model_files
 from flexaxis.sim import passive
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.friction import LAWS
-from flexaxis.sim.nonlinear import Law, Nonlinearity
+from flexaxis.sim.nonlinear import FrictionConfig, Law, Nonlinearity
 from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, parameter_problem
 from flexaxis.sim.places import CubicSprings, KeptLaw, parameter_places
 
@@ -150,7 +150,7 @@ class Plant:
         if self._called:
             passive.install()  # another may have taken the place of it
         self._torque[:] = torque
-        with _QUIET:
+        with QUIET:
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any() or not np.isfinite(self._batch.state).all():
             self._fail()
@@ -226,7 +226,8 @@ class _Quiet(AbstractContextManager[None]):
                 self._before.set()
 
 
-_QUIET = _Quiet()
+QUIET = _Quiet()
+"""To be entered around many steps: once inside, a step need not set and reset anything."""
 
 
 def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjModel:
@@ -236,6 +237,9 @@ def _compile(timestep: float, nonlinear: Sequence[Nonlinearity]) -> mujoco.MjMod
     spec.compiler.discardvisual = True  # shapes only cost time here
     for feature in nonlinear:
         feature.build(spec)
+    if not any(isinstance(feature, FrictionConfig) for feature in nonlinear):
+        # No other feature is a constraint; to look for them takes a twelfth of a step.
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     return spec.compile()
 
 

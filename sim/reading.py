@@ -92,6 +92,8 @@ def _parsed(
 
 def _within(content: Any, source: str, refuse: Refusal) -> Any:
     """Return a value unless something in it is beyond the limits."""
+    if _is_plain(content, 1):  # as nearly all are: then no places need be named
+        return content
     left = [("", content, 1)]
     while left:
         key, value, level = left.pop()
@@ -100,6 +102,22 @@ def _within(content: Any, source: str, refuse: Refusal) -> Any:
             raise refuse(f"{source}: {key[:200] or 'the whole'}: {problem}")
         left += [(name, entry, level + 1) for name, entry in _entries(key, value)]
     return content
+
+
+def _is_plain(value: Any, level: int) -> bool:
+    """Whether nothing in a value is beyond the limits; False of what only a closer look tells."""
+    plain = level <= DEEPEST
+    match value:
+        case float() | int():
+            plain &= -GREATEST <= value <= GREATEST
+        case str():
+            plain &= len(value) <= LONGEST
+        case list():
+            plain = plain and all([_is_plain(entry, level + 1) for entry in value])
+        case dict():
+            plain = plain and all([len(name) <= LONGEST // 50 for name in value])
+            plain = plain and all([_is_plain(entry, level + 1) for entry in value.values()])
+    return plain
 
 
 def _entries(key: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -94,6 +94,18 @@ def test_the_tables_of_friction_are_of_what_their_command_makes():
     assert all(f"`python docs/friction.py {name}`" in found[name][-1] for name in found)
 
 
+def test_the_tables_of_speed_are_of_what_their_command_makes():
+    speed = loaded("speed")
+    found = dict(speed.MARK.findall(speed.PAGE.read_text(encoding="utf-8")))
+    assert set(found) == set(speed.TABLES)
+    timed = [f"`{name}`" for name in REGISTRY if name != "literal-rpem"]
+    for name in ("estimators", "steps", "memory"):
+        rows = [line.split(" | ")[0].strip("| ") for line in found[name].splitlines()[2:]]
+        assert set(timed) <= set(rows), f"run: python docs/speed.py {name}"
+    for name in set(found) - {"three"}:
+        assert re.search(r"`flexaxis speed.*commit [0-9a-f]{7,}", found[name]), name
+
+
 def test_the_law_that_the_page_of_friction_writes_is_one():
     text = (ROOT / "docs" / "friction.md").read_text(encoding="utf-8")
     written = re.search(r"```toml\n(.*?)```", text, re.DOTALL)[1]

@@ -20,6 +20,7 @@ FRONT = {
 
 ELSEWHERE = {
     "flexaxis.estimators.protocol": ("Estimator", "StepError", "run_estimator"),
+    "flexaxis.estimators.side_by_side": ("run_together", "worth_together"),
     "flexaxis.estimators.entry": ("Entry",),
     "flexaxis.estimators.registry": ("entry",),
 }

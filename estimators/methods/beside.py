@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 Signals = tuple[Array, Array, NDArray[np.bool_]]
 
 LEAST = 4  # runs that take as long one after the other as a register of them
-PAYS = {8: 8_000_000, 4: 25_000_000}  # run-samples for which side by side, with registers of so
-# many, saves the time that compiling takes: .5 s
+PAYS = {8: 5_000_000, 4: 15_000_000}  # run-samples for which side by side, with registers of so
+# many, saves the time that compiling takes, .35 s
 SOUND = ("theta", "P", "claim", "X", "noise", "signal")  # what is not finite in these stays so
 
 _came: Counter = Counter()  # run-samples of each kind, in this process

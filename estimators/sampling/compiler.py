@@ -7,21 +7,20 @@ it is made from, so that an edit of any function that is reached, or of a consta
 anew, and nothing else does.
 """
 
-import gc
 import hashlib
 import marshal
 import os
-import pickle
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from functools import cached_property, lru_cache, update_wrapper, wraps
 from importlib import import_module
 from inspect import getclosurevars, getsourcefile
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
+
+from flexaxis.estimators.sampling.kept import Nowhere, Store
 
 PACKAGE = __name__.partition(".")[0]
 OVERLOADS = (  # of the functions in `lanes`, `points`, `symmetric` and `dense`
@@ -41,12 +40,16 @@ class Compiled:
         What is compiled. What it calls is compiled with it, if it is decorated as well.
     inline : bool
         Whether it becomes a part of each of its callers, and is not kept by itself.
+    alone : bool
+        Whether it is optimised before its callers take it in, and not only with them.
     label : str, optional
         What the user is told is being compiled.
     """
 
-    def __init__(self, function: Callable, *, inline: bool = False, label: str = "") -> None:
-        self.function, self.inline = function, inline
+    def __init__(
+        self, function: Callable, *, inline: bool = False, alone: bool = False, label: str = ""
+    ) -> None:
+        self.function, self.inline, self.alone = function, inline, alone
         self.label = label or f"{function.__module__}.{function.__name__}"
         self.name = function.__name__
         self.origin: tuple[Callable, tuple] | None = None  # what makes it anew in another process
@@ -72,7 +75,7 @@ class Compiled:
         made = _numbas().whole(self.function)
         folder = cache_folder()
         if not self.inline:
-            made._cache = _Store(self, folder) if folder else _Nowhere(self.label)
+            made._cache = Store(self, folder) if folder else Nowhere(self.label)
         return made
 
     def kept(self, *arguments: Any) -> bool:
@@ -82,13 +85,13 @@ class Compiled:
         made, kinds = self.dispatcher, tuple(typeof(argument) for argument in arguments)
         store = made._cache
         return kinds in made.overloads or (
-            isinstance(store, _Store) and store.path(kinds, made.targetctx.codegen()).exists()
+            isinstance(store, Store) and store.path(kinds, made.targetctx.codegen()).exists()
         )
 
     @cached_property
     def part(self) -> Any:
         """The same, for compiled code to call."""
-        return _numbas().part(self.function, inline=self.inline)
+        return _numbas().part(self.function, inline=self.inline, alone=self.alone)
 
     @cached_property
     def digest(self) -> str:
@@ -102,6 +105,15 @@ class Compiled:
 def compiled(function: Callable) -> Compiled:
     """Compile a function on its first call, and keep the result."""
     return Compiled(function)
+
+
+def optimized(function: Callable) -> Compiled:
+    """
+    Compile a function as `compiled` does, optimised by itself first: for what is long and hot.
+
+    As a part of its callers, before anything is optimised, it would take them half as long again.
+    """
+    return Compiled(function, alone=True)
 
 
 def inlined(function: Callable) -> Compiled:
@@ -203,85 +215,6 @@ def _source(module: ModuleType) -> bytes:
     except OSError:
         code = module.__spec__.loader.get_code(module.__name__)  # type: ignore[union-attr]
         return marshal.dumps(code)
-
-
-class _Nowhere:
-    """A cache for where nothing can be written: says what is being compiled, keeps nothing."""
-
-    cache_path = None
-    _told: "_Nowhere | None" = None  # of the outermost compilation the user is told
-    _collecting = True
-
-    def __init__(self, label: str, where: str = "as no cache folder can be written") -> None:
-        self.label, self.where = label, where
-
-    def load_overload(self, signature: Any, context: Any) -> Any:
-        if _Nowhere._told is None:
-            print(f"flexaxis: compiling {self.label} {self.where} …", file=sys.stderr, flush=True)
-            _Nowhere._told = self
-            _Nowhere._collecting = gc.isenabled()
-            gc.disable()  # looking for garbage takes a sixth of the time, and finds next to none
-
-    def save_overload(self, signature: Any, result: Any) -> None:
-        self.ended()
-
-    def ended(self) -> None:
-        if _Nowhere._told is self:
-            _Nowhere._told = None
-            if _Nowhere._collecting:
-                gc.enable()
-
-    def enable(self) -> None: ...
-
-    def disable(self) -> None: ...
-
-
-class _Store(_Nowhere):
-    """Compiled code in files named after all that it is made from; in place of numba's cache."""
-
-    def __init__(self, function: Compiled, folder: Path) -> None:
-        super().__init__(function.label, f"once, into {folder}")
-        self.function, self.folder = function, folder
-
-    def load_overload(self, signature: Any, context: Any) -> Any:
-        from numba.core.compiler import CompileResult
-
-        context.refresh()
-        # a file that is missing, torn or of another kind must stop nobody
-        with suppress(Exception):
-            path = self.path(signature, context.codegen())
-            _refuse_others(path)
-            content = path.read_bytes()
-            return CompileResult._rebuild(context, *pickle.loads(content))
-        return super().load_overload(signature, context)
-
-    def save_overload(self, signature: Any, result: Any) -> None:
-        from numba.core.serialize import dumps
-
-        super().save_overload(signature, result)
-        path = self.path(signature, result.codegen)
-        aside = path.with_suffix(f".{os.getpid()}")
-        try:
-            aside.write_bytes(dumps(result._reduce()))
-            os.replace(aside, path)
-        except OSError:  # a full disk: it will have to be compiled again
-            with suppress(OSError):
-                aside.unlink(missing_ok=True)
-
-    def path(self, signature: Any, codegen: Any) -> Path:
-        """Return the file of what is compiled for these types."""
-        import numba
-
-        versions = numba.__version__, sys.version_info[:3]  # and the machine, in the magic
-        kind = repr((self.function.digest, str(signature), codegen.magic_tuple(), versions))
-        digest = hashlib.sha256(kind.encode()).hexdigest()[:24]
-        return self.folder / f"{self.function.name}-{digest}.nbc"
-
-
-def _refuse_others(path: Path) -> None:
-    """Raise where a file is another user's: it holds code, and a folder may be shared."""
-    if hasattr(os, "getuid") and path.stat().st_uid not in {0, os.getuid()}:
-        raise PermissionError(f"{path} belongs to another user")
 
 
 @lru_cache

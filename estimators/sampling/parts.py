@@ -24,7 +24,7 @@ def whole(function: Callable) -> Any:
     return numba.njit(**OPTIONS, pipeline_class=WholeCompiler)(function)
 
 
-def part(function: Callable, *, inline: bool) -> Any:
+def part(function: Callable, *, inline: bool, alone: bool) -> Any:
     """
     Return the same for compiled code to call.
 
@@ -33,9 +33,12 @@ def part(function: Callable, *, inline: bool) -> Any:
     function : callable
     inline : bool
         Whether it becomes a part of its callers however long it is.
+    alone : bool
+        Whether it is optimised before its callers take it in.
     """
     options = OPTIONS | {"no_cpython_wrapper": True, "forceinline": inline}
-    return numba.njit(**options, pipeline_class=PartCompiler)(function)
+    compiler = AloneCompiler if alone else PartCompiler
+    return numba.njit(**options, pipeline_class=compiler)(function)
 
 
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
@@ -50,15 +53,21 @@ class PartLibrary(JITCodeLibrary):
         self._finalized = True
 
 
+class AloneLibrary(JITCodeLibrary):
+    """The same, optimised, and no machine code."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
 @register_pass(mutates_CFG=True, analysis_only=False)
 class PartLowering(NativeLowering):
-    """Lower a function into a `PartLibrary`."""
+    """Lower a function and make nothing executable of it."""
 
     _name = "part_lowering"
 
     def run_pass(self, state: Any) -> bool:
         """Lower it, and tell where its callers find it."""
-        state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
         lowered = state["cr"]
@@ -91,7 +100,15 @@ class PartCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes."""
-        return [_with(self.state, PartLowering)]
+        return [_into(PartLibrary, self.state)]
+
+
+class AloneCompiler(CompilerBase):
+    """The same for what is optimised by itself."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        return [_into(AloneLibrary, self.state)]
 
 
 class WholeCompiler(CompilerBase):
@@ -100,6 +117,11 @@ class WholeCompiler(CompilerBase):
     def define_pipelines(self) -> list[Any]:
         """Return the passes."""
         return [_with(self.state, WholeLowering)]
+
+
+def _into(library: type[JITCodeLibrary], state: Any) -> Any:
+    state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+    return _with(state, PartLowering)
 
 
 def _with(state: Any, lowering: type[NativeLowering]) -> Any:

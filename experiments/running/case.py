@@ -15,7 +15,7 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec, build
+from flexaxis.experiments.building.specs import Spec
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
 from flexaxis.experiments.scoring.spending import spent
@@ -24,7 +24,7 @@ from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 
 ESTIMATOR = "estimator "  # and its name: the account of what it takes
-MAKING, COMPILING, SCORES = "making estimators", "compiling", "scores"
+MAKING, SCORES = "making estimators", "scores"
 
 
 class Ran(NamedTuple):
@@ -33,17 +33,22 @@ class Ran(NamedTuple):
     Attributes
     ----------
     theta : ndarray (N, p)
+    seconds : float
+        That it took.
+    names : tuple of str
     claimed : ndarray (p, p) or None
     innovations : ndarray (N, 2) or None
         As from `followed`.
-    seconds : float
-        That it took.
+    findings : sequence or None
+        What it detected.
     """
 
     theta: NDArray[np.float64]
-    claimed: Any
-    innovations: NDArray[np.float64] | None
     seconds: float
+    names: tuple[str, ...]
+    claimed: Any = None
+    innovations: NDArray[np.float64] | None = None
+    findings: Sequence[Any] | None = None
 
 
 def warm(spec: Spec, scenario: Scenario) -> None:
@@ -57,64 +62,6 @@ def warm(spec: Spec, scenario: Scenario) -> None:
 def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
     """Return the identity of a case: 64 bits in hexadecimal."""
     return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
-
-
-def has_batch(spec: Spec, scenario: Scenario) -> bool:
-    """Whether an estimator takes all records of a task at once.
-
-    A batch gives estimates alone. One that claims or finds something is run record by record, so
-    that these are scored too.
-
-    Raises
-    ------
-    EstimatorError
-        If the estimator cannot be built.
-    """
-    if not hasattr(spec.make, "run_batch"):
-        return False
-    estimator = build(spec, scenario)
-    return not any(hasattr(estimator, name) for name in ("findings", "covariance", "innovations"))
-
-
-def run_batch(
-    scenario: Scenario, records: Sequence[Record], spec: Spec
-) -> tuple[NDArray[np.float64], float]:
-    """Run an estimator that takes R records at once, by its ``run_batch(u, y)``.
-
-    Parameters
-    ----------
-    scenario : Scenario
-    records : sequence of Record
-        Of one scenario, without gaps.
-    spec : Spec
-
-    Returns
-    -------
-    theta : ndarray (R, N, p)
-    seconds : float
-        Time for one record.
-
-    Raises
-    ------
-    EstimatorError
-        If the estimator raises, or returns another shape.
-    """
-    estimator: Any = build(spec, scenario)
-    u = np.stack([record.torque for record in records])
-    y = np.stack([getattr(record, scenario.output) for record in records])
-    where = f"on {len(records)} records of {scenario.name}"
-    start = time.perf_counter()
-    with hosted(spec.text, where), spent(account(spec)):
-        theta = np.asarray(estimator.run_batch(u, y), float)
-    seconds = (time.perf_counter() - start) / len(records)
-    wanted = (*u.shape, len(estimator.names))
-    if theta.shape != wanted:
-        raise EstimatorError(
-            f"{spec.text}: run_batch returned the shape {theta.shape} {where}; {wanted} is needed"
-        )
-    for record, own in zip(records, theta, strict=True):
-        _tell_not_finite(spec.text, own, f"{scenario.name}, seed {record.seed}")
-    return theta, seconds
 
 
 def run_case(
@@ -134,17 +81,10 @@ def run_case(
     EstimatorError
         If the estimator raises, or returns what it may not.
     """
-    with spent(MAKING):
-        estimator = ready(spec, scenario)
     if ran is None:
-        start = time.perf_counter()
-        with spent(account(spec)):
-            found = followed(spec.text, estimator, scenario, record)
-        ran = Ran(*found, seconds=time.perf_counter() - start)
-    theta, seconds = ran.theta, ran.seconds
-    findings = getattr(estimator, "findings", None)
-    names = tuple(estimator.names)
-    track = track_of(scenario, record, names, theta, ran.claimed, ran.innovations, findings)
+        ran = _ran(scenario, record, spec)
+    theta, seconds, names, *rest = ran
+    track = track_of(scenario, record, names, theta, *rest)
     identity = {
         "case": case_id(scenario.hash, spec.text, record.seed),
         "hash": scenario.hash,
@@ -161,6 +101,17 @@ def run_case(
     about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
     with spent(SCORES):
         return scored(track, estimator=spec.text, seed=seed, **about)
+
+
+def _ran(scenario: Scenario, record: Record, spec: Spec) -> Ran:
+    with spent(MAKING):
+        estimator = ready(spec, scenario)
+    start = time.perf_counter()
+    with spent(account(spec)):
+        theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
+    seconds = time.perf_counter() - start
+    findings = getattr(estimator, "findings", None)
+    return Ran(theta, seconds, tuple(estimator.names), claimed, innovations, findings)
 
 
 def account(spec: Spec) -> str:
@@ -305,11 +256,11 @@ def _estimates(
             f"{text} returned estimates of the shape {theta.shape} on {where}; "
             f"{(len(u), len(estimator.names))} is needed: one row a sample, one column a name"
         )
-    _tell_not_finite(text, theta, where, first=first)
+    tell_not_finite(text, theta, where, first=first)
     return theta
 
 
-def _tell_not_finite(text: str, theta: NDArray[np.float64], where: str, *, first: int = 0) -> None:
+def tell_not_finite(text: str, theta: NDArray[np.float64], where: str, *, first: int = 0) -> None:
     """Note where a user's estimator returned what is not finite; scores count it as diverged."""
     finite = np.isfinite(theta).all(axis=1)
     if is_guest(text) and not finite.all():

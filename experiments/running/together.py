@@ -14,7 +14,8 @@ from flexaxis.estimators.side_by_side import run_together, worth_together
 from flexaxis.experiments.building.guest import is_guest
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, parse
-from flexaxis.experiments.running.case import COMPILING, MAKING, Ran, account, pieces
+from flexaxis.experiments.running.case import MAKING, Ran, account, pieces
+from flexaxis.experiments.running.compiling import COMPILING
 from flexaxis.experiments.scoring.spending import shared, spent
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -58,12 +59,13 @@ def ran_together(scenario: Scenario, texts: Sequence[str], records: Sequence[Rec
     with spent(COMPILING):
         each, samples = [estimator for _, estimator in specs], len(records[0].time)
         worth = worth_together(each, samples, runs=len(records))
-    runs = [
-        Run(spec, place, estimator.copy(), record)
-        for (spec, estimator), good in zip(specs, worth, strict=True)
-        for place, record in enumerate(records)
-        if good
-    ]
+    with spent(MAKING):
+        runs = [
+            Run(spec, place, estimator.copy(), record)
+            for (spec, estimator), good in zip(specs, worth, strict=True)
+            for place, record in enumerate(records)
+            if good
+        ]
     try:
         return _run(scenario, runs) if runs else {}
     except EstimatorError:  # each alone says what is wrong with it
@@ -98,7 +100,11 @@ def _run(scenario: Scenario, runs: Sequence[Run]) -> Together:
     seconds = (time.perf_counter() - start) / len(runs)
     return {
         (run.spec.text, run.place): Ran(
-            np.concatenate(found[i]), claimed[i], np.concatenate(innovations[i]), seconds
+            np.concatenate(found[i]),
+            seconds,
+            run.estimator.names,
+            claimed[i],
+            np.concatenate(innovations[i]),
         )
         for i, run in enumerate(runs)
     }

@@ -18,16 +18,10 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest, own_digest
 from flexaxis.experiments.building.guest import Remark, limited, noted
+from flexaxis.experiments.running.batches import has_batch, run_batch
 from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
-from flexaxis.experiments.running.case import (
-    COMPILING,
-    Ran,
-    case_id,
-    has_batch,
-    run_batch,
-    run_case,
-    warm,
-)
+from flexaxis.experiments.running.case import case_id, run_case, warm
+from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
 from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.stopping import check, stoppable
 from flexaxis.experiments.running.together import Together, ran_together
@@ -148,7 +142,7 @@ def run_unit(
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
     with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with stoppable(), kept_runs(store):
+        with stoppable(), kept_runs(store), compiled_apart():
             check()
             _run(done, unit, store, whole, traced)
         found = done.outcome(remarks)
@@ -218,9 +212,7 @@ def _cases(
         problem = error
     columns = _columns(variant, entry)
     for place, record in enumerate(found):
-        ran = together.get((entry.text, place))
-        if batch is not None:
-            ran = Ran(batch[0][place], None, None, batch[1])
+        ran = together.get((entry.text, place)) if batch is None else batch[place]
         failure, case = problem, None
         if spec is not None and failure is None:
             try:

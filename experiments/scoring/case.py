@@ -6,7 +6,7 @@ the size D = |θ_after − θ_before| of the fault. docs/scores.md has the defin
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -147,13 +147,22 @@ class Track:
         last = max((window.stop for window in self.mine(i)), default=0)
         return self.lost is not None and self.lost < last
 
+    def once(self, name: str, made: Callable[[], Any]) -> Any:
+        """Return what several scores are made of: made where it is first asked for."""
+        if name not in self.memo:
+            self.memo[name] = made()
+        return self.memo[name]
+
     def mine(self, i: int) -> list[Window]:
         """Return the windows of one estimated parameter."""
         return [w for w in self.windows if w.parameter == physical(self.names[i])[0]]
 
     def relative(self, i: int) -> list[Array]:
         """Return θ̃/D in each window of one estimated parameter."""
-        return [self.error[w.start : w.stop, i] / w.D for w in self.mine(i)]
+        return self.once(
+            f"relative {i}",
+            lambda: [self.error[w.start : w.stop, i] / w.D for w in self.mine(i)],
+        )
 
     def ends(self, i: int) -> Array:
         """Return θ̃ in % in the last 2 s of the windows of one parameter that are longer."""

@@ -12,7 +12,8 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.case import Track, finite
 from flexaxis.experiments.scoring.described import linear_model
-from flexaxis.experiments.scoring.nominal import Known, nominal_torque
+from flexaxis.experiments.scoring.known import Known
+from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.experiments.scoring.theta import nominal_theta, started_theta, true_theta
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.scenario import Scenario
@@ -30,7 +31,7 @@ def information(scenario: Scenario) -> Array | None:
     on the units of the parameters nor on how they are chosen. It is of the linear model, so that
     what is asked of its laws has zeros there. None where there is no noise.
     """
-    return _information(Known(scenario.hash, scenario))
+    return _information(Known.of(scenario))
 
 
 @lru_cache(maxsize=256)
@@ -60,9 +61,7 @@ def _among(M: Array, names: Sequence[str], everyone: Sequence[str]) -> Array:
 def excess_of(track: Track, i: int) -> float | None:
     """Return the mean of θ̃ᵀQθ̃/σ² before the fault, the same for all parameters of a case."""
     del i
-    if "excess" not in track.memo:
-        track.memo["excess"] = _excess(track) if track.quiet.size else None
-    return track.memo["excess"]
+    return track.once("excess", lambda: _excess(track) if track.quiet.size else None)
 
 
 def _excess(track: Track) -> float | None:

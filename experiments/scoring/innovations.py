@@ -85,21 +85,25 @@ def nis_of(track: Track, i: int) -> float | None:
     """Return the mean of ε²/S in the time in which std is taken."""
     del i
     mine = _quiet(track)
-    return None if mine is None else nis(mine)
+    return track.once("nis", lambda: None if mine is None else nis(mine))
 
 
 def whiteness_of(track: Track, i: int) -> float | None:
     """Return the colour of the innovations in the time in which std is taken."""
     del i
-    mine = _quiet(track)
-    return None if mine is None else whiteness(mine, round(MEMORY / track.scenario.period))
+    mine, lags = _quiet(track), round(MEMORY / track.scenario.period)
+    return track.once("whiteness", lambda: None if mine is None else whiteness(mine, lags))
 
 
 def _quiet(track: Track) -> Array | None:
     """Return the innovations from first to last quiet sample, NaN in pauses between them."""
-    if track.innovations is None or not track.quiet.size:
+    given = track.innovations
+    if given is None or not track.quiet.size:
         return None
-    first, last = track.quiet[0], track.quiet[-1]
-    found = np.full((last + 1 - first, 2), np.nan)
-    found[track.quiet - first] = track.innovations[track.quiet]
+    return track.once("innovations", lambda: _spread(given, track.quiet))
+
+
+def _spread(innovations: Array, quiet: NDArray[np.intp]) -> Array:
+    found = np.full((quiet[-1] + 1 - quiet[0], 2), np.nan)
+    found[quiet - quiet[0]] = innovations[quiet]
     return found

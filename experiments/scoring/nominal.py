@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.known import Known
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.excitation import Standstill
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY, PARAMETER_NAMES
@@ -40,17 +40,9 @@ def nominal_runs(torque: Torque) -> Iterator[None]:
         _RUN.reset(before)
 
 
-@dataclass(frozen=True)
-class Known:
-    """A scenario, told apart by a digest of what matters of it here."""
-
-    digest: str
-    scenario: Scenario = field(compare=False)
-
-
 def nominal_torque(scenario: Scenario) -> Array:
     """Return the torque (8000,) [N m] of 40 s on the scenario's reference at nominal parameters."""
-    return _nominal_torque(Known(scenario.hash, scenario))
+    return _nominal_torque(Known.of(scenario))
 
 
 @lru_cache(maxsize=256)
@@ -78,7 +70,7 @@ def design_torque(scenario: Scenario) -> Array:
     That is what is told of it: nothing of what it has beyond the linear model comes in. An axis
     that is never moved here was designed to move all the same: then it is that of the multisine.
     """
-    return _design_torque(Known(scenario.hash, scenario))
+    return _design_torque(Known.of(scenario))
 
 
 @lru_cache(maxsize=256)

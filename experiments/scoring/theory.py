@@ -152,9 +152,9 @@ def limits_of(track: Track, i: int) -> Limits:
     asked = track.scenario.identify
     if track.torque is None or track.names[i] not in asked:
         return Limits()
-    if "limits" not in track.memo:
-        track.memo["limits"] = record_limits(track.scenario, track.torque)
-    return track.memo["limits"][asked.index(track.names[i])]
+    torque = track.torque
+    found = track.once("limits", lambda: record_limits(track.scenario, torque))
+    return found[asked.index(track.names[i])]
 
 
 def score_of(track: Track, i: int) -> float | None:
@@ -167,17 +167,17 @@ def nees_of(track: Track, i: int) -> float | None:
     del i
     events = track.scenario.events()
     last = (events[0].index if events else track.scenario.samples) - 1
-    return nees(track.theta[last] - track.truth[last], track.claimed)
+    return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))
 
 
 def detection_of(track: Track, i: int) -> dict[str, Any] | None:
     """Return what the findings are worth, the same for all parameters of a case."""
     del i
-    found = detection(track.scenario, track.names, track.findings)
+    found = track.once("detection", lambda: detection(track.scenario, track.names, track.findings))
     return None if found is None else asdict(found)
 
 
 def isolation_of(track: Track, i: int) -> list[dict[str, Any]] | None:
     """Return what each fault was taken for, the same for all parameters of a case."""
     del i
-    return isolation(track.scenario, track.names, track.findings)
+    return track.once("isolation", lambda: isolation(track.scenario, track.names, track.findings))

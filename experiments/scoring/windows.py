@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.scoring.known import Known
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
@@ -39,6 +41,12 @@ def windows(scenario: Scenario, names: Sequence[str]) -> list[Window]:
     change in all. An event of a parameter that is not estimated has a window too, of size NaN:
     the others must stay put in it.
     """
+    return list(_windows(Known.of(scenario), tuple(names)))
+
+
+@lru_cache(maxsize=1024)
+def _windows(known: Known, names: tuple[str, ...]) -> list[Window]:
+    scenario = known.scenario
     starts = [(_clock(scenario, event), event) for event in scenario.events()]
     found = []
     for start, name in dict.fromkeys((start, event.parameter) for start, event in starts):
@@ -71,6 +79,17 @@ def quiet(scenario: Scenario) -> NDArray[np.intp]:
     They are the last 5 s before the first onset in which the excitation is on, after burn-in;
     without a fault the last 10 s, or the last half of a shorter run.
     """
+    return _quiet(Known.of(scenario))
+
+
+@lru_cache(maxsize=1024)
+def _quiet(known: Known) -> NDArray[np.intp]:
+    samples = _quiet_samples(known.scenario)
+    samples.flags.writeable = False  # all that ask share it
+    return samples
+
+
+def _quiet_samples(scenario: Scenario) -> NDArray[np.intp]:
     events = scenario.events()
     if not events:
         half = scenario.samples // 2

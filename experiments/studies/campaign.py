@@ -11,8 +11,8 @@ from typing import Any
 
 from flexaxis.experiments.running.cache import PLANT
 from flexaxis.experiments.running.case import ESTIMATOR
+from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.work import COMPILING
 from flexaxis.experiments.scoring.spending import OTHER, ledger
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
@@ -83,7 +83,7 @@ def campaign(wanted: Benchmark, folder: Path, means: Means) -> Campaign:
         cases, records = cases + outcome.cases, records + outcome.simulated
 
     children, start = _of_children(), time.perf_counter()
-    with ledger() as here:
+    with ledger() as here, compiled_apart():
         # With processes of its own, whose time is known when they have ended.
         benchmark(wanted, folder, replace(means, workers=None).also(landed))
     wall = time.perf_counter() - start

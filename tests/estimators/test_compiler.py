@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from inspect import getsourcefile
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,14 @@ import pytest
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.rpem import rpem_loop
+from flexaxis.estimators.recursion.beside import measure
+from flexaxis.estimators.recursion.beside_loop import beside_loop
 from flexaxis.estimators.sampling import compiler
+from flexaxis.estimators.sampling.beside import entries
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
+from flexaxis.estimators.sampling.fields import Fields
+from flexaxis.estimators.sampling.pattern import Pattern
+from flexaxis.estimators.sampling.runs import Runs
 
 PROGRAM = """
 import json, sys
@@ -46,7 +53,9 @@ def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
     first = [start(nominal, folder) for folder in (cache, cache, nowhere)]
     outputs = [process.communicate(timeout=120) for process in first]
     assert [process.returncode for process in first] == [0, 0, 0], outputs
-    assert all("for 5 states and 1 param" in stderr for _, stderr in outputs)
+    told = ["for 5 states and 1 param" in stderr for _, stderr in outputs]
+    assert sum(told[:2]) == 1  # the other one waits for it
+    assert told[2]
     assert "no cache folder can be written" in outputs[2][1]
     later = start(nominal, cache)
     stdout, stderr = later.communicate(timeout=120)
@@ -136,6 +145,12 @@ def test_the_digest_sees_everything_that_is_reached():
     assert source(same, inner=other).digest != plain  # what it calls
     table = "def f(x):\n    return TABLE[0]"
     assert source(table).digest != source(table, TABLE=np.array([1.0, 3.0])).digest
+
+
+def test_the_digest_sees_what_an_intrinsic_emits():
+    reached = b"".join(compiler._content(beside_loop(Pattern(1, 1, (), (), ()), (), 4), set()))
+    for module in (beside_loop.__wrapped__, measure, entries, Fields, Runs):
+        assert Path(getsourcefile(module)).read_bytes() in reached
 
 
 def test_two_plugs_are_two_functions():

@@ -125,6 +125,13 @@ def test_a_run_that_goes_astray_takes_no_other_with_it(nominal, loop):
     assert all(np.isfinite(found[i]).all() for i in range(8) if i != 5)
 
 
+def test_what_is_infinite_spreads_as_it_does_alone(nominal):
+    several = filters(three_mass(nominal), count=4)
+    several[2].state["X"][0, :, 0] = 1e308  # zero times infinite is no number, where it is taken
+    assert_as_alone(several, [np.ones(1)] * 4, [np.ones(1)] * 4, None)
+    assert np.isnan(several[2].state["X"]).any()
+
+
 def test_wrong_use_is_refused(nominal):
     one = Rpem(three_mass(nominal), P0=P0, period=0.005)
     with pytest.raises(EstimatorError, match="1 estimators got 2 u"):

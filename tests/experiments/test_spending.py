@@ -62,3 +62,26 @@ def test_a_campaign_says_where_its_time_went(short_toml, capsys, tmp_path, monke
 def test_options_of_a_campaign_need_one(capsys):
     assert main(["speed", "--seeds", "2"]) == 2
     assert "--campaign" in capsys.readouterr().err
+
+
+def test_what_is_compiled_on_the_way_is_no_time_of_who_needs_it():
+    import numba
+
+    from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
+
+    @numba.njit
+    def inner(x):
+        return x + 1.0
+
+    @numba.njit
+    def outer(x):
+        return inner(x) * 2.0
+
+    with ledger() as seconds, compiled_apart():
+        with spent("a"):
+            outer(1.0)
+            outer(2.0)
+    assert seconds[COMPILING] > 5 * seconds["a"]
+    with pytest.raises(numba.TypingError), ledger() as failed, compiled_apart():
+        outer("text")
+    assert set(failed) == {COMPILING, OTHER}

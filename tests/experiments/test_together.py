@@ -1,6 +1,8 @@
 """Cases of a unit that fit together run side by side, and their rows are as from each alone."""
 
 import json
+from time import thread_time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,6 +52,8 @@ def test_rows_are_those_of_each_alone(unit, monkeypatch):
         "run_together",
         lambda each, *given: blocks.append(len(each)) or take(each, *given),
     )
+    clock = SimpleNamespace(perf_counter=iter([1.0, 25.0]).__next__)
+    monkeypatch.setattr(together, "time", clock)
     outcome = work.run_unit(unit)
     found, cost = rows(outcome)
     assert found == alone
@@ -59,7 +63,7 @@ def test_rows_are_those_of_each_alone(unit, monkeypatch):
         for row, each in zip(found, cost, strict=True)
         if row["estimator"] in TEXTS[:4]
     }
-    assert len(seconds) == 12 and len(set(seconds.values())) == 1  # the share of each
+    assert list(seconds.values()) == [2.0] * 12  # the share of each
     accounts = [outcome.spent[f"estimator {name}"] for name in ("rpem-drift-mu", "rpem-corrected")]
     assert accounts[0] == accounts[1] > 0
 
@@ -79,3 +83,9 @@ def test_what_is_shared_goes_on_each_account():
         np.linalg.inv(np.random.default_rng(0).random((200, 200)))
     assert seconds["b"] == pytest.approx(2 * seconds["a"]) and seconds["a"] > 0
     assert set(seconds) == {"a", "b", "outer", OTHER}
+    with ledger() as again:
+        start = thread_time()
+        with shared(["a", "b"]):
+            np.linalg.inv(np.random.default_rng(0).random((200, 200)))
+        whole = thread_time() - start
+    assert again["a"] + again["b"] <= whole

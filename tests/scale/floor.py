@@ -31,6 +31,7 @@ from flexaxis.sim.parameters import preset
 
 CC = shutil.which("cc") or shutil.which("gcc")
 FLAGS = "-O3 -march=native -ffp-contract=fast -fno-math-errno -fno-trapping-math -fopenmp-simd"
+TOGETHER = 2  # lanes that go at a time, so that registers suffice; no other number is faster
 HEAD = """
 #include <math.h>
 #include <string.h>
@@ -159,7 +160,8 @@ def _over_many(pattern: Pattern) -> str:
         for k, (own, j, _) in enumerate(pattern.entries):
             if own == i and j < n:
                 terms.append(f"m{k}_0 * {v}{j}_{a}")
-                terms += [f"m{k}_{a} * {v}{j}_0"] * (a > 0 and (k, a) in has)
+                value = f"values[k][{j}]" if v == "v" and a >= TOGETHER else f"{v}{j}_0"
+                terms += [f"m{k}_{a} * {value}"] * (a > 0 and (k, a) in has)
             elif own == i and held and (k, a) in has:
                 terms.append(f"m{k}_{a} * torque")
         return " + ".join(terms) or "(V){0}"
@@ -167,9 +169,11 @@ def _over_many(pattern: Pattern) -> str:
     lines += [
         f"V x{i}_{a} = *(V *)s->X[{i}][{a}], v{i}_{a} = x{i}_{a};" for i in range(n) for a in lanes
     ]
-    lines.append("V torque = *(V *)u;")
-    lines.append("for (int k = 0; k < 1; k++) {" + _term(n, lanes, row, True) + "}")
-    lines.append("for (int k = 1; k < t->order; k++) {" + _term(n, lanes, row, False) + "}")
+    lines.append(f"V torque = *(V *)u, values[40][{n}];")
+    for group in (lanes[a : a + TOGETHER] for a in lanes[::TOGETHER]):
+        kept = "".join(f"values[k][{i}] = v{i}_0;" for i in range(n) if 0 in group)
+        for loop, held in (("0; k < 1", True), ("1; k < t->order", False)):
+            lines.append(f"for (int k = {loop}; k++) {{{kept}" + _term(n, group, row, held) + "}")
     lines += [f"*(V *)s->X[{i}][{a}] = x{i}_{a};" for i in range(n) for a in lanes]
     lines += [f"*(V *)s->X[{n}][{a}] = {row(n, 'x', False, a)};" for a in lanes]
     return _function(lines)

@@ -209,3 +209,26 @@ def test_wrong_parameters_are_refused_and_change_nothing():
         plant.set_parameters([N1])
     with pytest.raises(ParameterError, match="at least one run"):
         plant_of([])
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["fm_step-v1", "backlash_fm_step-v1", "stiffening_fm_step-v1", "cogging_fm_step-v1",
+     "saturation_fm_step-v1", "lugre_fm_step-v1", "coulomb_fm_step-v1"],
+)  # fmt: skip
+def test_constraints_are_left_out_where_there_are_none(name):
+    """To the last bit; the engine's own friction is one."""
+    from flexaxis.experiments.catalogue.find import find_scenario
+
+    nonlinear = list(find_scenario(name).nonlinear.values())
+    plant = Plant([preset("n1")], period=PERIOD, substeps=20, nonlinear=nonlinear)
+    model, off = plant.model(0), int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    assert bool(model.opt.disableflags & off) == (name != "coulomb_fm_step-v1")
+    ends = []
+    for flags in (model.opt.disableflags, model.opt.disableflags & ~off):
+        model.opt.disableflags, data = flags, mujoco.MjData(model)
+        for torque in (2.0, -1.0, 0.0):
+            data.ctrl[:] = torque
+            mujoco.mj_step(model, data, nstep=400)
+        ends.append((data.qpos.tobytes(), data.qvel.tobytes()))
+    assert ends[0] == ends[1]
