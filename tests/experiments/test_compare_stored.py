@@ -96,7 +96,8 @@ def test_stored_runs_that_cannot_be_compared(folders, file, old, new, message):
 
 def test_which_estimator_of_a_stored_run(folders):
     path = folders[1] / results.SCORES
-    path.write_text(path.read_text() + path.read_text().replace('"e"', '"other"'))
+    of_another = path.read_text().replace('"e"', '"other"').replace('"case": "0', '"case": "f')
+    path.write_text(path.read_text() + of_another)
     with pytest.raises(FlexaxisError, match=r"2 estimators; say which .*: e, other"):
         stored.compare_runs(*folders, MARGINS)
     with pytest.raises(FlexaxisError, match=r"Did you mean 'other'"):
