@@ -30,8 +30,9 @@ def run_together(
 
     Runs of the prediction-error method, `flexaxis.estimators.Rpem`, on models of one structure and
     records of one length go side by side in vector registers, whatever their tunings, starts and
-    gaps; two to three times as many samples a second as one by one. Their bounds and period must
-    ask for series of one order (`flexaxis.estimators.sampling.plan`). All others are run alone.
+    gaps: two to three times as many samples a second as one by one with AVX-512, a third more with
+    AVX2. Their bounds and period must ask for series of one order
+    (`flexaxis.estimators.sampling.plan`). All others are run alone.
     Estimates and what every estimator is left with are the same as from its own ``run``.
 
     Parameters

@@ -51,7 +51,7 @@ def ran_together(scenario: Scenario, texts: Sequence[str], records: Sequence[Rec
     Returns
     -------
     mapping of (text, place in records) to Ran
-        The time of each is its share of that of all.
+        The time of each is that of its estimator by itself: who ran beside it is no cost of it.
     """
     specs = [made for text in texts if (made := _made(text, scenario)) is not None]
     if not (specs and records):
@@ -86,10 +86,10 @@ def _made(text: str, scenario: Scenario) -> tuple[Spec, Any] | None:
 
 def _run(scenario: Scenario, runs: Sequence[Run]) -> Together:
     names = [account(run.spec) for run in runs]
-    start = time.perf_counter()
     found: list[list[Array]] = [[] for _ in runs]
     innovations: list[list[Array]] = [[] for _ in runs]
     claimed: list[Array] = []
+    alone = {run.spec.text: _alone(run) for run in runs if run.place == 0}
     with shared(names):
         for part in pieces(scenario, runs[0].estimator, len(runs[0].record.time)):
             given = zip(*(_signals(run, part) for run in runs), strict=True)
@@ -97,17 +97,25 @@ def _run(scenario: Scenario, runs: Sequence[Run]) -> Together:
                 found[i].append(theta)
                 innovations[i].append(runs[i].estimator.innovations)
             claimed = claimed or [run.estimator.covariance for run in runs]
-    seconds = (time.perf_counter() - start) / len(runs)
     return {
         (run.spec.text, run.place): Ran(
             np.concatenate(found[i]),
-            seconds,
+            alone[run.spec.text],
             run.estimator.names,
             claimed[i],
             np.concatenate(innovations[i]),
         )
         for i, run in enumerate(runs)
     }
+
+
+def _alone(run: Run) -> float:
+    """Return how long a run takes by itself [s]; once for all records, which are as long."""
+    estimator, given = run.estimator.copy(), _signals(run, slice(None))
+    start = time.perf_counter()
+    with spent(account(run.spec)):
+        estimator.run(*given)
+    return time.perf_counter() - start
 
 
 def _signals(run: Run, part: slice) -> tuple[Array, Array, NDArray[np.bool_] | None]:

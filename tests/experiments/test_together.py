@@ -52,7 +52,7 @@ def test_rows_are_those_of_each_alone(unit, monkeypatch):
         "run_together",
         lambda each, *given: blocks.append(len(each)) or take(each, *given),
     )
-    clock = SimpleNamespace(perf_counter=iter([1.0, 25.0]).__next__)
+    clock = SimpleNamespace(perf_counter=iter([1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 24.0]).__next__)
     monkeypatch.setattr(together, "time", clock)
     outcome = work.run_unit(unit)
     found, cost = rows(outcome)
@@ -63,9 +63,9 @@ def test_rows_are_those_of_each_alone(unit, monkeypatch):
         for row, each in zip(found, cost, strict=True)
         if row["estimator"] in TEXTS[:4]
     }
-    assert list(seconds.values()) == [2.0] * 12  # the share of each
+    assert sorted(seconds.values()) == sorted([1.0, 2.0, 3.0, 4.0] * 3)  # of each by itself
     accounts = [outcome.spent[f"estimator {name}"] for name in ("rpem-drift-mu", "rpem-corrected")]
-    assert accounts[0] == accounts[1] > 0
+    assert min(accounts) > 0
 
 
 def test_what_fails_together_is_run_alone(unit, monkeypatch):
