@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 WAITING = 30.0  # s of samples that may wait; a beginning within 1 ms makes 20 s of them
 
 
-
 class Relocate(RecursiveEstimator):
     """
     Prediction-error method that rewinds and refits after an abrupt change.
@@ -157,7 +156,8 @@ class Relocate(RecursiveEstimator):
             gain=gain,
             grain=budget / PIECES,
         )
-        least = max(2 * PAST, parts.memory.longest, CALL + 2 * parts.sample)  # or it never catches up
+        pieces = parts.memory.longest, parts.commission.longest
+        least = max(2 * PAST, *pieces, CALL + 2 * parts.sample)  # it has to catch up
         if budget < least:
             raise EstimatorError(
                 f"deadline = {deadline} s is too short: the longest piece of work that cannot be "

@@ -199,7 +199,7 @@ def _compiled_convey(flat, M, X, inputs, weights, order, substeps):  # noqa: PLR
 @overload(ready)
 def _compiled_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
     if isinstance(laws, types.NoneType):
-        return lambda laws, n, theta, active, D, further: None  # noqa: PLR0917
+        return lambda laws, n, theta, active, D, further: None
 
     def compiled(laws, n, theta, active, D, further):  # noqa: PLR0917
         return laws_ready(laws, n, theta, active, D, further)
