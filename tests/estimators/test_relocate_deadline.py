@@ -159,7 +159,8 @@ def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_d
 ):
     spread = make()
     spread._pace._most = most
-    begin, first = spread._pace._begin, []
+    judge, begin, first, ages = spread._judge, spread._pace._begin, [], []
+    look = judge._look
 
     def slowly():
         begin()
@@ -168,12 +169,18 @@ def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_d
             spread._pace._work, spread._pace._next = iter([spread._pace._budget] * 300), 1.0
             spread._pace.front = spread._judge.memory.fork()
 
+    def seen(case):
+        ages.append(judge.memory.count - 1 - case.alarm)
+        return look(case)
+
     monkeypatch.setattr(spread._pace, "_begin", slowly)
+    monkeypatch.setattr(judge, "_look", seen)
     spread._judge.memory.state["stop"] = ONSET - 50
     waiting = []
     stepped(spread, faulty.u, faulty.y, lambda: waiting.append(len(spread._pace._missed)))
     assert max(waiting) >= 250 and waiting[-1] == 0
     assert {finding.reason for finding in spread.findings} == reasons
+    assert ages == ([judge.policy.ages[-1]] if "" in reasons else [])
 
 
 def test_pieces_are_bit_for_bit_the_whole(make, faulty):
