@@ -183,6 +183,18 @@ def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_d
     assert ages == ([judge.policy.ages[-1]] if "" in reasons else [])
 
 
+def test_a_search_whose_start_is_forgotten_ends(make, faulty):
+    spread = make()
+    spread.run(faulty.u[:900], faulty.y[:900])
+    memory, lookout = spread._judge.memory, spread._judge.lookout
+    expected = np.ones(len(memory.state["theta"]))
+    lookout._begin(memory, expected)
+    lookout._first = memory.first - 1
+    assert lookout.searching
+    assert finished(lookout.look(memory, expected)) is None
+    assert not lookout.searching
+
+
 def test_pieces_are_bit_for_bit_the_whole(make, faulty):
     whole = make(None)
     whole.run(faulty.u[: ONSET + 4], faulty.y[: ONSET + 4])
