@@ -96,8 +96,11 @@ def _linear(model: Model) -> tuple[Array, Array]:
 
 def _output(model: Model) -> Array:
     """Return C (n,) of a model, for an output in the unit of the motor speed."""
-    C = _matrices(model)[2].ravel()
-    return C / np.abs(C).sum()
+    return _scaled(_matrices(model)[2])
+
+
+def _scaled(C: Array) -> Array:
+    return C.ravel() / np.abs(C.ravel()).sum()
 
 
 def _matrices(model: Model) -> tuple[Array, Array, Array]:
@@ -167,23 +170,23 @@ def moved(
     EstimatorError
         If no torque moves what drives a law.
     """
-    A, B = _linear(model)
+    A, B, C = _matrices(model)  # once: a model takes a while to say them
+    B, output = B[:, 0], _scaled(C)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
     u = np.zeros(0) if torque is None else np.ascontiguousarray(torque, float)
     found = []
     for law in model.laws:
-        drive = _seen(model, law, moves)
+        drive = _seen(model, law, moves, (A, output))
         if drive is None:
             drive = moves.speed * _beside_the_output(model, law, u, period)
         found.append((law, Sizes(drive, _force(model, law, B) * moves.torque, rate)))
     return found
 
 
-def _seen(model: Model, law: Law, moves: Motion) -> float | None:
+def _seen(model: Model, law: Law, moves: Motion, linear: tuple[Array, Array]) -> float | None:
     """Return how far what drives a law moves, if that is measured itself; None if it is not."""
-    A, _ = _linear(model)
-    speed = _output(model)
+    A, speed = linear
     drive = np.array([law.drive.get(state, 0.0) for state in model.states])
     if set(law.drive) == {INPUT}:
         return abs(law.drive[INPUT]) * moves.torque

@@ -27,13 +27,13 @@ from flexaxis.estimators.recursion.seen import (
 )
 from flexaxis.estimators.relocate.colour import ORDER
 from flexaxis.estimators.relocate.memory import Memory, Present
-from flexaxis.estimators.relocate.needed import Posterior, Question, needed
+from flexaxis.estimators.relocate.needed import Posterior, Question, asking
 from flexaxis.estimators.relocate.normal import summing
 from flexaxis.estimators.relocate.prior import Fitted, Prior, output_gain
 from flexaxis.estimators.relocate.remainder import Remainder, remaining
 from flexaxis.estimators.relocate.search import Descent, Evaluated
 from flexaxis.estimators.relocate.suspects import Roles
-from flexaxis.estimators.relocate.work import PAST, Work
+from flexaxis.estimators.relocate.work import CALL, PAST, Work
 from flexaxis.estimators.sampling.sampled import Terms
 
 Array = NDArray[np.float64]
@@ -45,6 +45,8 @@ ITERATIONS = 60  # of a fit, at most
 CONVERGED = 1e-5  # of the sum of squares, that a further step gains
 WARMING = 3.0
 """How much faster than inertias frictions walk with it, for what they are expected to be."""
+SIZES, SPREADS = 10 * CALL, 16 * CALL  # operations of a start by the motion, and of how sure it is
+QUESTIONS = 10 * CALL  # operations of what is asked about a model, or answered
 FITTED = (1.0, 2.0, 4.0)  # s of motion, of which all is fitted
 
 
@@ -75,8 +77,9 @@ class Beginning:
     told: tuple[str, ...]
     grain: float = np.inf
 
-    def prior(self, memory: Memory) -> Prior | None:
+    def prior(self, memory: Memory) -> Work[Prior | None]:
         """Return what was known before, in sizes of what has moved since; None while that rests."""
+        yield PAST
         samples = round(STARTED / self.design.period)
         noise = self.design.noise**2 or memory.roughness(samples)
         if memory.state["samples"] < samples or not noise > 0:
@@ -86,8 +89,11 @@ class Beginning:
         period, known = self.design.period, self.roles.known
         torque = u[:-1, 0]
         moves = motion(torque, speed, period)
+        yield SIZES
+        start = guessed(self.model, self.told, torque=torque, period=period, motion=moves)
+        yield SPREADS
         of = thought(
-            guessed(self.model, self.told, torque=torque, period=period, motion=moves),
+            start,
             self.design.model.names[:known],
             torque=torque,
             period=period,
@@ -166,6 +172,7 @@ class Beginning:
         self, memory: Memory, prior: Prior, fits: tuple[Evaluated, Evaluated], left: Remainder
     ) -> Work[Fitted]:
         """Return a fit with less parameters than the whole, or that if less explain much less."""
+        yield QUESTIONS
         first, whole = fits
         known, unit = self.roles.known, prior.deviation  # in these units no matrix is singular
         questions = [q._replace(told=q.told / unit[q.places]) for q in self._questions(prior)]
@@ -174,9 +181,10 @@ class Beginning:
         posterior = Posterior(
             np.arange(known), whole.theta[:known] / unit, data / worth + np.eye(known)
         )
+        yield QUESTIONS
         unseen = self._unseen(posterior, questions)
         mean = prior.theta[:known] / unit
-        active, fixed = needed(
+        active, fixed = yield from asking(
             posterior, questions, mean=mean, deviation=np.ones(known), unseen=unseen
         )
         theta, start = prior.theta.copy(), first.theta.copy()
@@ -187,6 +195,7 @@ class Beginning:
         found = yield from self._descend(memory, prior, active.active, starts)
         if found.square > whole.square + WORSE * worth:
             return (yield from self._shown(memory, prior, fits, unseen))
+        yield QUESTIONS
         because = self._because(active.active, unseen)
         return Fitted(found.theta, active.active, prior.noise, because)
 
@@ -204,15 +213,16 @@ class Beginning:
         for theta in starts:
             theta[gone] = prior.theta[gone]
         found = yield from self._descend(memory, prior, rest, starts)
+        yield QUESTIONS
         return Fitted(found.theta, rest, prior.noise, self._because(rest, unseen))
 
     def _because(self, active: NDArray[np.int64], unseen: Sequence[Question]) -> dict[str, str]:
         """Return why each of the others is not learnt."""
         hidden = {int(i) for question in unseen for i in question.places}
-        found = {}
+        structure, found = meaning.structure(self.model), {}
         for i in np.setdiff1d(np.arange(self.roles.known), active):
             name = self.design.model.names[i]
-            stated = name in self.told or name in meaning.structure(self.model)
+            stated = name in self.told or name in structure
             words = (AS_TOLD, AS_ABSENT) if int(i) in hidden else (NOT_ASKED_FOR, NOT_THERE)
             found[name] = words[not stated]
         return found

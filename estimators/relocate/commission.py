@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.relocate.beginning import STARTED, Beginning
+from flexaxis.estimators.relocate.beginning import SPREADS, STARTED, Beginning
 from flexaxis.estimators.relocate.memory import Memory
 from flexaxis.estimators.relocate.prior import Prior
 from flexaxis.estimators.relocate.remainder import remaining
@@ -11,8 +11,6 @@ from flexaxis.estimators.relocate.rewind import Rewind
 from flexaxis.estimators.relocate.work import CALL, Work
 
 Array = NDArray[np.float64]
-
-PRIOR = 5 * CALL  # operations of a look at the motion
 
 
 class Commission:
@@ -50,6 +48,11 @@ class Commission:
             given = beginning.design.theta0, memory.state_at(memory.first), (u[:-1], y, present)
             yield from remaining(beginning.terms, *given, 0, grain=beginning.grain)
 
+    @property
+    def longest(self) -> float:
+        """Operations of the longest piece of its work, however small a grain is."""
+        return 0.0 if self._beginning is None else SPREADS
+
     def expected(self, p: int) -> Array:
         """Return about how large each of p parameters may be: one relative to θ(0), or a prior."""
         return np.ones(p) if self._prior is None else np.abs(self._prior.theta)
@@ -86,8 +89,7 @@ class Commission:
         if beginning is None:
             return False
         if self._prior is None:
-            yield PRIOR
-            prior = beginning.prior(memory)
+            prior = yield from beginning.prior(memory)
             if prior is None:
                 return False
             self._prior, period = prior, beginning.design.period

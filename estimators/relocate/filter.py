@@ -29,6 +29,8 @@ from flexaxis.estimators.relocate.work import CALL, PAST, PIECES, finished, oper
 
 Array = NDArray[np.float64]
 
+WAITING = 30.0  # s of samples that may wait; a beginning within 1 ms makes 20 s of them
+
 
 class Relocate(RecursiveEstimator):
     """
@@ -154,14 +156,17 @@ class Relocate(RecursiveEstimator):
             gain=gain,
             grain=budget / PIECES,
         )
-        least = max(2 * PAST, parts.memory.longest, CALL + parts.sample)
+        pieces = parts.memory.longest, parts.commission.longest
+        least = max(2 * PAST, *pieces, CALL + 2 * parts.sample)  # it has to catch up
         if budget < least:
             raise EstimatorError(
                 f"deadline = {deadline} s is too short: the longest piece of work that cannot be "
                 f"cut takes {seconds(least):.2g} s; give more, or none"
             )
         self._judge = Judge(parts, self._design, self._roles, grain=budget / PIECES)
-        self._pace = None if deadline is None else Pace(self._judge, budget, parts.sample)
+        self._pace = None
+        if deadline is not None:
+            self._pace = Pace(self._judge, budget, parts.sample, round(WAITING / period))
         self._warm_up()
 
     def _warm_up(self) -> None:

@@ -1,8 +1,8 @@
 """What `relocate` tells of a change that it found; see `flexaxis.estimators.finding`."""
 
-from flexaxis.estimators.finding import LOST, UNEXPLAINED, Finding
+from flexaxis.estimators.finding import LOST, OVERTAKEN, UNEXPLAINED, Finding
 
-__all__ = ["LOST", "UNEXPLAINED", "Finding", "interval_of"]
+__all__ = ["LOST", "OVERTAKEN", "UNEXPLAINED", "Finding", "interval_of"]
 
 SURE = 1.96  # standard deviations, of 95 %
 

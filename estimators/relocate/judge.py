@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.recursion.design import Design
-from flexaxis.estimators.relocate.finding import LOST, UNEXPLAINED, Finding
+from flexaxis.estimators.relocate.finding import LOST, OVERTAKEN, UNEXPLAINED, Finding
 from flexaxis.estimators.relocate.fit import Past
 from flexaxis.estimators.relocate.lost import Found
 from flexaxis.estimators.relocate.naming import named
@@ -99,14 +99,17 @@ class Judge:
             yield from self.lookout.warm_up(memory)
             yield from self.commission.warm_up(memory)
 
-    def attend(self, *, present: bool) -> Work[None]:
+    def attend(self, *, present: bool, behind: bool = False) -> Work[None]:
         """
         Do what is due after a sample.
 
         Parameters
         ----------
         present : bool
-            Whether that is the last sample that there is; looks into an alarm wait for it.
+            Whether that is the last sample that there is; looks into an alarm wait for it, but for
+            the last, which is taken when its time comes.
+        behind : bool
+            Whether there are so many more that this is left out too.
         """
         memory = self.memory
         lost = yield from self.commission.recover(memory)
@@ -121,8 +124,8 @@ class Judge:
         if memory.state["armed"] and memory.ringing:
             yield PAST
             self.case = opened(memory, self._design.period)
-        if present and self.case is not None and self._due(self.case):
-            yield from self._look(self.case)
+        if self.case is not None and self._due(self.case, present=present):
+            yield from self._close(self.case, looked=False) if behind else self._look(self.case)
         expected = self.commission.expected(len(self._design.scale))
         found = None
         if present or not self.lookout.searching:
@@ -132,8 +135,9 @@ class Judge:
         self._freeze()
         memory.state["stop"] = self._next_stop(present=present)
 
-    def _due(self, case: Opened) -> bool:
-        return self.policy.due(case.looked, self.memory.count - 1 - case.alarm)
+    def _due(self, case: Opened, *, present: bool) -> bool:
+        age = self.memory.count - 1 - case.alarm
+        return self.policy.due(case.looked, age) and (present or age >= self.policy.ages[-1])
 
     def _next_stop(self, *, present: bool) -> int:
         """Return the count at which something is due next."""
@@ -141,8 +145,9 @@ class Judge:
         due = [*self.free.values(), *self.commission.due(count)]
         if present or not self.lookout.searching:
             due.append(self.lookout.due(count))
-        if present and self.case is not None:
-            due += [self.case.alarm + 1 + age for age in self.policy.ages]
+        if self.case is not None:
+            ages = self.policy.ages if present else self.policy.ages[-1:]
+            due += [self.case.alarm + 1 + age for age in ages]
         return min((when for when in due if when > count), default=-1)
 
     def _look(self, case: Opened) -> Work[None]:
@@ -187,18 +192,27 @@ class Judge:
         names = self._design.model.names
         self.found[-1] = named(self.found[-1], case, self.memory.state, names)
 
-    def _close(self, case: Opened) -> Work[None]:
-        """End a case; where the residual stays large, say so and take it as the new noise."""
+    def _close(self, case: Opened, *, looked: bool = True) -> Work[None]:
+        """
+        End a case; where the residual stays large, say so and take it as the new noise.
+
+        Parameters
+        ----------
+        case : Opened
+        looked : bool
+            Whether there was time for its last look.
+        """
         yield PAST
         white, _ = residual(self.memory, case.before.first, case.normal)
         if isinstance(self.policy.conclude(white, case.repeated), GiveUp):
-            if self.policy.adapting and case.accepted is None and not case.again:
+            once = looked and not case.again
+            if self.policy.adapting and case.accepted is None and once:
                 self.case = reopened(case, self.memory)
                 yield from self._look(self.case)
                 return
             self.memory.accept(self.policy.recent, noise=not self._design.noise)
             if case.accepted is None:
-                self._find(case.onset, UNEXPLAINED)
+                self._find(case.onset, UNEXPLAINED if looked else OVERTAKEN)
         if case.accepted is not None:
             self._name(case)
             settled = self.memory.count + round(SETTLED / self._design.period)

@@ -103,6 +103,9 @@ class Lookout:
         expected : (p,) array
             About how large each parameter may be.
         """
+        if self._search is not None and self._first < memory.first:
+            self._search = None  # other work took so long that its start is forgotten
+            self._later(memory)
         if self._search is not None:
             yield from self._search.advance()
             yield 2 * CALL
@@ -135,14 +138,18 @@ class Lookout:
             grain=self._grain,
         )
 
+    def _later(self, memory: Memory) -> None:
+        """Search again after a while: where nothing came of it, ever less often."""
+        self._wait *= 2
+        self._next = memory.count + self._wait
+
     def _end(self, memory: Memory, best: Evaluated | None) -> Found | None:
         """Judge what was found by what the filter leaves of the same samples; say so once."""
         self._search = None
         own = np.nan_to_num(memory.read("epsilon", self._first + self._unknown))
         if best is not None and best.square < BETTER * np.mean(own**2):
             return Found(self._first, best)
-        self._wait *= 2  # nothing near here: look ever less often
-        self._next = memory.count + self._wait
+        self._later(memory)
         if self._said or not left(memory.state, ABSURD):
             return None
         self._said = True

@@ -274,7 +274,7 @@ class Memory:
         yield CALL + WORD * len(packed) * self._heard.itemsize / 2
         rows = self._heard_again(row, replayed)
         yield from self._ring.widening(first, carried, grain=grain)
-        yield 2 * CALL
+        yield 8 * CALL  # where others are carried than before
         for name in HANDED_ON:
             self._states[name] = rows[name][-1]
         self._states["turning"] = 1

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.relocate.work import CALL, Work, finished
+
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
@@ -78,12 +80,26 @@ def needed(
     unseen : sequence of Question
         Those of what the data do not show, which are not asked: these are as told.
     """
+    return finished(asking(posterior, questions, mean=mean, deviation=deviation, unseen=unseen))
+
+
+def asking(
+    posterior: Posterior,
+    questions: Sequence[Question],
+    *,
+    mean: Array,
+    deviation: Array,
+    unseen: Sequence[Question] = (),
+) -> Work[tuple[Posterior, list[tuple[Places, Array]]]]:
+    """Do as `needed`, in pieces of one round of questions."""
+    yield CALL * (1 + len(unseen))
     left: list[Question] = list(questions)
     fixed: list[tuple[Places, Array]] = []
     for question in unseen:
         posterior = _fix(posterior, question, mean, fixed)
     left = [q for q in left if np.isin(q.places, posterior.active).all()]
     while left:
+        yield CALL * (2 + len(left))
         weights: list[float] = [
             weight(posterior, q, mean[q.places], deviation[q.places]) for q in left
         ]

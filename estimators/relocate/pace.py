@@ -27,6 +27,8 @@ class Pace:
         Operations in a sample.
     sample : float
         Operations of the filter in one.
+    most : int
+        Samples that may wait before alarms are no more looked into, until fewer do.
 
     Attributes
     ----------
@@ -38,8 +40,8 @@ class Pace:
         Operations that the last sample did.
     """
 
-    def __init__(self, judge: Judge, budget: float, sample: float) -> None:
-        self.judge, self._budget, self._sample = judge, budget, sample
+    def __init__(self, judge: Judge, budget: float, sample: float, most: int) -> None:
+        self.judge, self._budget, self._sample, self._most = judge, budget, sample, most
         self.reset()
 
     def reset(self) -> None:
@@ -73,7 +75,8 @@ class Pace:
         with np.errstate(all="ignore"):  # a filter that diverges is a result
             while self._work is not None or self._missed:
                 takes = self._next if self._work is not None else CALL + self._sample
-                if takes > left:
+                # what no sample has time for is done nevertheless: else all would wait for ever
+                if takes > left and left < self._budget:
                     break
                 left -= self._piece() if self._work is not None else self._catch_up(left)
         self.spent = self._budget - left
@@ -81,7 +84,8 @@ class Pace:
 
     def _begin(self) -> None:
         """Say what is to be done after a sample; where there is something, go on without it."""
-        self._work = self.judge.attend(present=not self._missed)
+        waiting = len(self._missed)
+        self._work = self.judge.attend(present=not waiting, behind=waiting > self._most)
         self._next = next(self._work, -1.0)
         if self._next < 0:
             self._work = None

@@ -1,4 +1,4 @@
-"""What numba makes of `sampling.lanes` and `points`: straight-line code for a pattern."""
+"""What numba makes of `sampling.lanes` and `points`, straight-line code, and of `prepared`."""
 
 from collections import defaultdict
 from functools import reduce
@@ -12,6 +12,7 @@ from flexaxis.estimators.sampling.emit import DOUBLE, INDEX, Lanes
 from flexaxis.estimators.sampling.lanes import advance, evaluate
 from flexaxis.estimators.sampling.pattern import unflatten
 from flexaxis.estimators.sampling.points import convey, place
+from flexaxis.estimators.sampling.prepared import laws_ready, ready
 
 
 @intrinsic(prefer_literal=True)
@@ -191,5 +192,16 @@ def _compiled_place(flat, coefficients, theta, M):
 def _compiled_convey(flat, M, X, inputs, weights, order, substeps):  # noqa: PLR0917
     def compiled(flat, M, X, inputs, weights, order, substeps):  # noqa: PLR0917
         _convey(flat, M, X, inputs, weights, order, substeps)  # type: ignore[call-arg]
+
+    return compiled
+
+
+@overload(ready)
+def _compiled_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+    if isinstance(laws, types.NoneType):
+        return lambda laws, n, theta, active, D, further: None
+
+    def compiled(laws, n, theta, active, D, further):  # noqa: PLR0917
+        return laws_ready(laws, n, theta, active, D, further)
 
     return compiled

@@ -82,13 +82,21 @@ def prepare(terms, theta, active, further=0):
         Rows of the states to come beyond those, which `move` has a word for.
     """
     D = sample(terms, theta, active)
-    return Prepared(D, _ready(terms.laws, terms.n, theta, active, D, further))
+    return Prepared(D, ready(terms.laws, terms.n, theta, active, D, further))
+
+
+def ready(laws, n, theta, active, D, further):  # type: ignore[no-untyped-def] # noqa: PLR0917
+    """
+    Return laws at θ, None for none; compiled code decides that by the type.
+
+    As a branch it would return one or the other, which is a third type.
+    """
+    return None if laws is None else laws_ready(laws, n, theta, active, D, further)
 
 
 @compiled
-def _ready(laws, n, theta, active, D, further):  # noqa: PLR0917
-    if laws is None:
-        return None
+def laws_ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+    """Return the `Ready` of a model that has laws."""
     L, lanes = len(laws.kind), 1 + len(active) + further
     response = np.zeros((L, n + 1, lanes))
     for i in range(L):

@@ -8,6 +8,7 @@ import pytest
 
 from flexaxis.estimators import three_mass
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.finding import OVERTAKEN
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.estimators.relocate.entry import relocate, relocate_friction
 from flexaxis.estimators.relocate.filter import Relocate
@@ -140,6 +141,58 @@ def test_what_is_copied_of_a_judgement_is_all_that_is_left_of_it(make, faulty):
     busy(spread, faulty)
     left = list(copy.deepcopy(spread)._pace._work)
     assert left == list(spread._pace._work) and 0 < max(left) <= spread._pace._budget
+
+
+def test_a_piece_longer_than_a_sample_is_done_nevertheless(make, faulty):
+    spread = make()
+    k = busy(spread, faulty)
+    spread._pace._next = 3.0 * spread._pace._budget  # as if more than there is ever time for
+    spread.step(faulty.u[k], faulty.y[k])
+    assert spread._pace.spent > spread._pace._budget
+    spread.run(faulty.u[k + 1 :], faulty.y[k + 1 :])
+    assert spread._pace.front is None and len(spread.findings) == 1
+
+
+@pytest.mark.parametrize("most, reasons", [(10_000, {""}), (10, {OVERTAKEN})])
+def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_do(
+    make, faulty, monkeypatch, most, reasons
+):
+    spread = make()
+    spread._pace._most = most
+    judge, begin, first, ages = spread._judge, spread._pace._begin, [], []
+    look = judge._look
+
+    def slowly():
+        begin()
+        if not first and spread._judge.memory.count >= ONSET - 50:
+            first.append(True)
+            spread._pace._work, spread._pace._next = iter([spread._pace._budget] * 300), 1.0
+            spread._pace.front = spread._judge.memory.fork()
+
+    def seen(case):
+        ages.append(judge.memory.count - 1 - case.alarm)
+        return look(case)
+
+    monkeypatch.setattr(spread._pace, "_begin", slowly)
+    monkeypatch.setattr(judge, "_look", seen)
+    spread._judge.memory.state["stop"] = ONSET - 50
+    waiting = []
+    stepped(spread, faulty.u, faulty.y, lambda: waiting.append(len(spread._pace._missed)))
+    assert max(waiting) >= 250 and waiting[-1] == 0
+    assert {finding.reason for finding in spread.findings} == reasons
+    assert ages == ([judge.policy.ages[-1]] if "" in reasons else [])
+
+
+def test_a_search_whose_start_is_forgotten_ends(make, faulty):
+    spread = make()
+    spread.run(faulty.u[:900], faulty.y[:900])
+    memory, lookout = spread._judge.memory, spread._judge.lookout
+    expected = np.ones(len(memory.state["theta"]))
+    lookout._begin(memory, expected)
+    lookout._first = memory.first - 1
+    assert lookout.searching
+    assert finished(lookout.look(memory, expected)) is None
+    assert not lookout.searching
 
 
 def test_pieces_are_bit_for_bit_the_whole(make, faulty):
