@@ -26,6 +26,8 @@ example:
 from __future__ import annotations
 
 import argparse
+import math
+import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -38,12 +40,13 @@ from flexaxis.sim.errors import FlexaxisError
 
 HELP = "measure time per sample, the longest step, memory"
 GROUP = "judge"
+ROUNDS = 7
 WIDTH = 160  # characters of a table that no terminal shows
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--rounds", type=int, default=7, metavar="N", help="default 7")
+    parser.add_argument("--rounds", type=int, metavar="N", help=f"default {ROUNDS}")
     what = parser.add_mutually_exclusive_group()
     what.add_argument("--steps", type=int, metavar="N", help="the longest of so many steps")
     what.add_argument("--memory", type=float, metavar="HOURS", help="what is held after HOURS")
@@ -56,24 +59,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seeds", metavar="N or A:B", help="of --campaign and --deadline")
     options.add_jobs(parser)
+    parser.set_defaults(jobs=None)  # so that it is seen whether it was typed
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Measure and print the table."""
+    _check(args)
     if args.campaign:
         return _campaign(args)
-    if args.seeds and args.deadline is None:
-        raise FlexaxisError("--seeds are those of a --campaign or of a --deadline")
-    for name in ("rounds", "steps", "memory", "deadline"):
-        given = getattr(args, name)
-        if given is not None and not given > 0:
-            raise FlexaxisError(f"--{name} {given:g}: give more than 0")
     if args.steps:
         return _steps(args)
     if args.memory:
         return _memory(args)
     return _deadline(args) if args.deadline else _samples(args)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse numbers that cannot be, and options that nothing would come of."""
+    for name in ("rounds", "steps", "memory", "deadline"):
+        given = getattr(args, name)
+        if given is not None and not 0 < given < math.inf:
+            raise FlexaxisError(f"--{name} {given:g}: give more than 0, and not inf")
+    if args.seeds and not args.campaign and args.deadline is None:
+        raise FlexaxisError("--seeds are those of a --campaign or of a --deadline")
+    if args.jobs is not None and not args.campaign:
+        raise FlexaxisError("--jobs are those of a --campaign: all else is timed in one process")
+    other = next((n for n in ("campaign", "steps", "memory", "deadline") if getattr(args, n)), "")
+    if args.rounds is not None and other:
+        raise FlexaxisError(f"--rounds are not those of --{other}, which measures once")
 
 
 def _campaign(args: argparse.Namespace) -> int:
@@ -84,6 +98,7 @@ def _campaign(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.cache import RecordCache
     from flexaxis.experiments.studies.campaign import campaign
 
+    args.jobs = args.jobs if args.jobs is not None else os.cpu_count() or 1
     work = wanted(args, args.campaign)
     cases = f"{work.cases} case{'s'[: work.cases != 1]}"
     with (
@@ -111,13 +126,14 @@ def _samples(args: argparse.Namespace) -> int:
     from flexaxis.experiments.speed.contenders import contenders
     from flexaxis.experiments.speed.rounds import measure
 
+    rounds = args.rounds or ROUNDS
     wanted, missing = contenders(args.estimator or ())
-    with progress("measuring", args.rounds) as advance:
-        for found in measure(wanted, args.rounds):
+    with progress("measuring", rounds) as advance:
+        for found in measure(wanted, rounds):
             rows = found
             advance(1)
     if args.json:
-        return answer(args, {"rounds": args.rounds, "rows": rows, "missing": missing})
+        return answer(args, {"rounds": rounds, "rows": rows, "missing": missing})
     lines = []
     for row in rows:
         meaning = f"times as fast as {row['unit']}" if row["faster"] else f"times {row['unit']}"
@@ -127,7 +143,7 @@ def _samples(args: argparse.Namespace) -> int:
     _show(("name", "µs", "ratio", "range", ""), lines)
     print("\n".join(f"{row['name']}: {row['what']}" for row in rows if row.get("by") != "step"))
     for name, why in missing.items():
-        print(f"{name} is left out: {why} (pip install 'flexaxis[peers]')")
+        print(f"{name} is left out: {why}")
     return 0
 
 

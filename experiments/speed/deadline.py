@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.building.specs import build, parse
+from flexaxis.experiments.building.specs import build, parse, piped
+from flexaxis.experiments.building.offering import keywords
 from flexaxis.experiments.speed.steps import WITH_DEADLINE, time_steps, warm
 from flexaxis.experiments.speed.streams import axis_of, make_stream
+from flexaxis.sim.errors import FlexaxisError
 
 NEAR = 100  # samples between the onsets of two findings that may be of one change
 
@@ -46,7 +48,7 @@ def deadline(
     seeds : sequence of int
         Each is a lap of an axis with a change every five seconds.
     estimators : sequence of str
-        Without brackets; those that take a deadline by default.
+        As an `--estimator` option names them; those that take a deadline by default.
 
     Yields
     ------
@@ -55,9 +57,16 @@ def deadline(
         with it, in processor time; ``findings, findings_with``; ``alike``: those that are found
         with it too, ``later_median, later_max``: their alarms later by so many samples;
         ``claim, claim_with``: first sample with a covariance, the latest over the seeds.
+
+    Raises
+    ------
+    FlexaxisError
+        If one takes no deadline, or has one.
     """
-    for name in estimators or WITH_DEADLINE:
-        runs = [_both(name, seconds, seed) for seed in seeds]
+    names = estimators or WITH_DEADLINE
+    limits = [with_deadline(name, seconds) for name in names]  # before anything is run
+    for name, limited_name in zip(names, limits, strict=True):
+        runs = [_both(name, limited_name, seed) for seed in seeds]
         without, limited = zip(*(both for both, _ in runs), strict=True)
         later = [k for pair in zip(without, limited, strict=True) for k in _later(*pair)]
         yield {
@@ -76,17 +85,42 @@ def deadline(
         }
 
 
-def _both(name: str, seconds: float, seed: int) -> tuple[list[Run], int]:
+def with_deadline(text: str, seconds: float) -> str:
+    """Return an estimator's text with a deadline [s] among its options.
+
+    Raises
+    ------
+    FlexaxisError
+        If it takes none, or has one.
+
+    Examples
+    --------
+    >>> with_deadline("relocate[decision=15.0]", 0.001)
+    'relocate[decision=15.0, deadline=0.001]'
+    """
+    spec = parse(text)
+    if piped(text) or "deadline" not in keywords(spec.make):
+        raise FlexaxisError(
+            f"{text} takes no deadline; of ours these do: {', '.join(WITH_DEADLINE)}"
+        )
+    if "deadline" in spec.options:
+        raise FlexaxisError(f"{text} has a deadline already: leave it out, --deadline gives one")
+    name, _, options = text.partition("[")
+    inside = options.strip().removesuffix("]").strip().removesuffix(",")
+    return f"{name.strip()}[{inside}{', ' if inside else ''}deadline={seconds!r}]"
+
+
+def _both(name: str, limited: str, seed: int) -> tuple[list[Run], int]:
     """Return the run without and the one with a deadline, and their samples."""
     axis = axis_of(name)
     stream = make_stream(axis, seed=seed)
     found = []
-    for text in (name, f"{name}[deadline={seconds:g}]"):
+    for text in (name, limited):
         estimator: Any = build(parse(text), stream.scenario)
         warm(estimator, axis)
         claiming = _Claiming(estimator)
         cpu, _ = time_steps(claiming, stream, len(stream.u))
-        found.append(Run(1e-3 * float(cpu.max()), claiming.first, estimator.findings))
+        found.append(Run(1e-3 * float(cpu.max()), claiming.first, getattr(estimator, "findings", ())))
     return found, len(stream.u)
 
 
@@ -99,7 +133,8 @@ class _Claiming:
 
     def step(self, u: float, y: float | None) -> Any:
         theta = self._estimator.step(u, y)
-        if self.first is None and np.all(np.diag(self._estimator.covariance) > 0):
+        P = getattr(self._estimator, "covariance", None)
+        if self.first is None and P is not None and np.all(np.diag(P) > 0):
             self.first = self._count
         self._count += 1
         return theta

@@ -9,6 +9,7 @@ also what lies outside of the estimator.
 from __future__ import annotations
 
 import gc
+import math
 import multiprocessing
 import os
 import pickle
@@ -25,12 +26,15 @@ from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.speed.steps import stepped
 from flexaxis.experiments.speed.streams import Samples, Stream, axis_of, make_stream
+from flexaxis.sim.errors import FlexaxisError
 
 SEED = 1
 EVERY = 30.0  # s between two changes: 1200 of them in ten hours
 FIRST = 0.1  # of the stream: what is held after that is what growth is measured from
 PIECE = 20_000  # samples
-LAST = 20  # samples of the last piece: what an estimator keeps of it is then always the same
+LAST = 20  # samples of the piece before a look: what is kept of it is then always the same
+LOOK = 200  # samples from one look to the next, a second: a judgement is pending for longer
+CHANGES = 3  # that are looked at: in between one judges and holds more, and the largest counts
 FLAT = 1.0
 """Bytes a sample: whoever grows by less keeps nothing of each sample; one number has eight."""
 STATM = Path("/proc/self/statm")  # where Linux says what a process has, in pages
@@ -42,7 +46,7 @@ def memory(hours: float, estimators: Sequence[str] = ()) -> Iterator[dict[str, A
     Parameters
     ----------
     hours : float
-        Of samples that each takes.
+        Of samples that each takes; so many at least that `CHANGES` are in the first tenth.
     estimators : sequence of str
         As an `--estimator` option names them; those that `steps` times by default.
 
@@ -50,7 +54,15 @@ def memory(hours: float, estimators: Sequence[str] = ()) -> Iterator[dict[str, A
     ------
     dict
         As of `streamed`.
+
+    Raises
+    ------
+    FlexaxisError
+        If there are not hours enough, or no end of them.
     """
+    least = CHANGES * EVERY / FIRST / 3600.0
+    if not least <= hours < math.inf:
+        raise FlexaxisError(f"--memory {hours:g}: give {least:g} hours or more, and an end")
     spawn = multiprocessing.get_context("spawn")
     for name in estimators or stepped():
         with ProcessPoolExecutor(1, mp_context=spawn) as pool:
@@ -68,21 +80,22 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``estimator, hours, samples``; ``made``: bytes it holds when made; ``early, late``: after a
-        tenth of the stream and at its end, and ``grown``, the difference (null where it cannot be
-        pickled); ``resident_early, resident_late, resident_grown``: of the process, null where
+        ``estimator, hours, samples``; ``made``: bytes it holds when made; ``early, late``: the most
+        at the end of the first tenth of the stream and of all of it, over `CHANGES`, and ``grown``,
+        the difference (null where it cannot be pickled); ``resident_early, resident_late, resident_grown``: of the process, null where
         that is not known; ``findings``: told in the end, null where it tells none; ``flat``;
         ``cpu_s``: processor time of the stream [s].
     """
     compiled = build(parse(name), stream.scenario)
     run_estimator(compiled, *stream.samples(SEED).take(len(stream.u)))  # by a lap with all faults
     samples = round(hours * 3600 / stream.scenario.period)
-    first = max(LAST, round(FIRST * samples))
+    first = max(LOOK, round(FIRST * samples))
+    window = min(first, round(CHANGES * EVERY / stream.scenario.period)) // LOOK
     estimator = build(parse(name), stream.scenario)
     made, start = _held(estimator), time.process_time()
     source = stream.samples(SEED)
-    early = _take(estimator, source, first)
-    late = _take(estimator, source, samples - first)
+    early = _take(estimator, source, first, window)
+    late = _take(estimator, source, samples - first, window)
     spent = time.process_time() - start
     told = getattr(estimator, "findings", None)
     grown = {name: _less(late[name], early[name]) for name in late}
@@ -103,14 +116,26 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
     }
 
 
-def _take(estimator: Estimator, source: Samples, count: int) -> dict[str, int | None]:
-    """Run so many samples, piece by piece; return what is held then."""
-    whole, rest = divmod(count - LAST, PIECE)
-    for size in [*[PIECE] * whole, *[rest] * (rest > 0), LAST]:
-        theta = run_estimator(estimator, *source.take(size))
-        if not np.all(np.isfinite(theta[-1])):
-            raise FloatingPointError(f"its estimates are not finite: {theta[-1]}")
-    return {"held": _held(estimator), "resident": _resident()}
+def _take(
+    estimator: Estimator, source: Samples, count: int, looks: int
+) -> dict[str, int | None]:
+    """Run so many samples, piece by piece; return the most that is held at the last looks."""
+    whole, rest = divmod(count - looks * LOOK, PIECE)
+    for size in [*[PIECE] * whole, *[rest] * (rest > 0)]:
+        _run(estimator, source, size)
+    held = []
+    for _ in range(looks):
+        for size in (LOOK - LAST, LAST):
+            _run(estimator, source, size)
+        held.append(_held(estimator))
+    most = None if None in held else max(number for number in held if number is not None)
+    return {"held": most, "resident": _resident()}
+
+
+def _run(estimator: Estimator, source: Samples, size: int) -> None:
+    theta = run_estimator(estimator, *source.take(size))
+    if not np.all(np.isfinite(theta[-1])):
+        raise FloatingPointError(f"its estimates are not finite: {theta[-1]}")
 
 
 def _held(estimator: Estimator) -> int | None:

@@ -45,7 +45,7 @@ def peers(
     contenders : list of Contender
         Their facts have `difference`, the largest from our estimates over the nominal value.
     missing : dict of str to str
-        What is not installed here, and what was missing.
+        What does not run here, and why: not installed, or its own error.
     """
     ours = _ours(given)
     samples = REPEATS * len(given.u)
@@ -60,10 +60,13 @@ def peers(
         what, make, clock = PEERS[name]
         try:
             run = make(given)
+            off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
         except ImportError as error:
-            missing[name] = str(error)
+            missing[name] = f"{error} (pip install 'flexaxis[peers]')"
             continue
-        off = np.abs(run(u, y) - reference) / np.abs(given.parametrization.theta)
+        except Exception as error:  # a peer's release may break anything, and all else is measured
+            missing[name] = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            continue
         seconds = timed(partial(run, u, y), FEW, clock)
         facts = {"difference": float(off.max())}
         found.append(Contender(name, what, EXPM, seconds, besides=OURS, facts=facts))
