@@ -96,7 +96,9 @@ class Compiled:
     @cached_property
     def digest(self) -> str:
         """What tells this function, and all that it reaches, from any other."""
-        parts = hashlib.sha256(_source(_numbas()))
+        numbas = _numbas()
+        parts = hashlib.sha256(_source(numbas))
+        parts.update(repr((numbas.OPTIONS, numbas.PART_OPTIONS)).encode())
         for part in _content(self, set()):
             parts.update(part)
         return parts.hexdigest()
@@ -141,9 +143,13 @@ def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
     return make
 
 
+@lru_cache
 def _numbas() -> ModuleType:
     """Return the module that imports numba, which takes half a second."""
-    return import_module("flexaxis.estimators.sampling.parts")
+    try:
+        return import_module("flexaxis.estimators.sampling.parts")
+    except (ImportError, AttributeError):  # another numba, without what is its own there
+        return import_module("flexaxis.estimators.sampling.plain")
 
 
 @lru_cache

@@ -5,9 +5,14 @@ import hashlib
 import os
 import pickle
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
+
+TOLD = 1.0  # s of waiting for another process after which the user hears of it
+PATIENCE = 60.0  # s, longer than a loop takes to compile: who holds it then may have been stopped
+PAUSE = 0.02  # s between two looks
 
 
 class Nowhere:
@@ -48,7 +53,7 @@ class Store(Nowhere):
     """
     Compiled code in files; in place of numba's cache.
 
-    What another process is compiling is waited for.
+    What another process is compiling is waited for, though not for ever.
 
     Parameters
     ----------
@@ -66,7 +71,7 @@ class Store(Nowhere):
         context.refresh()
         found = self._read(signature, context)
         if found is None:
-            self._claim = _claimed(self.path(signature, context.codegen()))
+            self._claim = _claimed(self.path(signature, context.codegen()), self.label)
             found = self._read(signature, context) if self._claim else None
         if found is None:
             return super().load_overload(signature, context)
@@ -119,20 +124,35 @@ class Store(Nowhere):
         return self.folder / f"{self.function.name}-{digest}.nbc"
 
 
-def _claimed(path: Path) -> IO[bytes] | None:
+def _claimed(path: Path, label: str) -> IO[bytes] | None:
     """
     Return what nobody else holds until it is closed, or its holder has died; first wait for it.
 
-    None where files cannot be locked: several processes may then compile the same.
+    None where files cannot be locked, and after `PATIENCE` seconds, as the holder may have been
+    stopped: several processes may then compile the same.
     """
     try:
         import fcntl
 
         claim = path.with_suffix(".claim").open("ab")
-        fcntl.flock(claim, fcntl.LOCK_EX)
     except (ImportError, OSError):
         return None
-    return claim
+    began, told = time.monotonic(), False
+    while (waited := time.monotonic() - began) <= PATIENCE:
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if waited > TOLD and not told:
+                words = f"flexaxis: waiting for another process to compile {label} …"
+                print(words, file=sys.stderr, flush=True)
+                told = True
+            time.sleep(PAUSE)
+        except OSError:
+            break
+        else:
+            return claim
+    claim.close()
+    return None
 
 
 def _refuse_others(path: Path) -> None:

@@ -5,6 +5,9 @@ numba makes machine code of every function that compiled code calls, once for th
 and once more inside each of its callers, whose callers do so again. A part is typed and lowered to
 LLVM's intermediate representation, and simplified, no more. Whoever calls it takes that in, and
 optimises the whole and makes machine code of it, once.
+
+This takes names that are numba's own. Where one of them is missing the import of this module fails,
+and `plain` stands in for it.
 """
 
 from collections.abc import Callable
@@ -17,6 +20,11 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.environment import lookup_environment
 from numba.core.typed_passes import NativeLowering
+
+from flexaxis.estimators.sampling.plain import OPTIONS, PART_OPTIONS
+
+# what is overridden below: without these nothing would say that it no longer is
+_OVERRIDDEN = JITCodeLibrary._optimize_final_module, JITCodeLibrary._finalize_final_module
 
 
 def whole(function: Callable) -> Any:
@@ -36,12 +44,8 @@ def part(function: Callable, *, inline: bool, alone: bool) -> Any:
     alone : bool
         Whether it is optimised before its callers take it in.
     """
-    options = OPTIONS | {"no_cpython_wrapper": True, "forceinline": inline}
     compiler = AloneCompiler if alone else PartCompiler
-    return numba.njit(**options, pipeline_class=compiler)(function)
-
-
-OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return numba.njit(**PART_OPTIONS, forceinline=inline, pipeline_class=compiler)(function)
 
 
 class PartLibrary(JITCodeLibrary):
