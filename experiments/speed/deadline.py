@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.building.specs import build, parse, piped
 from flexaxis.experiments.building.offering import keywords
+from flexaxis.experiments.building.specs import build, parse, piped
 from flexaxis.experiments.speed.steps import WITH_DEADLINE, time_steps, warm
 from flexaxis.experiments.speed.streams import axis_of, make_stream
 from flexaxis.sim.errors import FlexaxisError
@@ -95,8 +95,8 @@ def with_deadline(text: str, seconds: float) -> str:
 
     Examples
     --------
-    >>> with_deadline("relocate[decision=15.0]", 0.001)
-    'relocate[decision=15.0, deadline=0.001]'
+    >>> with_deadline("relocate[gain=0.5]", 0.001)
+    'relocate[gain=0.5, deadline=0.001]'
     """
     spec = parse(text)
     if piped(text) or "deadline" not in keywords(spec.make):
@@ -120,7 +120,9 @@ def _both(name: str, limited: str, seed: int) -> tuple[list[Run], int]:
         warm(estimator, axis)
         claiming = _Claiming(estimator)
         cpu, _ = time_steps(claiming, stream, len(stream.u))
-        found.append(Run(1e-3 * float(cpu.max()), claiming.first, getattr(estimator, "findings", ())))
+        found.append(
+            Run(1e-3 * float(cpu.max()), claiming.first, getattr(estimator, "findings", ()))
+        )
     return found, len(stream.u)
 
 

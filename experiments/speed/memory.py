@@ -82,8 +82,9 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
     dict
         ``estimator, hours, samples``; ``made``: bytes it holds when made; ``early, late``: the most
         at the end of the first tenth of the stream and of all of it, over `CHANGES`, and ``grown``,
-        the difference (null where it cannot be pickled); ``resident_early, resident_late, resident_grown``: of the process, null where
-        that is not known; ``findings``: told in the end, null where it tells none; ``flat``;
+        the difference (null where it cannot be pickled);
+        ``resident_early, resident_late, resident_grown``: of the process, null where that is not
+        known; ``findings``: told in the end, null where it tells none; ``flat``;
         ``cpu_s``: processor time of the stream [s].
     """
     compiled = build(parse(name), stream.scenario)
@@ -116,9 +117,7 @@ def streamed(name: str, stream: Stream, hours: float) -> dict[str, Any]:
     }
 
 
-def _take(
-    estimator: Estimator, source: Samples, count: int, looks: int
-) -> dict[str, int | None]:
+def _take(estimator: Estimator, source: Samples, count: int, looks: int) -> dict[str, int | None]:
     """Run so many samples, piece by piece; return the most that is held at the last looks."""
     whole, rest = divmod(count - looks * LOOK, PIECE)
     for size in [*[PIECE] * whole, *[rest] * (rest > 0)]:

@@ -9,7 +9,8 @@ import pytest
 
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.speed.deadline import Run, _later
+from flexaxis.experiments.speed import peers as peers_module
+from flexaxis.experiments.speed.deadline import Run, _later, with_deadline
 from flexaxis.experiments.speed.memory import streamed
 from flexaxis.experiments.speed.peers import PEERS, peers
 from flexaxis.experiments.speed.problem import problem
@@ -27,6 +28,18 @@ class Hoarder:
 
     def step(self, u, y):
         self.all.append(y)
+        return self.theta
+"""
+JUDGE = """
+class Judge:  # works on much for a second of every five
+    names, output = ("k_T",), "speed"
+
+    def __init__(self, nominal, period):
+        self.k, self.held, self.theta = 0, None, [nominal["k_T"]]
+
+    def step(self, u, y):
+        self.k += 1
+        self.held = bytes(40_000) if 100 < self.k % 1000 < 400 else b""
         return self.theta
 """
 
@@ -62,11 +75,40 @@ def test_one_round(capsys):
 @pytest.mark.parametrize(
     ("words", "named"),
     [("--rounds 0", "--rounds 0"), ("--steps -1", "--steps -1"), ("--memory 0", "--memory 0"),
-     ("--steps 5 --seeds 3", "--seeds"), ("--steps 5 --estimator relocat", "relocat")],
+     ("--steps 5 --seeds 3", "--seeds"), ("--steps 5 --estimator relocat", "relocat"),
+     ("--memory inf", "--memory inf"), ("--memory 1e-6", "0.25 hours"),
+     ("--deadline nan", "--deadline nan"), ("--steps 5 --rounds 2", "--rounds"),
+     ("--campaign smoke --rounds 2", "--rounds"), ("--steps 5 --jobs 2", "--jobs"),
+     ("--deadline 0.001 --seeds 300:301 --estimator ekf", "ekf takes no deadline"),
+     ("--deadline 0.001 --estimator relocate[deadline=0.002]", "a deadline already"),
+     ("--deadline 0.001 --estimator pipe:cat", "pipe:cat takes no deadline")],
 )  # fmt: skip
 def test_what_cannot_be_measured_is_refused(capsys, words, named):
     assert main(["speed", *words.split()]) == 2
-    assert named in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert named in told and told.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["relocate", "relocate[]", "relocate[gain=0.5]"])
+def test_a_deadline_goes_among_the_options_that_are_given(text):
+    options = parse(text).options
+    assert parse(with_deadline(text, 0.0012345678)).options == {**options, "deadline": 0.0012345678}
+
+
+@pytest.mark.parametrize("when", ["made", "run"])
+def test_a_peer_that_breaks_is_left_out_with_its_words(monkeypatch, when):
+    def make(given):
+        if when == "run":
+            return lambda u, y: fail()
+        return fail()
+
+    def fail():
+        raise AttributeError("no such\nname here")
+
+    monkeypatch.setattr(peers_module, "PEERS", {"ekf-broken": ("", make, time.thread_time)})
+    found, missing = peers(problem())
+    assert len(found) == 1
+    assert missing == {"ekf-broken": "AttributeError: no such name here"}
 
 
 @pytest.mark.parametrize("name", PEERS)
@@ -74,6 +116,7 @@ def test_what_cannot_be_measured_is_refused(capsys, words, named):
 def test_peers_compute_what_we_compute(name):
     found, missing = peers(problem(), [name])
     if missing:
+        assert "pip install" in missing[name]  # not installed, and not broken
         pytest.skip(missing[name])
     row = found[-1]
     # rounding in P, whose numbers span eight decades; a wrong sample of the torque gives 1e-2
@@ -134,6 +177,12 @@ def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
     kept = streamed("rpem-forgetting", stream, 0.01)
     assert kept["grown"] == 0 and kept["made"] > 100
     assert list(kept) == list(row)
+
+
+def test_what_is_held_for_a_while_is_seen_whatever_the_phase(stream, tmp_path):
+    (tmp_path / "judge.py").write_text(JUDGE)
+    row = streamed(f"{tmp_path / 'judge.py'}:Judge", stream, 0.05)
+    assert row["early"] >= 8 * 5000 and abs(row["grown"]) < 100
 
 
 def test_how_much_later_a_finding_comes():
