@@ -2,20 +2,23 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import time
 from inspect import getsourcefile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numba import float64
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.rpem import rpem_loop
 from flexaxis.estimators.recursion.beside import measure
 from flexaxis.estimators.recursion.beside_loop import beside_loop
-from flexaxis.estimators.sampling import compiler
+from flexaxis.estimators.sampling import compiler, kept
 from flexaxis.estimators.sampling.beside import entries
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
 from flexaxis.estimators.sampling.fields import Fields
@@ -53,7 +56,10 @@ def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
     first = [start(nominal, folder) for folder in (cache, cache, nowhere)]
     outputs = [process.communicate(timeout=120) for process in first]
     assert [process.returncode for process in first] == [0, 0, 0], outputs
-    told = ["for 5 states and 1 param" in stderr for _, stderr in outputs]
+    told = [
+        re.search("compiling .* for 5 states and 1 param", stderr) is not None
+        for _, stderr in outputs
+    ]
     assert sum(told[:2]) == 1  # the other one waits for it
     assert told[2]
     assert "no cache folder can be written" in outputs[2][1]
@@ -113,6 +119,39 @@ def test_a_full_disk_stops_nobody_and_leaves_nothing(nominal, tmp_path, monkeypa
     Rpem(three_mass(nominal), identify=("d_a",), P0=[1.0], period=0.005).run([1.0], [1.0])
     assert not list(tmp_path.iterdir())
     rpem_loop.cache_clear()
+
+
+HOLDS = """
+import fcntl, sys, time
+claim = open(sys.argv[1], "ab")
+fcntl.flock(claim, fcntl.LOCK_EX)
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
+def test_a_stopped_process_holds_up_nobody_for_ever(tmp_path, monkeypatch, capsys):
+    made = Compiled(lambda x: 2.0 * x, label="a double")
+    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(kept, "TOLD", 0.05)
+    monkeypatch.setattr(kept, "PATIENCE", 0.2)
+    store, kinds = made.dispatcher._cache, (float64,)
+    claim = store.path(kinds, made.dispatcher.targetctx.codegen()).with_suffix(".claim")
+    command = [sys.executable, "-c", HOLDS, str(claim)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
+        try:
+            assert holder.stdout.readline() == "held\n"
+            began = time.monotonic()
+            assert made(3.0) == 6.0
+            assert time.monotonic() - began > kept.PATIENCE
+        finally:
+            holder.kill()
+    told = capsys.readouterr().err.splitlines()
+    assert len(told) == 2  # once each
+    assert "waiting for another process to compile a double" in told[0]
+    assert "compiling a double" in told[1]
+    assert list(tmp_path.glob("*.nbc"))  # kept for others all the same
 
 
 FACTOR = 2.0
