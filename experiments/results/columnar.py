@@ -256,6 +256,8 @@ def _stored(
     """Return a part of a column as it is stored; `numbers` gives the next one to a new text."""
     if name in NEEDED and None in given:
         raise ValueError("is missing")
+    if name == "seed" and not all(seed >= 0 for seed in given):
+        raise ValueError(f"is {min(given):g}: seeds are 0, 1, 2, …")
     if name == CASE:
         return np.array([int(case, 16) for case in given], stored)
     if numbers is not None:
