@@ -31,9 +31,14 @@ COMMANDS = {
     "memory-friction": "speed --memory 1",
     "deadline": "speed --deadline 0.001 --seeds 300:306",
 }
-"""What is measured; `-friction`: the estimators of an axis with friction, which are slower."""
-SIZES = "or as many as the table says"
+"""What is measured anew; `-friction`: the estimators of an axis with friction, which are slower."""
+SAID = COMMANDS | {
+    "steps": "speed --steps N --estimator E",
+    "memory": "speed --memory HOURS --estimator E",
+}
+"""What stands below a table, whose rows may be of commands of several sizes."""
 TIMES = ("1", "2", "3")
+RATIOS = ("us_per_sample", "times", "ratio")
 UNIT, LIMITED, LEADER = "rpem-forgetting", "relocate[deadline=0.001]", "relocate"
 RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "plant")
 
@@ -44,19 +49,20 @@ Row = Mapping[str, Any]
 
 def three() -> str:
     """Return the numbers that a reader wants."""
-    times, unit = _fastest(LEADER), _fastest(UNIT)
+    leader, unit = _median(LEADER), _median(UNIT)
     step = next(r for r in measured("steps") if r["estimator"] == LIMITED and r["faults"])
     held = {r["estimator"]: r for r in _streamed()}
     flat = sum(r["flat"] for r in held.values())
     return (
         f"- **{unit['us_per_sample']:.2g} µs a sample** with the paper's method, "
         f"{1 / unit['times']:.0f} times as fast as one matrix exponential; "
-        f"{times['ratio']:.2g} times that with `{LEADER}` between two alarms.\n"
+        f"{leader['ratio']:.2g} times that with `{LEADER}` between two alarms.\n"
         f"- **{_ms(step['cpu_us']['max'])} ms, the longest of {step['steps']:,} steps** of "
         f"`{LIMITED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
         "sampling period.\n"
-        f"- **{flat} of {len(held)} estimators hold no more after hours** than at their begin: "
-        f"`{UNIT}` {_kB(held[UNIT]['late'])} kB, `{LEADER}` {_kB(held[LEADER]['early'])} kB.\n"
+        f"- **{flat} of {len(held)} estimators grow by less than a byte a sample**, findings "
+        f"included: `{UNIT}` holds {_kB(held[UNIT]['late'])} kB after "
+        f"{held[UNIT]['hours']:g} hours, `{LEADER}` {_kB(held[LEADER]['late'])} kB.\n"
     )
 
 
@@ -88,7 +94,7 @@ def rivals() -> str:
         r = rows[name]
         of = f"{r['ratio']:.3g} times {'as fast as ' if r['faster'] else ''}`{r['unit']}`"
         lines.append([f"`{name}`", r["what"], f"{r['us_per_sample']:.3g}", of])
-    return table(["", "what", "µs", ""], lines) + said("speed")
+    return table(["", "what", "µs", ""], lines) + said("speed", "the first of these times")
 
 
 def peers() -> str:
@@ -100,7 +106,7 @@ def peers() -> str:
             cells = f"{row['us_per_sample']:.3g}", f"{row['times']:.3g}", off
             lines.append([f"`{row['name']}`", row["what"], *cells])
     heads = ["", "what", "µs", "times ours", "off our estimates, of nominal"]
-    return table(heads, lines) + said("speed")
+    return table(heads, lines) + said("speed", "the first of these times")
 
 
 def steps() -> str:
@@ -114,7 +120,7 @@ def steps() -> str:
         lines.append([f"`{name}`", f"{rows[0]['steps']:,}", *cells])
     parts = ["p50", "p99", "p99.9", "max"]
     heads = ["µs", "steps", *parts, *(f"{p}, faults" for p in parts)]
-    return table(heads, lines) + said("steps", SIZES)
+    return table(heads, lines) + said("steps", "with N and E of the table")
 
 
 def memory() -> str:
@@ -133,7 +139,7 @@ def memory() -> str:
     ]
     heads = ["", "hours", "made [kB]", "after a tenth", "at the end", "grown [B]",
              "the process grew by [kB]", "findings", "flat"]  # fmt: skip
-    return table(heads, lines) + said("memory", SIZES)
+    return table(heads, lines) + said("memory", "with HOURS and E of the table")
 
 
 def deadline() -> str:
@@ -191,7 +197,7 @@ def measured(what: str, again: str = "") -> Sequence[Row]:
 def said(what: str, more: str = "") -> str:
     """Return the line below a table: what made it."""
     commit = stored(what, "1" if what == "speed" else "")["commit"]
-    return f"\n`flexaxis {COMMANDS[what]}`{', ' + more if more else ''}, commit {commit}.\n"
+    return f"\n`flexaxis {SAID[what]}`{', ' + more if more else ''}, commit {commit}.\n"
 
 
 def _named(what: str) -> list[str]:
@@ -217,8 +223,10 @@ def _of(estimator: str, by: str) -> list[Row]:
     ]
 
 
-def _fastest(estimator: str) -> Row:
-    return _of(estimator, "run")[0]
+def _median(estimator: str) -> Row:
+    """Return the medians, over all runs of the command, of what `run` takes an estimator."""
+    rows = _of(estimator, "run")
+    return {key: float(np.median([r[key] for r in rows])) for key in RATIOS}
 
 
 def _middle(rows: Sequence[Row], key: str) -> str:
