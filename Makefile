@@ -44,7 +44,7 @@ test-slow: $(VENV)/.test $(VENV)/.docs
 	$(BIN)/python -m pytest -q $(PARALLEL) -m "slow or not slow"
 
 test-browser: $(VENV)/.browser
-	$(BIN)/python -m pytest -q -m browser tests/browser
+	$(BIN)/python -m pytest -q $(PARALLEL) -m browser tests/browser
 
 check: $(VENV)/.check
 	$(BIN)/ruff check .

@@ -125,7 +125,9 @@ def tables(folder: Path) -> list[dict[str, Any]]:
 
 def separated(content: Any) -> str:
     """Return a table of text; whatever is no table is written as it is."""
-    rows, separator = content.get("rows", []), str(content.get("separator", ","))
+    rows, separator = content.get("rows", []), content.get("separator", ",")
+    if not isinstance(separator, str):  # it may be nested deeper than str() can go
+        separator = ","
     rows = rows if isinstance(rows, list) else [rows]
     cells = [row if isinstance(row, list) else [row] for row in rows]
     return "\n".join(separator.join(str(_cell(cell)) for cell in row) for row in cells)
