@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from uuid import uuid4
+
+ASIDE = ".part"
+"""What the folders end with in which files are written."""
 
 
 @contextmanager
 def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a path to write to, which at the end takes the place of `path`.
 
-    It lies beside it, hidden, under a name that no other process uses and with the same suffix.
-    Whatever fails, the error passes, the new file is removed and the old one stays; a process that
-    is killed may leave the hidden one.
+    It has the same name and lies in a hidden folder beside it, which no other process uses.
+    Whatever fails, the error passes, the new file is removed and the old one stays. What a process
+    that was killed has left is removed by the next one that writes to the same folder.
 
     Parameters
     ----------
@@ -27,6 +34,11 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     Path
         Where to write.
 
+    Raises
+    ------
+    OSError
+        If it cannot be written; a device or a pipe cannot be replaced.
+
     Examples
     --------
     >>> import tempfile
@@ -37,11 +49,57 @@ def atomic(path: str | os.PathLike[str]) -> Iterator[Path]:
     ['table.csv']
     """
     path = Path(path)
-    # part of the name only, for a long one would become too long
-    new = path.with_name(f".{path.stem[:40]}.{uuid4().hex}{path.suffix}")
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, and no file")
+    _clear(path.parent, os.getpid())
+    folder, owned = _aside(path)
     try:
-        yield new
-        os.replace(new, path)
+        yield folder / path.name
+        os.replace(folder / path.name, path)
     finally:
-        with suppress(OSError):  # or it would hide why the writing failed
-            new.unlink(missing_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)  # an error would hide why the writing failed
+        owned.close()
+
+
+def _aside(path: Path) -> tuple[Path, ExitStack]:
+    """Make a hidden folder beside a file; return it, and the lock by which it is seen to live."""
+    while True:
+        # part of the name only, for a long one would become too long
+        folder = path.with_name(f".{path.stem[:40]}.{uuid4().hex}{ASIDE}")
+        folder.mkdir()
+        with ExitStack() as stack:
+            with suppress(OSError):  # as on drives that know no locks: nobody clears there
+                stack.enter_context(_locked(folder, wait=True))
+            if folder.exists():  # no one has taken it for one of the dead before it was locked
+                return folder, stack.pop_all()
+
+
+@cache
+def _clear(folder: Path, process: int) -> None:
+    """Remove what the dead have left in a folder; once a process, for there may be much in it."""
+    with suppress(OSError):
+        for path in folder.glob(f".*{ASIDE}"):
+            with suppress(OSError), _locked(path, wait=False):
+                shutil.rmtree(path, ignore_errors=True)
+
+
+if sys.platform == "win32":
+
+    @contextmanager
+    def _locked(folder: Path, *, wait: bool) -> Iterator[None]:
+        """There, a folder cannot be locked: what a kill leaves stays."""
+        raise OSError(errno.ENOTSUP, "folders cannot be locked")
+        yield
+
+else:
+    import fcntl
+
+    @contextmanager
+    def _locked(folder: Path, *, wait: bool) -> Iterator[None]:
+        """Hold the lock of a folder, which the system takes away when its owner ends."""
+        file = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            yield
+        finally:
+            os.close(file)

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import at_most
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -48,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="as for `run` (default: the suite's number, 32); of a self-test the pool (256)",
     )
     parser.add_argument(
-        "--max-seeds", type=int, metavar="N", help="add seeds up to N while undecided"
+        "--max-seeds", type=at_most(100_000), metavar="N", help="add seeds up to N while undecided"
     )
     parser.add_argument(
         "--margin",
@@ -66,7 +67,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--self-test", action="store_true", help="rate of false alarms and power of the gate"
     )
     parser.add_argument(
-        "--comparisons", type=int, metavar="N", help="of the self-test, for each rate (4000)"
+        "--comparisons",
+        type=at_most(10**6),
+        metavar="N",
+        help="of the self-test, for each rate (4000)",
     )
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
@@ -82,9 +86,8 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.sim.errors import FlexaxisError
 
     margins = parse_margins(args.margin)
-    for option, value in (("--jobs", args.jobs), ("--comparisons", args.comparisons)):
-        if value is not None and value < 1:
-            raise FlexaxisError(f"{option} {value}: give a whole number, 1 or more")
+    if args.comparisons is not None and args.comparisons < 1:
+        raise FlexaxisError(f"--comparisons {args.comparisons}: give a whole number, 1 or more")
     if args.self_test:
         _refuse(args, "the self-test", "max_seeds", "strict", "output", "resume",
                 "match_std")  # fmt: skip

@@ -20,6 +20,7 @@ import re
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
 
 HELP = "simulate daily logs of an axis that wears and warms"
@@ -34,13 +35,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="catalogue name or TOML path; default: wg_fc_step-v1",
     )  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, default=Path("days"), metavar="FOLDER")
-    parser.add_argument("--days", type=int, default=60, help="default: 60")
+    parser.add_argument("--days", type=at_most(3660), default=60, help="default: 60")
     parser.add_argument(
         "--wear", action="append", default=[], metavar="NAME=±X%",
         help="by which a parameter has grown on the last day, such as f_c=+12%%; default: none",
     )  # fmt: skip
     parser.add_argument(
-        "--from-day", type=int, default=30, metavar="D", help="on which wear begins; default: 30"
+        "--from-day",
+        type=at_most(3660),
+        default=30,
+        metavar="D",
+        help="on which wear begins; default: 30",
     )
     parser.add_argument(
         "--temperature", type=float, default=25.0, metavar="K",
@@ -56,10 +61,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="of those parameters from day to day, of unknown cause; default: 1%%",
     )  # fmt: skip
     parser.add_argument(
-        "--duration", type=float, default=20.0, metavar="S", help="of a test motion; default: 20 s"
+        "--duration",
+        type=at_most(86400, float),
+        default=20.0,
+        metavar="S",
+        help="of a test motion; default: 20 s",
     )
     parser.add_argument("--as-log", choices=("csv", "mat", "h5"), default="csv", help="as what")
-    parser.add_argument("--seed", type=int, default=0, help="number of the set (default 0)")
+    parser.add_argument(
+        "--seed", type=at_most(SEED), default=0, help="number of the set (default 0)"
+    )
     add_json(parser)
     add_style_options(parser)
     parser.set_defaults(counts=65536)

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.commands.numbers import SEED, at_most
 
 if TYPE_CHECKING:
     from flexaxis.experiments.demo.lesson import Lesson
@@ -44,7 +45,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--estimator", action="append", metavar="E", help="give two; they race on the same data"
     )
     parser.add_argument(
-        "--seed", type=int, help="of excitation and noise (default: the lesson's, or 0)"
+        "--seed", type=at_most(SEED), help="of excitation and noise (default: the lesson's, or 0)"
     )
     parser.add_argument(
         "--speed", type=float, metavar="X", help="times real time (default: the lesson's, or 1)"

@@ -67,10 +67,10 @@ def whole(args: argparse.Namespace) -> list[str]:
 
 def check_jobs(args: argparse.Namespace) -> None:
     """Refuse a number of processes that is none."""
-    from flexaxis.sim.errors import FlexaxisError
+    from flexaxis.experiments.running.processes import check_jobs
 
-    if args.jobs is not None and args.jobs < 1:
-        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
+    if args.jobs is not None:
+        check_jobs(args.jobs, what="--jobs")
 
 
 def shard(args: argparse.Namespace) -> tuple[int, int]:

@@ -51,10 +51,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.benchmark import command_line
-    from flexaxis.sim.errors import FlexaxisError
 
-    if args.jobs < 1:
-        raise FlexaxisError(f"--jobs {args.jobs}: give the number of processes, 1 or more")
     try:
         with progress("paper", 1) as advance:
             claims = reproduce(

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
 
 if TYPE_CHECKING:
@@ -28,7 +29,9 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scenario", metavar="SCENARIO", help="catalogue name or TOML path")
-    parser.add_argument("--seed", type=int, default=0, help="number of the run (default 0)")
+    parser.add_argument(
+        "--seed", type=at_most(SEED), default=0, help="number of the run (default 0)"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="default: SCENARIO-SEED.nc"
     )
@@ -46,11 +49,10 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.own import spare_foreign
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
-    from flexaxis.sim.errors import FlexaxisError
+    from flexaxis.experiments.running.seeds import check_seed
     from flexaxis.sim.simulate import simulate
 
-    if args.seed < 0:
-        raise FlexaxisError(f"--seed {args.seed}: give a whole number from 0 on")
+    check_seed(args.seed, what="--seed")
     scenario = find_scenario(args.scenario)
     suffix = args.as_log or "nc"
     path = args.output or Path(f"{scenario.name}-{args.seed}.{suffix}")

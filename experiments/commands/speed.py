@@ -36,6 +36,7 @@ from typing import Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import at_most
 from flexaxis.sim.errors import FlexaxisError
 
 HELP = "measure time per sample, the longest step, memory"
@@ -46,10 +47,14 @@ WIDTH = 160  # characters of a table that no terminal shows
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("--rounds", type=int, metavar="N", help=f"default {ROUNDS}")
+    parser.add_argument("--rounds", type=at_most(10_000), metavar="N", help=f"default {ROUNDS}")
     what = parser.add_mutually_exclusive_group()
-    what.add_argument("--steps", type=int, metavar="N", help="the longest of so many steps")
-    what.add_argument("--memory", type=float, metavar="HOURS", help="what is held after HOURS")
+    what.add_argument(
+        "--steps", type=at_most(10**8), metavar="N", help="the longest of so many steps"
+    )
+    what.add_argument(
+        "--memory", type=at_most(10_000, float), metavar="HOURS", help="what is held after HOURS"
+    )
     what.add_argument("--deadline", type=float, metavar="S", help="what a deadline of a step does")
     what.add_argument(
         "--campaign", nargs="+", metavar="SUITE|SCENARIO", help="where the time of a run goes"

@@ -124,8 +124,6 @@ def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
     from flexaxis.experiments.logs.wear import fewest_logs
     from flexaxis.experiments.running.progress import progress
 
-    if args.jobs < 1:
-        raise LogError(f"--jobs {args.jobs}: give 1 or more")
     axis = find_axis(args.model)
     if not axis.known:
         raise LogError(f"--model {args.model}: has no values; give what `flexaxis identify` wrote")

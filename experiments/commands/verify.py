@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import SEED, at_most
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.verdict import Check, Verdict
@@ -39,8 +40,10 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="RUN|ENTRY")
-    parser.add_argument("--sample", type=int, default=10, metavar="N", help="cases (default: 10)")
-    parser.add_argument("--seed", type=int, default=0, help="of the choice (default: 0)")
+    parser.add_argument(
+        "--sample", type=at_most(10**6), default=10, metavar="N", help="cases (default: 10)"
+    )
+    parser.add_argument("--seed", type=at_most(SEED), default=0, help="of the choice (default: 0)")
     add_run_code(parser, "rows in DIR")
     entry = parser.add_argument_group("of an entry")
     entry.add_argument("--form", action="store_true", help="its files only; nothing is run")
@@ -48,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--plain", action="store_true", help="run its code with all your rights, not shut in"
     )
     entry.add_argument(
-        "--hidden", type=int, default=8, metavar="N", help="unknown seeds (default: 8)"
+        "--hidden", type=at_most(1000), default=8, metavar="N", help="unknown seeds (default: 8)"
     )
     entry.add_argument("--seed-from", metavar="TEXT", help="what an earlier verdict has printed")
     entry.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the verdict (JSON)")

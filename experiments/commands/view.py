@@ -14,6 +14,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.numbers import SEED, at_most
 
 HELP = "look at a run in 3-D, in a window or as a picture"
 GROUP = "look"
@@ -22,7 +23,7 @@ GROUP = "look"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("what", metavar="SCENARIO|RECORD.nc")
-    parser.add_argument("--seed", type=int, default=0, help="of a scenario (default 0)")
+    parser.add_argument("--seed", type=at_most(SEED), default=0, help="of a scenario (default 0)")
     parser.add_argument("--at", type=float, default=0.0, metavar="T", help="start there [s]")
     parser.add_argument(
         "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"

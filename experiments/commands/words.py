@@ -87,9 +87,10 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     """
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.commands import options
+    from flexaxis.experiments.commands.numbers import too_large
     from flexaxis.sim.errors import FlexaxisError
 
-    problems = []
+    problems = [*too_large(parser, args)]
     if "jobs" in args:
         options.check_jobs(args)
     if "shard" in args:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.given import give, is_given
 from flexaxis.experiments.building.specs import Spec, parse
 from flexaxis.experiments.catalogue.find import select
-from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.running.processes import check_jobs
+from flexaxis.experiments.running.seeds import MOST, check_number, check_seed, parse_seeds
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -70,7 +72,10 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
     EstimatorError
         If there is none or an instance among them, if two classes have one name, or if other
         processes are to run a class that is only in this one.
+    FlexaxisError
+        If `jobs` is no number of processes.
     """
+    check_jobs(jobs)
     several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
     if not wanted:
@@ -128,7 +133,8 @@ def seeds_of(seeds: int | str | Iterable[int]) -> tuple[int, ...]:
         raise FlexaxisError(
             f'seeds {seeds!r}: give a number of them, such as 8, a range as "0:20", or a list'
         )
-    found = [seed_of(seed) for seed in seeds]
+    found = [seed_of(seed) for seed in islice(seeds, MOST + 1)]
+    check_number(len(found))
     if not found:
         raise FlexaxisError("seeds []: give whole numbers from 0 on, at least one")
     if twice := [seed for seed, times in Counter(found).items() if times > 1]:
@@ -147,8 +153,7 @@ def seed_of(seed: Any) -> int:
     FlexaxisError
         If it is no whole number from 0 on.
     """
-    if not _whole_number(seed) or seed < 0:
-        raise FlexaxisError(f"seed {seed!r}: give a whole number from 0 on")
+    check_seed(int(seed) if _whole_number(seed) else seed)
     return int(seed)
 
 

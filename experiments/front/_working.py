@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.building.guest import in_words, limited
 from flexaxis.experiments.running.cache import default_cache
 from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.running.processes import check_jobs
 from flexaxis.experiments.running.progress import progress
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def working(
     time_limit : float, optional
         How long code of a user may take for one run [s].
     """
+    check_jobs(jobs)
     remarks: list[Remark] = []
     with limited(time_limit), progress(what, total) as advance:
 

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 FORMATS = ("csv", "mat", "h5")
 SIGNALS = ("torque", "angle", "speed")
 LONGEST_GAP = 20  # samples
+MOST_GAPS = 10_000
 MAT_HEAD = 116  # bytes of text at the head of a MAT file of version 5, by its specification
 
 _SI = {"time": "s", "torque": "Nm", "angle": "rad", "speed": "rad/s"}
@@ -86,6 +87,8 @@ class LogStyle:
             if not getattr(self, option) >= 0:
                 given = getattr(self, option)
                 raise LogError(f"--{option.replace('_', '-')} {given}: give 0 or more")
+        if self.gaps > MOST_GAPS:
+            raise LogError(f"--gaps {str(self.gaps)[:40]}: give at most {MOST_GAPS}")
 
     def unit(self, signal: str) -> str:
         """Return the unit of a signal."""

@@ -221,6 +221,12 @@ def pick(log: Log, mapping: LogMap) -> Raw:
 
 def _check_size(what: str, values: Array) -> None:
     """Refuse what no sum of squares can be made of; infinity is a sample that is missing."""
+    sizes = abs(values[np.isfinite(values)])
+    if 0 < (most := sizes.max(initial=0.0)) < 1 / GREATEST:
+        raise LogError(
+            f"{what} is never more than {most:.3g}, less than anything measured can be: is its "
+            "scale or unit right, or is the file damaged?"
+        )
     wrong = np.isfinite(values) & (abs(values) > GREATEST)
     if wrong.any():
         k = int(np.argmax(wrong))

@@ -22,6 +22,7 @@ from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import opened
 from flexaxis.experiments.running.plan import Plan, make_plan
+from flexaxis.experiments.running.previous import unfinish
 from flexaxis.experiments.running.processes import Workers
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import write_traces
@@ -213,4 +214,5 @@ def write_outcome(folder: Path, file: rows.RowFile, outcome: Outcome) -> None:
     with spent(WRITING):
         keep_all(folder, outcome.kept)
         write_traces(folder, outcome.traces)
+        unfinish(folder)  # what is made of the rows that are there is not of these
         file.append(outcome.lines)

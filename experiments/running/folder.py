@@ -13,7 +13,7 @@ from flexaxis.experiments.running.files import make_folder
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
 from flexaxis.experiments.running.plan import Plan, expected
-from flexaxis.experiments.running.previous import is_unfinished, set_aside, unfinish
+from flexaxis.experiments.running.previous import is_unfinished, set_aside
 from flexaxis.experiments.running.rows import done as cases_done
 from flexaxis.experiments.running.rows import row_files, share_of
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
@@ -71,8 +71,6 @@ def opened(
         if replace and not resume:
             _make_room(plan.study, folder, about or {})
         check(plan.study, folder, plan.shard)
-        if replace:
-            unfinish(folder)  # what is made of the rows that are there is not of those to come
         rows = folder / name
         if not resume and rows.exists() and rows.stat().st_size:
             raise StudyError(

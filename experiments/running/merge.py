@@ -84,8 +84,6 @@ def _as_before(
 
 
 def _made(folders: Sequence[Path], target: Path, content: Mapping[str, Any]) -> tuple[int, int]:
-    for path in target.glob(f".{Path(SCORES).stem}.*.jsonl"):  # of a merge that was killed
-        path.unlink()
     with new_file(target / SCORES) as part:
         found = _copy(folders, target, part)
         # Before the rows, which come all at once: rows without it are of no study.

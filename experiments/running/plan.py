@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ from flexaxis.sim.scenario import Scenario
 SEEDS_PER_UNIT = 16  # enough to share the cost of a batch, few enough to see progress
 UNITS = 16  # at least that many where there are records enough, so that many processes have work
 CASES_PER_UNIT = 256  # at most, where many variants share their records
+MOST_CASES = 10**7  # of 1 to 2 kB
 SHOWN = 20  # problems told at once
 
 
@@ -148,6 +150,7 @@ def make_plan(
     EstimatorCrash
         If the code of an estimator raises something when it is made.
     """
+    _check_size(study)
     groups: dict[str, dict[str, Variant]] = {}
     problems = _Problems(study)
     entries = _entries(study, problems, run_code)
@@ -170,6 +173,22 @@ def make_plan(
         _try_estimators(base, entries, problems, run_code)
     problems.tell()
     return Plan(study, tuple(tuple(group.values()) for group in groups.values()), shard, repeat)
+
+
+def _check_size(study: Study) -> None:
+    """Refuse what would fill any disk with rows; some cases may be the same one, and run once."""
+    sizes = {
+        "scenarios": len(study.scenarios),
+        "points": len(study.points),
+        "estimators": len(study.estimators),
+        "seeds": len(study.seeds),
+    }
+    if math.prod(sizes.values()) > MOST_CASES:
+        told = " × ".join(f"{number} {name}" for name, number in sizes.items())
+        raise StudyError(
+            f"{study.name}: {told} are too many cases: at most {MOST_CASES:,} in all, whose rows "
+            "take some 20 GB; make it smaller, or several of it"
+        )
 
 
 class _Problems:

@@ -11,10 +11,26 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
-from typing import Self
+from typing import Any, Self
 
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
+from flexaxis.sim.errors import FlexaxisError
+
+MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
+
+
+def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
+    """Refuse a number of processes that is none; `what` stands before it in the message.
+
+    Raises
+    ------
+    FlexaxisError
+    """
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+        raise FlexaxisError(f"{what} {jobs!r}: give the number of processes, 1 or more")
+    if jobs > MOST:
+        raise FlexaxisError(f"{what} {str(jobs)[:40]}: give at most {MOST} processes")
 
 
 def _start_worker() -> None:

@@ -118,9 +118,7 @@ def _details(stored: Any, number: int, told: Mapping[str, Any]) -> list[Detail |
 
 def trace_files(folder: Path) -> list[Path]:
     """Return the files of traces in the folder of a run."""
-    # a hidden one is what a kill has left of a file
-    found = (folder / TRACES).glob("*.npz")
-    return sorted(path for path in found if not path.name.startswith("."))
+    return sorted((folder / TRACES).glob("[!.]*.npz"))
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -17,9 +18,9 @@ from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.axes import ALL, is_option
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.running.seeds import END, parse_seeds
 from flexaxis.experiments.running.study import Point, Study
-from flexaxis.experiments.studies.design import Span, listed, product, sobol
+from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
 from flexaxis.sim.config import Config
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.problems import explain
@@ -81,8 +82,8 @@ class StudyFile(Config):
     override: Annotated[dict[str, Any], BeforeValidator(_flat)] = Field(default_factory=dict)
     sweep: Annotated[dict[str, Any], BeforeValidator(_axes)] = Field(default_factory=dict)
     design: Literal["product", "list", "sobol"] = "product"
-    samples: Annotated[int, Field(ge=1)] | None = None
-    design_seed: Annotated[int, Field(ge=0)] = 0
+    samples: Annotated[int, Field(ge=1, le=MOST)] | None = None
+    design_seed: Annotated[int, Field(ge=0, lt=END)] = 0
     streams: Literal["common", "own"] = "common"
 
 
@@ -170,6 +171,9 @@ def _design_problems(file: StudyFile) -> Iterator[Problem]:
         elif problem := check(value):
             yield f"sweep.{key}", problem
     lengths = {key: len(v) for key, v in file.sweep.items() if isinstance(v, list)}
+    if file.design == "product" and math.prod(lengths.values()) > MOST:
+        told = " × ".join(f"{n} values of {key}" for key, n in lengths.items())
+        yield "sweep", f"{told} are too many points: at most {MOST} in all"
     if file.design == "list" and len(set(lengths.values())) > 1:
         told = ", ".join(f"{key} has {n}" for key, n in lengths.items())
         yield "sweep", f'design = "list" takes all axes in step, so of one length: {told}'

@@ -12,6 +12,7 @@ import numpy as np
 from flexaxis.experiments.running.study import Point
 from flexaxis.sim.config import Config
 
+MOST = 100_000  # points: what is run of each takes seconds, and all lie in memory
 DIGITS = 6  # of a drawn value: enough to fill any axis, and still to be read in a name
 
 
