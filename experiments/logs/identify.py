@@ -20,6 +20,7 @@ from flexaxis.experiments.logs.friction import names_of
 from flexaxis.experiments.logs.late import at_its_least, check_delay
 from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
 from flexaxis.experiments.logs.pieces import spread
+from flexaxis.experiments.logs.prepare import highpass_filter
 from flexaxis.experiments.logs.spectrum import Response
 from flexaxis.experiments.logs.starts import Starts
 from flexaxis.experiments.logs.verdict import Verdict, judge
@@ -167,13 +168,16 @@ def identify(
     names = _free(axis, free, fix)
     if axis.known:
         check_rate(axis.model, log.period)
+    corner = axis.highpass if highpass is None else highpass
+    if corner is not None:
+        highpass_filter(corner, log.period)  # refuses what is none
     attempt = Attempt(
         log,
         axis.model,
         names,
         delay=delay,
         whiten=whiten,
-        highpass=axis.highpass if highpass is None else highpass,
+        highpass=corner,
         tell=tell,
     )
     check_delay(attempt)

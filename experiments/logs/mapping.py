@@ -61,6 +61,7 @@ KINDS = {
 """The signals that a mapping may name, and the kind of unit each has."""
 
 LARGEST = 1e12  # of a rate or a factor
+SLOWEST = 0.01  # Hz: nothing of an axis is seen in a sample every two minutes
 
 _OPTIONS = ("rate", "scale", "unit", "torque_is")
 
@@ -143,8 +144,8 @@ def _wrong(key: str, value: object) -> Iterator[str]:
         yield f"{key}: no such key.{did_you_mean(key, known)} There are {', '.join(known)}"
     elif key in KINDS and not isinstance(value, str):
         yield f"{key} is {value!r}; give the name of a column, in quotes"
-    elif key == "rate" and not _is_number(value, above=0):
-        yield f"rate is {value!r}; give the sampling rate in Hz, above 0"
+    elif key == "rate" and not _is_number(value, least=SLOWEST):
+        yield f"rate is {value!r}; give the sampling rate in Hz, {SLOWEST:g} or more"
     elif key == "torque_is" and value not in ("held", "smooth"):
         yield f"torque_is is {value!r}; give 'held' or 'smooth'"
     elif key in ("scale", "unit"):
@@ -156,10 +157,10 @@ def _wrong(key: str, value: object) -> Iterator[str]:
                 yield f"{key}.{name} = {entry!r}: {f'give {wanted}' if name in KINDS else others}"
 
 
-def _is_number(value: object, *, above: float = -LARGEST) -> bool:
+def _is_number(value: object, *, least: float = -LARGEST) -> bool:
     """Whether a value is a number within sensible limits."""
     there = isinstance(value, int | float) and not isinstance(value, bool)
-    return there and above < value <= LARGEST  # type: ignore[operator]
+    return there and least <= value <= LARGEST  # type: ignore[operator]
 
 
 def load_mapping(path: Path) -> dict[str, Any]:

@@ -20,6 +20,7 @@ ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
 MOST_RATE = 10  # times that of the log, to which it may be resampled
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
+LOWEST = 1e-6  # of a high-pass over the rate: that of a log of 1e6 samples
 
 
 @dataclass(frozen=True)
@@ -240,12 +241,12 @@ def highpass_filter(corner: float, period: float) -> Array:
     Raises
     ------
     LogError
-        If the corner is not between 0 and half the rate.
+        If the corner is not below half the rate, or so low that the filter cannot be computed.
     """
-    if not 0 < corner < 0.5 / period:
+    if not LOWEST / period <= corner < 0.5 / period:
         raise LogError(
-            f"--highpass {corner:g} Hz: give a corner above 0 and below half the rate, "
-            f"{0.5 / period:g} Hz"
+            f"--highpass {corner:g} Hz: give a corner below half the rate, {0.5 / period:g} Hz, "
+            f"and not below {LOWEST / period:g} Hz"
         )
     return np.asarray(butter(4, corner * 2 * period, "highpass", output="sos"))
 

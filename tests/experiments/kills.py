@@ -194,9 +194,11 @@ def hidden(path: Path, folder: Path) -> bool:
 
 
 def leftovers(folder: Path) -> list[Path]:
-    """Return the hidden files that nobody needs."""
-    found = (path for path in folder.rglob("*") if path.is_file() and hidden(path, folder))
-    return [path for path in found if path.suffix != ".lock" and path.name != ".lock"]
+    """Return the hidden files and folders that nobody needs."""
+    from flexaxis.experiments.running.names import COLUMNS
+
+    found = (path for path in folder.rglob("*") if hidden(path, folder))
+    return [path for path in found if not path.name.endswith((".lock", COLUMNS))]
 
 
 def whole(path: Path) -> bool:

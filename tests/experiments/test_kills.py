@@ -16,6 +16,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import previous as place
 from flexaxis.experiments.running import rows
+from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.errors import StudyError
@@ -125,6 +126,20 @@ def test_an_old_result_is_whole_at_every_moment_of_its_replacement(
         complete(tmp_path, 2, stubs, replace=True)
         moments += 1
     assert moments > 10
+
+
+def test_a_result_that_lacks_nothing_stays_complete_when_it_is_gone_on_with(stubs, tmp_path):
+    """At no moment of it is what was made of all rows away; the first other row takes it."""
+    complete(tmp_path, 2, stubs)
+    made = tmp_path / "summary.json"
+    with Bench(study(2).scenarios, tmp_path, Means(work=stubs.quick), resume=True, replace=True):
+        assert made.exists()
+    run_study(study(2), tmp_path, Means(work=stubs.quick), resume=True, replace=True)
+    assert made.exists()
+    seen = []
+    means = Means(work=stubs.quick, advance=lambda outcome: seen.append(made.exists()))
+    run_study(study(3), tmp_path, means, resume=True, replace=True)
+    assert seen == [False]
 
 
 def test_what_was_killed_before_its_first_row_binds_nobody(stubs, tmp_path):

@@ -141,7 +141,9 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
         status = error.code
     except Over:
         return f"no answer in {seconds:g} s"
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # what panics in Rust is no Exception
         return f"{type(error).__name__}: {error}"[:600]
     said = err.getvalue()
     if status not in STATUS or "Traceback" in said:
