@@ -51,7 +51,14 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         error. Charts as `charted` returns them, and `Picks`, are found in it wherever they stand
         and put into the page's block of data. What stands under ``glossary``, by term, is shown by
         hover where something has that ``data-term``; estimators under ``aside`` are hidden first.
+
+    Raises
+    ------
+    LookupError
+        If something that the template names is missing.
     """
+    from jinja2 import UndefinedError
+
     code = script.source()
     frame = {
         "script": Markup(code),
@@ -59,7 +66,10 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         "data": DATA,
         "looks": looks.NINE,
     }
-    text = _environment().get_template(template).render({**content, **frame})
+    try:
+        text = _environment().get_template(template).render({**content, **frame})
+    except UndefinedError as error:  # a key that a table from a file has not
+        raise LookupError(str(error)) from error
     return text.replace(DATA, packed(_data(text, content)), 1)
 
 
