@@ -1,0 +1,34 @@
+"""The excess prediction error: of which samples it is, and of whom."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.models.axes import three_mass
+from flexaxis.estimators.offline.predictor import predict
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.excess import information
+from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.table import rows
+from flexaxis.experiments.scoring.theta import true_theta
+
+NAMES = ("k_T", "1/J_a", "f_m")
+
+
+def test_the_excess_error_is_of_the_steady_state():
+    """It is periodic, so that the period from 20 s on has the same ψ as the last two."""
+    scenario = find_scenario("paper_nominal-v1").override({"start": 1.0})
+    model = three_mass(scenario.nominal.as_dict()).parametrize(NAMES)
+    _, psi = predict(model, model.theta, nominal_torque(scenario), period=0.005)
+    psi = psi[4000:6000] * model.theta / 100
+    wanted = psi.T @ psi / 2000 / 0.1**2
+    np.testing.assert_allclose(information(scenario), wanted, rtol=1e-6)
+
+
+def test_who_does_not_estimate_a_parameter_leaves_it_as_it_was_told():
+    """Started 20 % off, and estimating f_m alone, exactly: what is left is that of k_T and J_a."""
+    scenario = find_scenario("paper_nominal-v1").override({"start": 1.2})
+    truth = true_theta(("f_m",), scenario.true_parameters())
+    (row,) = rows(Track(scenario, ("f_m",), truth, scenario.true_parameters()))
+    off = np.array([20.0, 20.0, 0.0])  # per cent; 1/J_a is 20 % high where J_a is told as low
+    assert row["excess"] == pytest.approx(off @ information(scenario) @ off)
