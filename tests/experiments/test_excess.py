@@ -9,6 +9,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.pools import excess
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theta import true_theta
 
@@ -32,3 +33,10 @@ def test_who_does_not_estimate_a_parameter_leaves_it_as_it_was_told():
     (row,) = rows(Track(scenario, ("f_m",), truth, scenario.true_parameters()))
     off = np.array([20.0, 20.0, 0.0])  # per cent; 1/J_a is 20 % high where J_a is told as low
     assert row["excess"] == pytest.approx(off @ information(scenario) @ off)
+
+
+def test_a_lost_run_counts_as_it_is_and_has_no_bias_in_common():
+    """By hand: (1 + 1 + 100)/3 less two thirds of the square of the common bias of one."""
+    lost = np.array([False, False, True])
+    biases = np.array([[1.0], [1.0], [50.0]])
+    assert excess(np.array([1.0, 1.0, 100.0]), lost, biases, np.eye(1)) == pytest.approx(100 / 3)

@@ -74,7 +74,9 @@ def test_long_arrays_that_are_offered_are_told_apart(records, monkeypatch):
     other[4000] = 1.0
     found = []
     for torque in (one, other, one.copy()):
-        monkeypatch.setattr(ready_, "offered_to", lambda *_, torque=torque, **__: {"torque": torque})
+        monkeypatch.setattr(
+            ready_, "offered_to", lambda *_, torque=torque, **__: {"torque": torque}
+        )
         found.append(ready(parse("frozen"), scenario))
     assert found[0] is not found[1] and found[0] is found[2]
 
