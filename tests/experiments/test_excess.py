@@ -26,6 +26,17 @@ def test_the_excess_error_is_of_the_steady_state():
     np.testing.assert_allclose(information(scenario), wanted, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [{"fault[0].factor": 0.7}, {"noise.torque": 0.05}, {"noise.angle": 1e-3}, {"duration": 12.0}],
+)
+def test_the_nominal_run_knows_neither_fault_nor_noise(changes):
+    scenario = find_scenario("fm_step-v1")
+    other = scenario.override(changes)
+    np.testing.assert_array_equal(nominal_torque(other), nominal_torque(scenario))
+    assert len(nominal_torque(other)) == 8000
+
+
 def test_who_does_not_estimate_a_parameter_leaves_it_as_it_was_told():
     """Started 20 % off, and estimating f_m alone, exactly: what is left is that of k_T and J_a."""
     scenario = find_scenario("paper_nominal-v1").override({"start": 1.2})
