@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,13 +154,18 @@ def test_a_piece_longer_than_a_sample_is_done_nevertheless(make, faulty):
     assert spread._pace.front is None and len(spread.findings) == 1
 
 
-@pytest.mark.parametrize("most, reasons", [(10_000, {""}), (10, {OVERTAKEN})])
+@pytest.mark.parametrize(
+    "most, reasons, adapting",
+    [(10_000, {""}, False), (10, {OVERTAKEN}, False), (10, {OVERTAKEN}, True)],
+)
 def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_do(
-    make, faulty, monkeypatch, most, reasons
+    make, faulty, monkeypatch, most, reasons, adapting
 ):
     spread = make()
-    spread._pace._most = most
+    monkeypatch.setattr(spread._pace, "_most", most)
     judge, begin, first, ages = spread._judge, spread._pace._begin, [], []
+    # one that adapts looks into what is unexplained once more: not where there is no time
+    monkeypatch.setattr(judge, "policy", replace(judge.policy, adapting=adapting))
     look = judge._look
 
     def slowly():
