@@ -159,7 +159,7 @@ def test_a_piece_longer_than_a_sample_is_done_nevertheless(make, faulty):
     [(10_000, {""}, False), (10, {OVERTAKEN}, False), (10, {OVERTAKEN}, True)],
 )
 def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_do(
-    make, faulty, monkeypatch, most, reasons, adapting
+    make, faulty, monkeypatch, *, most, reasons, adapting
 ):
     spread = make()
     monkeypatch.setattr(spread._pace, "_most", most)
