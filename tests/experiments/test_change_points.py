@@ -47,6 +47,32 @@ def test_a_step_is_no_ramp():
     assert (change.shape, change.place) == ("step", 40)
 
 
+def test_the_places_of_a_step_are_those_that_are_nearly_as_good():
+    """By sums of squares over the claimed variance: within 3.84, the 95 % point of χ² of one."""
+    value = 0.02 * (DAYS >= 30) + 0.01 * np.random.default_rng(4).standard_normal(N)
+    found = explain(series(value, deviation=0.01))
+    (change,) = found.changes
+    assert change.shape == "step" and found.scatter == 0.0
+
+    def rest(k):
+        return sum(((part - part.mean()) ** 2).sum() for part in (value[:k], value[k:])) / 0.01**2
+
+    squares = {k: rest(k) for k in range(3, N - 2)}
+    best = min(squares.values())
+    near = [k for k, square in squares.items() if square - best < 3.84]
+    assert (change.earliest, change.latest) == (min(near), max(near))
+    assert len(near) > len([k for k, square in squares.items() if square - best < 1.92])
+
+
+def test_the_size_of_a_step_is_no_surer_than_the_logs_claim():
+    """They agree ten times better than that, as by an error that they share."""
+    value = 0.05 * (DAYS >= 40) + noise(np.random.default_rng(2), scatter=0.0003)
+    found = explain(series(value, deviation=0.003))
+    (change,) = found.changes
+    assert found.scatter == 0.0
+    assert change.deviation == pytest.approx(0.003 * np.sqrt(1 / 40 + 1 / 20))
+
+
 def test_wear_and_repair_are_two_changes():
     rng = np.random.default_rng(3)
     value = 0.2 * np.maximum(DAYS - 15, 0) / 30 * (DAYS < 45) + noise(rng)
