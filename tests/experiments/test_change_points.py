@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
+from scipy.stats import multivariate_normal
 
 from flexaxis.experiments.logs.chances import DRAWS, beyond, chance_of, ratios
 from flexaxis.experiments.logs.change_points import Series, explain, size_of
-from flexaxis.experiments.logs.scatter import Scatter
+from flexaxis.experiments.logs.scatter import Scatter, _restricted
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
 
 N = 60
@@ -178,6 +180,31 @@ def test_estimates_scatter_by_what_they_claim_at_least():
     lags = abs(np.subtract.outer(np.arange(60), np.arange(60)))
     formula = np.diag(deviation**2) + scatter.size**2 * scatter.memory**lags
     np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
+
+
+def test_the_likelihood_is_that_of_what_the_design_leaves():
+    """Of contrasts that no column of it moves, but for what is the same at every covariance."""
+    rng = np.random.default_rng(15)
+    x, Z, root = rng.standard_normal(8), rng.standard_normal((8, 3)), rng.standard_normal((8, 8))
+    contrasts = null_space(Z.T)
+    found, wanted = [], []
+    for covariance in (np.eye(8), 3.0 * np.eye(8), root @ root.T + np.eye(8)):
+        found.append(_restricted(x, Z, np.linalg.cholesky(covariance)))
+        density = multivariate_normal(cov=contrasts.T @ covariance @ contrasts)
+        wanted.append(density.logpdf(contrasts.T @ x))
+    np.testing.assert_allclose(np.diff(found), np.diff(wanted))
+
+
+def test_memory_is_over_the_usual_step_whatever_the_first():
+    """A pause of ten days after the first log: the memory is from day to day all the same."""
+    time = np.r_[0.0, 10.0 + np.arange(79.0)]
+    x = noise(np.random.default_rng(8), 80, 4.0, 0.6)
+    scatter = Scatter(time, np.ones(80))
+    scatter.fit(x, np.ones((80, 1)))
+    white = scatter.white(np.eye(80))
+    formula = np.eye(80) + scatter.size**2 * scatter.memory ** abs(np.subtract.outer(time, time))
+    np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
+    assert scatter.memory > 0
 
 
 def temperature(rng):
