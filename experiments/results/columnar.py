@@ -211,7 +211,7 @@ def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Ta
     while some := list(islice(parts, PART // READ)):
         for name in types:
             _append(file[_name(name)], np.concatenate([part[name] for part in some]))
-    _check_once(journal, np.asarray(file[CASE][:]))
+    _check_once(journal, np.asarray(file[CASE][:]), np.asarray(file["parameter"][:]))
     for name, each in numbers.items():
         texts = [text for text in each if text is not None]
         if name not in axes:  # as JSON, as those are: no character is lost
@@ -220,9 +220,14 @@ def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Ta
     return Table(tuple(axes), file)
 
 
-def _check_once(journal: Sequence[Path], cases: NDArray[np.uint64]) -> None:
+def _check_once(
+    journal: Sequence[Path], cases: NDArray[np.uint64], parameters: NDArray[Any]
+) -> None:
     """Refuse a case that is there twice, as in files put together by hand: it would count twice."""
-    known, times = np.unique(cases[np.diff(cases, prepend=~cases[:1]) != 0], return_counts=True)
+    begins = np.diff(cases, prepend=~cases[:1]) != 0
+    first = parameters[begins][np.cumsum(begins) - 1]
+    begins |= parameters == first  # right after itself, too
+    known, times = np.unique(cases[begins], return_counts=True)
     if known.size and times.max() > 1:
         raise StudyError(
             f"{', '.join(map(str, journal))}: the rows of case {known[times.argmax()]:016x} are "

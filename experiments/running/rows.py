@@ -78,14 +78,32 @@ def blocks(path: Path) -> Iterator[Block]:
 
 
 def _complete(path: Path, block: list[bytes], end: int) -> Iterator[Block]:
+    """Yield what is complete of lines of one case; more than once where files were put together."""
     count = _COUNT.search(block[0])
-    if count and int(count[1]) != len(block):
-        return
-    try:
-        case = int(block[0][ID], 16)
-    except ValueError as error:
-        raise _damaged(path, block[0], error) from error
-    yield Block(case, block, end)
+    parts = [block] if count and int(count[1]) == len(block) else _parts(block)
+    stop = end - sum(map(len, block))
+    for part in parts:
+        stop += sum(map(len, part))
+        count = _COUNT.search(part[0])
+        if count and int(count[1]) != len(part):
+            continue
+        try:
+            case = int(part[0][ID], 16)
+        except ValueError as error:
+            raise _damaged(path, part[0], error) from error
+        yield Block(case, part, stop)
+
+
+def _parts(block: list[bytes]) -> list[list[bytes]]:
+    """Return the lines of a case apart where they begin anew, with the same parameter."""
+    found: list[list[bytes]] = []
+    first = _PARAMETER.search(block[0])
+    for line in block:
+        again = _PARAMETER.search(line)
+        if not found or (first and again and again[1] == first[1]):
+            found.append([])
+        found[-1].append(line)
+    return found
 
 
 def scan(path: Path) -> Scan:
@@ -109,6 +127,7 @@ def share_of(path: Path) -> int | None:
 
 
 _COUNT = re.compile(rb'"rows": (\d+)')  # in the first row of a case
+_PARAMETER = re.compile(rb'"parameter": ("(?:[^"\\]|\\.)*"|null)')
 # Files were called rows before runs and studies had the same.
 _NAME = re.compile(r"(?:scores|rows)(?:-(\d+)-of-(\d+))?\.jsonl")
 

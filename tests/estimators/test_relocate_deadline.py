@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from flexaxis.estimators.relocate.entry import relocate, relocate_friction
 from flexaxis.estimators.relocate.filter import Relocate
 from flexaxis.estimators.relocate.past import Normal, past_of
 from flexaxis.estimators.relocate.rows import Stretch
-from flexaxis.estimators.relocate.work import finished
+from flexaxis.estimators.relocate.work import CALL, finished, operations, seconds
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.theta import started_nominal
 from flexaxis.sim.simulate import simulate
@@ -153,13 +154,18 @@ def test_a_piece_longer_than_a_sample_is_done_nevertheless(make, faulty):
     assert spread._pace.front is None and len(spread.findings) == 1
 
 
-@pytest.mark.parametrize("most, reasons", [(10_000, {""}), (10, {OVERTAKEN})])
+@pytest.mark.parametrize(
+    "most, reasons, adapting",
+    [(10_000, {""}, False), (10, {OVERTAKEN}, False), (10, {OVERTAKEN}, True)],
+)
 def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_do(
-    make, faulty, monkeypatch, most, reasons
+    make, faulty, monkeypatch, *, most, reasons, adapting
 ):
     spread = make()
-    spread._pace._most = most
+    monkeypatch.setattr(spread._pace, "_most", most)
     judge, begin, first, ages = spread._judge, spread._pace._begin, [], []
+    # one that adapts looks into what is unexplained once more: not where there is no time
+    monkeypatch.setattr(judge, "policy", replace(judge.policy, adapting=adapting))
     look = judge._look
 
     def slowly():
@@ -181,6 +187,51 @@ def test_of_an_alarm_while_samples_wait_the_last_look_is_taken_unless_too_many_d
     assert max(waiting) >= 250 and waiting[-1] == 0
     assert {finding.reason for finding in spread.findings} == reasons
     assert ages == ([judge.policy.ages[-1]] if "" in reasons else [])
+
+
+def test_what_is_caught_up_with_in_a_step_fits_into_it(make, faulty, monkeypatch):
+    """Counted at the filter that catches up: so much for a call, and for each of its samples."""
+    spread = make()
+    memory, pace, taken, most = spread._judge.memory, spread._pace, [], []
+    run = memory.run
+
+    def counted(u, *rest):
+        taken.append(len(u))
+        return run(u, *rest)
+
+    monkeypatch.setattr(memory, "run", counted)
+
+    def each():
+        most.append(sum(CALL + count * pace._sample for count in taken) / pace._budget)
+        taken.clear()
+
+    stepped(spread, faulty.u[:100], faulty.y[:100])
+    taken.clear()
+    monkeypatch.setattr(pace, "_budget", CALL + 100 * pace._sample)
+    pace._work, pace._next = iter([pace._budget] * 300), pace._budget  # so long nothing is taken
+    pace.front = memory.fork()
+    stepped(spread, faulty.u[100:500], faulty.y[100:500], each)
+    assert 0.9 < max(most) <= 1.0 and not pace._missed
+
+
+def test_a_gap_in_the_midst_of_work_is_one_when_it_is_caught_up_with(make, faulty):
+    at_once, spread = make(None), make()
+    y, there = faulty.y.copy(), np.ones(len(faulty.y), bool)
+    there[ONSET + 6 : ONSET + 26] = False
+    y[~there] = 1e3  # of no meaning
+    whole = at_once.run(faulty.u, y, there)
+    theta = spread.run(faulty.u, y, there)
+    assert [f.parameters for f in spread.findings] == [f.parameters for f in at_once.findings]
+    np.testing.assert_allclose(theta[-1], whole[-1], rtol=1e-3)
+
+
+def test_samples_of_half_a_minute_may_wait(make):
+    assert make()._pace._most * T == 30.0
+
+
+def test_the_shortest_deadline_for_some_work_has_time_for_it():
+    for work in (1e4, 1e6):
+        assert operations(seconds(work)) == pytest.approx(work)
 
 
 def test_a_search_whose_start_is_forgotten_ends(make, faulty):

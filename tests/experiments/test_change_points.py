@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
+from scipy.stats import multivariate_normal
 
 from flexaxis.experiments.logs.chances import DRAWS, beyond, chance_of, ratios
 from flexaxis.experiments.logs.change_points import Series, explain, size_of
-from flexaxis.experiments.logs.scatter import Scatter
+from flexaxis.experiments.logs.scatter import Scatter, _restricted
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
 
 N = 60
@@ -45,6 +47,32 @@ def test_a_step_is_no_ramp():
     rng = np.random.default_rng(2)
     (change,) = explain(series(0.05 * (DAYS >= 40) + noise(rng))).changes
     assert (change.shape, change.place) == ("step", 40)
+
+
+def test_the_places_of_a_step_are_those_that_are_nearly_as_good():
+    """By sums of squares over the claimed variance: within 3.84, the 95 % point of χ² of one."""
+    value = 0.02 * (DAYS >= 30) + 0.01 * np.random.default_rng(4).standard_normal(N)
+    found = explain(series(value, deviation=0.01))
+    (change,) = found.changes
+    assert change.shape == "step" and found.scatter == 0.0
+
+    def rest(k):
+        return sum(((part - part.mean()) ** 2).sum() for part in (value[:k], value[k:])) / 0.01**2
+
+    squares = {k: rest(k) for k in range(3, N - 2)}
+    best = min(squares.values())
+    near = [k for k, square in squares.items() if square - best < 3.84]
+    assert (change.earliest, change.latest) == (min(near), max(near))
+    assert len(near) > len([k for k, square in squares.items() if square - best < 1.92])
+
+
+def test_the_size_of_a_step_is_no_surer_than_the_logs_claim():
+    """They agree ten times better than that, as by an error that they share."""
+    value = 0.05 * (DAYS >= 40) + noise(np.random.default_rng(2), scatter=0.0003)
+    found = explain(series(value, deviation=0.003))
+    (change,) = found.changes
+    assert found.scatter == 0.0
+    assert change.deviation == pytest.approx(0.003 * np.sqrt(1 / 40 + 1 / 20))
 
 
 def test_wear_and_repair_are_two_changes():
@@ -152,6 +180,31 @@ def test_estimates_scatter_by_what_they_claim_at_least():
     lags = abs(np.subtract.outer(np.arange(60), np.arange(60)))
     formula = np.diag(deviation**2) + scatter.size**2 * scatter.memory**lags
     np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
+
+
+def test_the_likelihood_is_that_of_what_the_design_leaves():
+    """Of contrasts that no column of it moves, but for what is the same at every covariance."""
+    rng = np.random.default_rng(15)
+    x, Z, root = rng.standard_normal(8), rng.standard_normal((8, 3)), rng.standard_normal((8, 8))
+    contrasts = null_space(Z.T)
+    found, wanted = [], []
+    for covariance in (np.eye(8), 3.0 * np.eye(8), root @ root.T + np.eye(8)):
+        found.append(_restricted(x, Z, np.linalg.cholesky(covariance)))
+        density = multivariate_normal(cov=contrasts.T @ covariance @ contrasts)
+        wanted.append(density.logpdf(contrasts.T @ x))
+    np.testing.assert_allclose(np.diff(found), np.diff(wanted))
+
+
+def test_memory_is_over_the_usual_step_whatever_the_first():
+    """A pause of ten days after the first log: the memory is from day to day all the same."""
+    time = np.r_[0.0, 10.0 + np.arange(79.0)]
+    x = noise(np.random.default_rng(8), 80, 4.0, 0.6)
+    scatter = Scatter(time, np.ones(80))
+    scatter.fit(x, np.ones((80, 1)))
+    white = scatter.white(np.eye(80))
+    formula = np.eye(80) + scatter.size**2 * scatter.memory ** abs(np.subtract.outer(time, time))
+    np.testing.assert_allclose(np.linalg.inv(white.T @ white), formula, atol=1e-9)
+    assert scatter.memory > 0
 
 
 def temperature(rng):

@@ -15,6 +15,7 @@ from flexaxis.experiments.results.columns import COLUMNS, UNITS
 from flexaxis.experiments.results.cube import cube_of
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.running.rows import blocks
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
@@ -216,12 +217,15 @@ def test_a_damaged_row_leaves_nothing_and_is_named(stored, tmp_path, large):
     assert [p.name for p in tmp_path.iterdir()] == ["scores.jsonl"]
 
 
-def test_a_case_that_is_there_twice_is_not_counted_twice(stored, tmp_path):
+@pytest.mark.parametrize("how", ["all of them after all", "one right after itself"])
+def test_a_case_that_is_there_twice_is_not_counted_twice(stored, tmp_path, how):
     """As where files were put together by hand."""
     results = stored(tmp_path, some_rows(), AXES)
     path = tmp_path / "scores.jsonl"
     text = path.read_text(encoding="utf-8")
-    path.write_text(text + text, encoding="utf-8")
+    (first, *_) = blocks(path)
+    again = b"".join(first.lines).decode()
+    path.write_text(text + text if how.startswith("all") else again + text, encoding="utf-8")
     with pytest.raises(StudyError, match=r"rows of case [0-9a-f]{16} are there 2 times"):
         len(results.rows)
 

@@ -122,6 +122,16 @@ def test_far_is_told_from_the_scatter():
     assert (ratios > rules.FAILED).any() and set(words(ratios)[0]) == {"better"}
 
 
+def test_far_pairs_are_those_of_numpys_median():
+    """Of few pairs, odd and even in number, where the two middle ones are far apart."""
+    ratios = normal(0.0, 0.5, seeds=6, comparisons=500) ** 3
+    ratios[:, ::2, 4] = np.nan
+    off = ratios - np.nanmedian(ratios, axis=2, keepdims=True)
+    scatter = np.nanmedian(abs(off), axis=2, keepdims=True)
+    textbook = (ratios > 0.2) & (off > 4 * 1.4826 * scatter)
+    np.testing.assert_array_equal(far_pairs(ratios, np.isfinite(ratios).sum(axis=2)), textbook)
+
+
 def rare(sign, shape, seed=0):
     """Mean zero: 5 % quicker on nine runs of ten, and so much slower on one (or the mirror)."""
     failed = np.random.default_rng(seed).random(shape) < 0.1

@@ -96,6 +96,14 @@ def test_a_lost_run_is_counted_once():
     assert found.verdict == "worse"
 
 
+def test_a_run_is_lost_that_is_so_in_one_parameter():
+    ten = rows(never_settled=chosen(10))
+    for row in ten:
+        row["never_settled"] &= row["parameter"] == "f_m"
+    found = compared(rows(), ten)
+    assert of(found, "never_settled").candidate == 10 and found.verdict == "worse"
+
+
 def test_the_same_runs_lost_on_both_sides_are_no_difference_but_said():
     lost = chosen(6)
     found = compared(rows(diverged=lost), rows(diverged=lost))

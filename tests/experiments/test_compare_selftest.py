@@ -64,12 +64,13 @@ def test_planted_losses_take_the_pair_with_them():
     assert not (drawn.lost["never_settled"] & gone).any()  # not counted twice
 
 
-def test_looks_end_where_it_is_decided():
-    """Worse in the first 16 runs, and as much better in the next: the second look is not asked."""
-    ratios = np.repeat([0.6, -0.6, 0.0, 0.0], 16) * np.ones((1, 2, 1))
+@pytest.mark.parametrize(("way", "word"), [(1.0, "worse"), (-1.0, "better")])
+def test_looks_end_where_it_is_decided(way, word):
+    """One word in the first 16 runs, the contrary in the next: the second look is not asked."""
+    ratios = way * np.repeat([0.6, -0.6, 0.0, 0.0], 16) * np.ones((1, 2, 1))
     flags = {way: np.zeros((2, 1, 2, 64), bool) for way in LOST}
     drawn = Drawn(pool().family, ratios, flags)
-    assert judged(drawn, [16, 32, 64]).word[0] == "worse" == judged(drawn, [16]).word[0]
+    assert judged(drawn, [16, 32, 64]).word[0] == word == judged(drawn, [16]).word[0]
     assert judged(drawn, [64]).word[0] == "undecided" and judged(drawn, [64]).status[0] == 0
 
 

@@ -52,6 +52,23 @@ def test_excitation_can_stop_and_go():
         axis.excitation = "of"
 
 
+def test_stop_and_go_begins_when_it_is_chosen():
+    axis = LiveAxis()
+    axis.advance(RATE)
+    axis.excitation = "stop-and-go"
+    excited = axis.advance(round(SPELL * RATE) + 1).excited
+    assert excited[:-1].all() and not excited[-1]
+
+
+def test_noise_has_the_deviation_that_is_said():
+    """It reaches the sensor of the speed alone: beside an axis without, the rest is the same."""
+    noisy, quiet = LiveAxis(seed=3), LiveAxis(seed=3)
+    noisy.noise, quiet.noise = 0.3, 0.0
+    one, other = noisy.advance(2000), quiet.advance(2000)
+    np.testing.assert_array_equal(one.torque, other.torque)
+    assert np.std(one.speed - other.speed) == pytest.approx(0.3, rel=0.06)  # 4 sd of 2000
+
+
 @pytest.mark.parametrize(
     ("factors", "message"),
     [

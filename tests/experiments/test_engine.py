@@ -278,6 +278,16 @@ def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
     assert scores[0] == scores[1]
 
 
+def test_a_bench_takes_a_case_that_is_there_twice_once(short, tmp_path):
+    """As where two files of rows were put together by hand."""
+    with Bench([short], tmp_path) as bench:
+        first = bench.runs([short], ["frozen"], [0])
+    path = tmp_path / "scores.jsonl"
+    path.write_bytes(2 * path.read_bytes())
+    with Bench([short], tmp_path, resume=True) as bench:
+        assert bench.runs([short], ["frozen"], [0]) == first and bench.cases == 1
+
+
 def test_a_bench_does_not_write_to_a_folder_it_has_not_taken(short, tmp_path):
     with pytest.raises(ValueError, match="with Bench"):
         Bench([short], tmp_path).runs([short], ["frozen"], [0])

@@ -118,6 +118,10 @@ def test_levels_of_points_are_no_draws():
     # Seed by seed, the mean over both points: 10 exp((own + other)/2), Student's t with 5.
     half = 2.570582 * np.sqrt(np.sum(((own + other) / 2) ** 2) / 5 / 6)
     assert [low, high] == pytest.approx([10 * np.exp(-half), 10 * np.exp(half)], rel=1e-6)
+    # Each point with seeds of its own: twelve draws, and Student's t with 11.
+    apart = stratified_interval([(np.exp(own), seeds), (100 * np.exp(other), seeds + 6)])
+    half = 2.200985 * np.sqrt(np.sum(np.r_[own, other] ** 2) / 12 / 11)
+    assert apart == pytest.approx([10 * np.exp(-half), 10 * np.exp(half)], rel=1e-6)
     wide = log_interval(np.r_[np.exp(own), 100 * np.exp(other)])
     assert wide[1] / wide[0] > 10 * high / low
     assert stratified_interval([(np.exp(own[:4]), seeds[:4])] * 2) is None

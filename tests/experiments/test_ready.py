@@ -60,6 +60,34 @@ def test_it_is_made_anew_where_it_is_offered_something_else(records):
     assert ready(parse("rpem-forgetting[forgetting=0.99]"), scenario) is not ready(spec, scenario)
 
 
+def test_it_is_made_anew_for_another_period(records):
+    """Also where the period shows in nothing else, as with P(0) given."""
+    scenario, _ = records
+    spec = parse("rpem-forgetting[P0=[1e-4, 1e-4, 1e-4]]")
+    assert ready(spec, scenario.override({"period": 0.01})) is not ready(spec, scenario)
+
+
+def test_long_arrays_that_are_offered_are_told_apart(records, monkeypatch):
+    """By a sample in their middle, which no text of an array shows."""
+    scenario, _ = records
+    one, other = np.zeros((2, 8000))
+    other[4000] = 1.0
+    found = []
+    for torque in (one, other, one.copy()):
+        monkeypatch.setattr(
+            ready_, "offered_to", lambda *_, torque=torque, **__: {"torque": torque}
+        )
+        found.append(ready(parse("frozen"), scenario))
+    assert found[0] is not found[1] and found[0] is found[2]
+
+
+def test_who_reads_another_output_is_refused_each_time(records):
+    scenario = records[0].override({"output": "increment"})
+    for _ in range(2):
+        with pytest.raises(EstimatorError, match="reads 'speed'"):
+            check_made(parse('frozen[output="speed"]'), scenario)
+
+
 def test_the_control_that_is_told_of_faults_is_one_for_each(records):
     scenario, _ = records
     spec = parse("oracle-reset")
@@ -85,7 +113,8 @@ def test_a_thread_has_its_own(records):
 def test_only_so_many_are_kept(records, monkeypatch):
     monkeypatch.setattr(ready_, "KEPT", 2)
     texts = [f"rpem-forgetting[forgetting={0.99 + i / 1000}]" for i in range(3)]
-    first, *_ = [ready(parse(text), records[0]) for text in texts]
+    first, *_, last = [ready(parse(text), records[0]) for text in texts]
+    assert ready(parse(texts[-1]), records[0]) is last
     assert ready(parse(texts[0]), records[0]) is not first
 
 

@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,12 +10,14 @@ import pytest
 
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.speed import deadline as deadline_module
 from flexaxis.experiments.speed import peers as peers_module
-from flexaxis.experiments.speed.deadline import Run, _later, with_deadline
-from flexaxis.experiments.speed.memory import streamed
+from flexaxis.experiments.speed import steps as steps_module
+from flexaxis.experiments.speed.deadline import Run, _Claiming, _later, deadline, with_deadline
+from flexaxis.experiments.speed.memory import _resident, streamed
 from flexaxis.experiments.speed.peers import PEERS, peers
 from flexaxis.experiments.speed.problem import problem
-from flexaxis.experiments.speed.steps import PERCENTILES, time_steps
+from flexaxis.experiments.speed.steps import PERCENTILES, time_steps, warm
 from flexaxis.experiments.speed.streams import make_stream
 
 # what other libraries warn of when they are imported is theirs
@@ -185,10 +188,65 @@ def test_what_is_held_for_a_while_is_seen_whatever_the_phase(stream, tmp_path):
     assert row["early"] >= 8 * 5000 and abs(row["grown"]) < 100
 
 
-def test_how_much_later_a_finding_comes():
-    def found(alarm, onset, *parameters):
-        return SimpleNamespace(alarm=alarm, onset=onset, parameters=parameters)
+def test_who_is_warmed_up_is_at_its_start(stream, monkeypatch):
+    monkeypatch.setattr(steps_module, "_stream", lambda *_: stream)
+    warmed, new = (build(parse("rpem-forgetting"), stream.scenario) for _ in range(2))
+    warm(warmed, "linear")
+    u, y = stream.samples(0).take(100)
+    np.testing.assert_array_equal(warmed.run(u, y), new.run(u, y))
 
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="not told on this system")
+def test_what_a_process_holds_is_what_the_kernel_says():
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    (kilobytes,) = [int(line.split()[1]) for line in lines if line.startswith("VmRSS")]
+    assert _resident() == pytest.approx(1024 * kilobytes, rel=0.05)
+
+
+def found(alarm, onset, *parameters):
+    return SimpleNamespace(alarm=alarm, onset=onset, parameters=parameters)
+
+
+def test_a_row_of_a_deadline_by_hand(monkeypatch):
+    """Two seeds: the longest step of both, the later claim, all findings, how late they come."""
+    one, other = found(105, 100, "f_m"), found(305, 300, "k_T")
+    runs = {
+        7: [Run(90.0, 30, [one, other]), Run(40.0, 35, [found(109, 100, "f_m")])],
+        8: [Run(70.0, 50, [one]), Run(45.0, None, [found(107, 100, "f_m"), other])],
+    }
+    asked = []
+
+    def both(name, limited, seed):
+        asked.append((name, limited))
+        return runs[seed], 1000 * seed
+
+    monkeypatch.setattr(deadline_module, "_both", both)
+    (row,) = deadline(0.001, [7, 8], ["relocate"])
+    assert asked == [("relocate", "relocate[deadline=0.001]")] * 2
+    assert row == {
+        "estimator": "relocate", "deadline": 0.001, "steps": 15000,
+        "longest_us": 90.0, "longest_with_us": 45.0, "findings": 3, "findings_with": 3,
+        "alike": 2, "later_median": 3.0, "later_max": 4, "claim": 50, "claim_with": 35,
+    }  # fmt: skip
+
+
+def test_a_claim_is_one_of_all_parameters():
+    """From the first sample on after which every variance is more than zero."""
+    estimator = SimpleNamespace(covariance=None, count=0)
+
+    def step(u, y):
+        variances = [None, (1.0, 0.0), (1.0, 1.0), (2.0, 2.0)][estimator.count]
+        estimator.covariance = None if variances is None else np.diag(variances)
+        estimator.count += 1
+
+    estimator.step = step
+    claiming = _Claiming(estimator)
+    for _ in range(4):
+        claiming.step(0.0, 0.0)
+    assert claiming.first == 2
+
+
+def test_how_much_later_a_finding_comes():
     without = Run(1.0, 0, [found(105, 100, "f_m"), found(305, 300, "k_T"), found(505, 500, "d_g")])
     limited = Run(1.0, 0, [found(125, 99, "f_m"), found(308, 301, "J_a"), found(512, 500, "d_g")])
     assert list(_later(without, limited)) == [20, 7]

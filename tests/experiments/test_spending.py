@@ -1,6 +1,7 @@
 """Where core-seconds go: each is on one account, and none is lost."""
 
 import json
+from threading import Thread
 from time import thread_time
 
 import pytest
@@ -27,6 +28,14 @@ def test_what_is_inside_counts_once():
                 burn(0.03)
     assert {name: round(s, 2) for name, s in outer.items()} == {"a": 0.02, "b": 0.04, OTHER: 0.02}
     assert inner["a"] == pytest.approx(0.03, abs=0.005)
+
+
+def test_what_other_threads_do_is_on_no_account_of_this_one():
+    other = Thread(target=burn, args=[0.1])
+    with ledger() as seconds, spent("a"):
+        other.start()
+        other.join()
+    assert sum(seconds.values()) < 0.05
 
 
 def test_without_a_ledger_nothing_is_kept():

@@ -94,6 +94,23 @@ def test_a_line_that_is_no_row_is_not_guessed_at(stubs, tmp_path):
         run_study(study(1), tmp_path, means=Means(work=stubs.quick), resume=True)
 
 
+def test_a_case_that_is_there_twice_in_a_row_is_not_taken_for_a_torn_one(stubs, tmp_path):
+    """Two files put together by hand: the same case ends the first and begins the second."""
+    run_study(study(1), tmp_path, means=Means(work=stubs.quick))
+    path = tmp_path / "scores.jsonl"
+    blocks = list(rows.blocks(path))
+    last = b"".join(blocks[-1].lines)
+    whole = path.read_bytes()
+    for more, times in ((last, 2), (last + last, 3), (blocks[-1].lines[0], 1)):
+        path.write_bytes(whole + more)
+        kept = whole + (times - 1) * last  # a torn one is not
+        assert rows.scan(path).cases.tolist().count(blocks[-1].case) == times
+        with rows.RowFile(path):
+            pass
+        assert path.read_bytes() == kept
+        assert sum(block.lines == blocks[-1].lines for block in rows.blocks(path)) == times
+
+
 def test_what_is_missing_in_the_middle_is_run_and_nothing_else(stubs, tmp_path):
     run_study(study(20), tmp_path, means=Means(work=stubs.quick))
     path = tmp_path / "scores.jsonl"

@@ -1,6 +1,6 @@
 """Scores beside theory: fixed points of the score, consistency, what counts as an alarm."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +10,7 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.case import Track
-from flexaxis.experiments.scoring.limits import Limits, bounded, limits, score
+from flexaxis.experiments.scoring.limits import Limits, bounded, limits, record_limits, score
 from flexaxis.experiments.scoring.table import rows
 from flexaxis.experiments.scoring.theory import detection, nees
 from flexaxis.experiments.scoring.theta import started_nominal, true_theta
@@ -125,6 +125,38 @@ def test_nees_is_the_number_of_parameters_for_an_honest_claim():
     assert nees(errors[0], None) is None
     assert nees(np.array([np.nan, 0.0]), covariance) is None
     assert nees(errors[0], np.zeros((2, 2))) is None
+
+
+def test_limits_are_remembered_by_the_torque_too(torque):
+    scenario = find_scenario("fm_step-v1")
+    for factor in (1.0, 3.0):
+        (fresh,) = limits(scenario, ["f_m"], factor * torque)
+        kept = record_limits(scenario.override({"identify": ["f_m"]}), factor * torque)
+        assert kept[0].lag_bound == pytest.approx(fresh.lag_bound)
+
+
+def test_what_all_parameters_share_is_made_once_and_is_its_own(torque, monkeypatch):
+    scenario = find_scenario("fm_step-v1")
+    truth = true_theta(NAMES, scenario.true_parameters())
+    given = {"torque": torque, "claimed": np.eye(3), "findings": [Finding(2010, ("k_T",))]}
+    shared = ("record_limits", "nees", "detection", "isolation")
+    single = [np.zeros(3), np.eye(3)], *[[scenario, NAMES, given["findings"]]] * 2
+    alone = [getattr(theory, name)(*each) for name, each in zip(shared[1:], single, strict=True)]
+    made = []
+    for name in shared:
+        make = getattr(theory, name)
+        monkeypatch.setattr(
+            theory, name, lambda *each, name=name, make=make: made.append(name) or make(*each)
+        )
+    found = rows(Track(scenario, NAMES, truth, scenario.true_parameters(), **given))
+    assert sorted(made) == sorted(shared)
+    for row in found:
+        assert (row["nees"], row["detection"], row["isolation"]) == (
+            alone[0],
+            asdict(alone[1]),
+            alone[2],
+        )
+    assert found[0]["isolation"] == [{"fault": "f_m", "named": ["k_T"]}]
 
 
 def test_what_counts_as_an_alarm():

@@ -1,6 +1,7 @@
 """Cases of a unit that fit together run side by side, and their rows are as from each alone."""
 
 import json
+from dataclasses import replace
 from time import thread_time
 from types import SimpleNamespace
 
@@ -9,10 +10,12 @@ import pytest
 
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.methods import beside
+from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running import together, work
 from flexaxis.experiments.running.units import Entry, Unit, Variant
 from flexaxis.experiments.scoring.spending import OTHER, ledger, shared, spent
+from flexaxis.sim.simulate import simulate
 
 TEXTS = [
     "rpem-forgetting",
@@ -76,6 +79,27 @@ def test_what_fails_together_is_run_alone(unit, monkeypatch):
     monkeypatch.setattr(beside, "PAYS", dict.fromkeys(beside.PAYS, 0))
     monkeypatch.setattr(together, "run_together", fail)
     assert rows(work.run_unit(unit))[0] == expected
+
+
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_one_estimator_on_four_records_reads_what_it_asks_for_with_the_gaps_of_each(
+    monkeypatch, output
+):
+    scenario = find_scenario("fm_step-v1").override({"duration": 11.0, "output": output})
+    found = list(simulate(scenario, range(4)))
+    for k in (1, 2):
+        valid = np.ones(scenario.samples, bool)
+        valid[300 * k : 300 * k + 200] = False
+        found[k] = replace(found[k], valid=valid)
+    monkeypatch.setattr(beside, "PAYS", dict.fromkeys(beside.PAYS, 0))
+    text = "rpem-forgetting"
+    together_ = together.ran_together(scenario, [text], found)
+    assert set(together_) == {(text, place) for place in range(4)}
+    for place, record in enumerate(found):
+        alone = build(parse(text), scenario).run(
+            record.torque, getattr(record, output), record.valid
+        )
+        np.testing.assert_array_equal(together_[text, place].theta, alone)
 
 
 def test_what_is_shared_goes_on_each_account():
