@@ -225,7 +225,7 @@ def test_what_must_stay_positive_may_not(fault, name):
 
 @pytest.mark.parametrize("name", ["a b", "a/b", "\x1b[31mred", "a\x00", "\u202egpj", "a\nb", ""])
 def test_a_name_is_a_word_that_drives_no_terminal(name):
-    with pytest.raises(ScenarioError, match="name: must be one word of visible characters"):
+    with pytest.raises(ScenarioError, match="name: must be one word, without blanks"):
         Scenario(name="good", duration=20.0).override({"name": name})
     assert Scenario(name="good", duration=20.0).override({"name": "Größe-😀"}).name == "Größe-😀"
 
