@@ -361,10 +361,9 @@ def test_estimate_is_a_host_too(capsys, short):
 @pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize(
     ("name", "what"),
-    [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd"), ("Ends", "os._exit(0)")],
+    [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd")],
 )
 def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
-    """Nor does it end the command without a word, and with the status of its choice."""
     status, out, err = ran(capsys, name, "--estimator", "frozen", jobs=jobs)
     assert status == CRASH and f"guests.py:{name} crashed on short" in err and what in err
     assert "sample 0" in err and "frozen" in out and "given up" not in err
@@ -375,9 +374,13 @@ def test_an_interrupt_of_its_own_in_a_worker_ends_nobody_else(capsys):
     assert status == CRASH and "crashed on short" in err and "frozen" in out
 
 
-def test_check_sees_who_ends_the_process(capsys):
-    assert main(["check", "guests.py:Ends"]) == FINDING
-    assert "os._exit(0)" in capsys.readouterr().out
+@pytest.mark.parametrize("words", ["check", "run short.toml --jobs 1 -o out --estimator"])
+def test_who_ends_the_process_is_seen(words):
+    """In a process of its own, for it would end that of the tests as well."""
+    line = [sys.executable, "-m", "flexaxis", *words.split(), "guests.py:Ends"]
+    found = subprocess.run(line, check=False, timeout=100, capture_output=True, text=True)
+    assert found.returncode == (FINDING if words == "check" else CRASH)
+    assert "os._exit(0)" in found.stdout + found.stderr
 
 
 def test_what_it_changes_is_put_back(capsys, tmp_path):

@@ -87,8 +87,9 @@ def test_letters_that_a_terminal_has_not_are_numbers():
     assert found.returncode == FINE and "\\u03b8" in found.stdout
     found = shell(f"flexaxis {' '.join(RUN)} --json", **ascii_only)
     assert json.loads(found.stdout)["status"] == FINE
-    found = shell("flexaxis show fm_step-v1 --json", PYTHONIOENCODING="latin-1")
-    assert json.loads(found.stdout)["command"] == "show"
+    for name in ("ö", "θ"):
+        found = shell(f"flexaxis show {name} --json", PYTHONIOENCODING="ascii", PYTHONUTF8="1")
+        assert f"'{name}'" in json.loads(found.stdout)["error"]
 
 
 def test_an_unknown_width_is_no_width():

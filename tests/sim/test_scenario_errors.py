@@ -232,7 +232,8 @@ def test_a_name_is_a_word_that_drives_no_terminal(name):
 
 @pytest.mark.parametrize("value", [np.float32(8), np.float64(8), np.int64(8), np.array(8.0)])
 def test_numbers_of_numpy_are_numbers(value):
-    assert Scenario(name="good", duration=20.0).override({"duration": value}).duration == 8.0
+    other = Scenario(name="good", duration=20.0).override({"duration": value})
+    assert other.duration == 8.0 and other.name in {"good+duration=8.0", "good+duration=8"}
 
 
 @pytest.mark.parametrize("value", [8 + 0j, np.ma.masked, object(), np.zeros(2), "8\x1b"])
