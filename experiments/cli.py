@@ -11,8 +11,7 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import version
 from pkgutil import iter_modules
@@ -21,8 +20,9 @@ from typing import Any
 
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
-from flexaxis.experiments.running.interrupts import leave, one_stage
+from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
 from flexaxis.experiments.running.told import told
+from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
@@ -109,64 +109,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Before NumPy is imported: small matrices are several times slower on many threads.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    if os.environ.get("COLUMNS") == "0":  # how some shells say that they do not know
+        del os.environ["COLUMNS"]
     words = list(sys.argv[1:] if argv is None else argv)
     alone = argv is None  # nobody goes on after this command
     top = parser()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
         complete(top)
     args = top.parse_args(words)
+    if odd := [word for word in words if not is_text(word)]:
+        args.parser.error(
+            f"{odd[0]!a} is no text in the encoding of this machine, {sys.getfilesystemencoding()}:"
+            " rename the file, or set LC_ALL=C.UTF-8"
+        )
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
-    with _readers_may_go(), told(quiet=args.quiet, verbose=args.verbose), one_stage():
-        status = _guarded(args)
-    if alone and status == INTERRUPTED:
+    with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
+        status = _told(out, _guarded(args))
+    if alone and (status == INTERRUPTED or threads_left()):
         leave(status)
     return status
 
 
-class _Stream:
-    """Text to a reader who may go, as with `| head`: what is still said is dropped then.
-
-    So a verdict keeps its exit status, and what is being done is done.
-    """
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    def write(self, text: str) -> int:
-        with self._dropping():
-            return int(self._stream.write(text))
-        return len(text)
-
-    def flush(self) -> None:
-        with self._dropping():
-            self._stream.flush()
-
-    @contextmanager
-    def _dropping(self) -> Iterator[None]:
-        try:
-            yield
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
-
-
-@contextmanager
-def _readers_may_go() -> Iterator[None]:
-    usual = sys.stdout, sys.stderr
-    if None in usual:  # closed, as with `>&-`: nobody reads it
-        yield
-        return
-    sys.stdout, sys.stderr = ours = _Stream(sys.stdout), _Stream(sys.stderr)
-    try:
-        yield
-    finally:
-        for stream in ours:
-            stream.flush()
-        sys.stdout, sys.stderr = usual
+def _told(out: Stream, status: int) -> int:
+    """Return the status: not that all is fine, where what was found could not be written."""
+    out.flush()
+    if not out.problem:
+        return status
+    say(f"stdout: cannot be written: {out.problem}. What was to be said there is lost")
+    return status or WRONG_USE
 
 
 def _guarded(args: argparse.Namespace) -> int:
@@ -188,7 +160,7 @@ def _guarded(args: argparse.Namespace) -> int:
         if error.errno != errno.ENAMETOOLONG:
             return _crashed(args, error, _unexpected(args, error))
         told = f"{error.filename}: {error.strerror}"  # what was given is no path at all
-    except (Exception, SystemExit) as error:  # SystemExit: of a user's code, for none is ours
+    except BaseException as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
     return _ended(args, WRONG_USE, told)
 
@@ -238,6 +210,7 @@ def say(text: str) -> None:
 
 
 def _readable(line: str) -> str:
+    line = visible(line)
     left_out, half = len(line) - LONGEST, LONGEST // 2
     return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 

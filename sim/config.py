@@ -41,6 +41,9 @@ Values = Annotated[dict[str, float], AfterValidator(Frozen)]
 LARGEST = 1e9
 """No quantity of an axis, its loop or a run is larger in SI: that is a slip of the unit."""
 
+Word = Annotated[str, Field(pattern=r"^[^\s/\\\p{Cc}\p{Cf}]+$")]
+"""A name: it may become that of a file, and stands in terminals, which it must not drive."""
+
 Positive = Annotated[float, Field(gt=0, le=LARGEST)]
 NotNegative = Annotated[float, Field(ge=0, le=LARGEST)]
 

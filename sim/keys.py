@@ -59,5 +59,8 @@ def suffix(changes: Mapping[str, Any]) -> str:
 
 
 def _compact(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
-    return re.sub(r"[\s/\\]", "|", text)  # a name is one word, and may become a file name
+    text = (
+        value if isinstance(value, str) else json.dumps(value, separators=(",", ":"), default=str)
+    )
+    shown = "".join(c if c.isprintable() else "|" for c in text)
+    return re.sub(r"[\s/\\]", "|", shown)  # a name is one word, and may become a file name

@@ -56,7 +56,7 @@ def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
 def read_text(path: Path, refuse: Refusal) -> str:
     """Return the text of a file; errors as from `read_toml`."""
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open(encoding="utf-8-sig") as file:  # some editors begin with a mark
             text = file.read(LARGEST + 1)
     except OSError as error:
         raise refuse(f"{path}: cannot be read: {error.strerror or error}") from error

@@ -15,7 +15,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 from flexaxis.sim import friction as dry
 from flexaxis.sim import identity
 from flexaxis.sim import nonlinear as beyond
-from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values
+from flexaxis.sim.config import Config, Frozen, NotNegative, Positive, Table, Values, Word
 from flexaxis.sim.controller import ControllerConfig
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.events import Event, changed, find_events
@@ -83,7 +83,7 @@ class Scenario(Config):
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
 
-    name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
+    name: Word
     duration: Annotated[float, Field(gt=0, le=86400)]
     card: str = ""
     group: str | None = None
@@ -266,6 +266,7 @@ class Scenario(Config):
             If a key is unknown or a value is not allowed.
         """
         content = self.model_dump(mode="json", exclude_none=True)
+        changes = {key: _plain(value) for key, value in changes.items()}
         set_keys(content, changes, source=self.name)
         if "name" not in changes:
             content["name"] = self.name + suffix(changes)
@@ -273,6 +274,11 @@ class Scenario(Config):
         if not inherit or "streams" in changes or other.key == self.key:
             return other
         return scenario_from(content | {"streams": self.key}, source=self.name)
+
+
+def _plain(value: Any) -> Any:
+    """Return a number or an array of NumPy as Python's own."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def scenario_from(content: Mapping[str, Any], *, source: str) -> Scenario:

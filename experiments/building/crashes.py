@@ -37,13 +37,21 @@ def crash(text: str, doing: str, error: BaseException) -> EstimatorCrash:
 
 def described(error: BaseException) -> str:
     """Return what was raised, and where: in the user's code, if some took part, or in ours."""
-    words = " ".join(str(error).split())
+    words = _text(error)
     kind = type(error).__name__
     what = f"{kind}: {words}" if words else kind
     places = _places(error)[::-1]
     ours = (place for place in places if place.startswith(_flexaxis()))
     place = user_code(error) or next(ours, next(iter(places), None))
     return f"{what} ({place})" if place else what
+
+
+def _text(error: BaseException) -> str:
+    """Return what an error says in one line: nothing, where its own code cannot say it."""
+    try:
+        return " ".join(str(error).split())
+    except Exception:
+        return ""
 
 
 def user_code(error: BaseException) -> str | None:

@@ -23,6 +23,7 @@ from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.building.neighbours import code_file, move_to
+from flexaxis.experiments.building.put_back import put_back
 
 LIMIT = 600.0
 """s for one run of a user's estimator, or for making one: far more than a benchmark is for."""
@@ -139,7 +140,7 @@ def hosted(
         if ours:
             yield
         else:
-            with _heard(text, doing), _timed(time_limit()):
+            with put_back(), _heard(text, doing), _timed(time_limit()):
                 yield
     except _TimeUp as error:
         limit = TimeoutError(
@@ -149,10 +150,21 @@ def hosted(
         raise crash(text, doing, limit.with_traceback(error.__traceback__)) from None
     except StepError as error:  # which says itself where
         raise EstimatorError(f"{text}, {doing}{_sample(error, first, period)}: {error}") from error
-    except (Exception, SystemExit) as error:
-        if refusing and isinstance(error, EstimatorError):
+    except BaseException as error:
+        if not _its_own(error) or (refusing and isinstance(error, EstimatorError)):
             raise
         raise crash(text, doing + _sample(error, first, period), error) from error
+
+
+def _its_own(error: BaseException) -> bool:
+    """Whether an error comes from the guest; what ends us from outside does not."""
+    if isinstance(error, KeyboardInterrupt):  # a worker leaves Ctrl-C to its parent
+        return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if isinstance(error, GeneratorExit):  # whoever drew from a generator around this has left
+        return hasattr(error, "at_sample")
+    if isinstance(error, Exception | SystemExit):
+        return True
+    return not type(error).__module__.startswith("flexaxis.")  # such as what stops work
 
 
 def _sample(error: BaseException, first: int, period: float | None) -> str:

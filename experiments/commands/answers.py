@@ -10,6 +10,7 @@ import argparse
 import json
 import math
 import shlex
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -59,7 +60,8 @@ def _text(command: str | None, status: int, content: Mapping[str, Any]) -> str:
     from importlib.metadata import version
 
     head = {"flexaxis": version("flexaxis"), "command": command, "status": int(status)}
-    return json.dumps(plain(head | dict(content)), allow_nan=False, ensure_ascii=False)
+    letters = "utf" in (getattr(sys.stdout, "encoding", None) or "utf-8").lower()
+    return json.dumps(plain(head | dict(content)), allow_nan=False, ensure_ascii=not letters)
 
 
 def plain(content: Any) -> Any:

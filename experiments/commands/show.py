@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.streams import visible
 
 HELP = "show a scenario, suite or estimator with all its values"
 GROUP = "look"
@@ -59,7 +60,8 @@ def main(args: argparse.Namespace) -> int:
         scenario = catalogue.find_scenario(args.name)
         content = scenario.resolved() | {"hash": scenario.hash}
         known = card.reference_card(scenario) | {"content hash": scenario.hash}
-        text = "".join(f"# {key}: {' '.join(value.split())}\n" for key, value in known.items())
+        of_card = [f"# {key}: {' '.join(value.split())}" for key, value in known.items()]
+        text = "".join(f"{visible(line)}\n" for line in of_card)
         text += f"\n{scenario.to_toml()}"
     if args.json:
         return answer(args, content)

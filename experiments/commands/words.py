@@ -160,6 +160,8 @@ def _file(text: str) -> None:
     if not path.exists():
         near = [f.name for f in path.parent.glob(f"*{path.suffix}")]
         raise FlexaxisError(f"{path} cannot be read: no such file.{did_you_mean(path.name, near)}")
+    if not (path.is_file() or path.is_dir()):  # a pipe can be read once, and may never end
+        raise FlexaxisError(f"{path} is no file but a pipe or a device: save it to a file first")
 
 
 def _record(text: str) -> None:

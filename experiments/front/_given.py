@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
@@ -20,8 +21,8 @@ from flexaxis.experiments.running.seeds import MOST, check_number, check_seed, p
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
-Estimators = str | Callable[..., Any] | Sequence[str | Callable[..., Any]]
-Scenarios = str | Scenario | Sequence[str | Scenario]
+Estimators = str | Callable[..., Any] | Iterable[str | Callable[..., Any]]
+Scenarios = str | os.PathLike[str] | Scenario | Iterable[str | os.PathLike[str] | Scenario]
 
 
 def spec_of(estimator: str | Callable[..., Any], options: Mapping[str, Any] | None = None) -> Spec:
@@ -76,7 +77,7 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
         If `jobs` is no number of processes.
     """
     check_jobs(jobs)
-    several = isinstance(estimators, Sequence) and not isinstance(estimators, str)
+    several = isinstance(estimators, Iterable) and not isinstance(estimators, str | type)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
     if not wanted:
         raise EstimatorError("no estimator was given: give at least one, such as 'relocate'")
@@ -109,7 +110,11 @@ def _whole(make: Any) -> str:
 
 def scenarios_of(scenarios: Scenarios) -> tuple[Scenario, ...]:
     """Return scenarios by their names, those of suites, those from files, or as they are."""
-    one = isinstance(scenarios, str | Scenario)
+    one = isinstance(scenarios, str | os.PathLike | Scenario)
+    if not (one or isinstance(scenarios, Iterable)) or isinstance(scenarios, bytes):
+        raise FlexaxisError(
+            f"{scenarios!r} is no scenario: give a name, such as 'fm_step-v1', a path, or several"
+        )
     wanted: list[Any] = [scenarios] if one else list(scenarios)  # type: ignore[arg-type]
     found: list[Scenario] = []
     for each in wanted:

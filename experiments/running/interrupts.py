@@ -149,10 +149,17 @@ def _dropped_in_silence() -> Iterator[None]:
         sys.unraisablehook = usual
 
 
+def threads_left() -> bool:
+    """Whether there are threads for whose end Python waits, such as an estimator may have begun."""
+    others = set(threading.enumerate()) - {threading.main_thread(), threading.current_thread()}
+    return any(not thread.daemon for thread in others)
+
+
 def leave(status: int) -> NoReturn:
     """End this process after Ctrl-C, without what Python does at its end.
 
-    That takes up to a second, in which another Ctrl-C would change the status.
+    That takes up to a second, in which another Ctrl-C would change the status; and for ever, where
+    threads are left that do not end.
     """
     for kind in _KINDS:
         signal.signal(kind, lambda number, frame: os._exit(status))

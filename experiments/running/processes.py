@@ -11,10 +11,12 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
+from multiprocessing.util import Finalize
 from typing import Any, Self
 
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
+from flexaxis.experiments.running.interrupts import threads_left
 from flexaxis.sim.errors import FlexaxisError
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
@@ -43,6 +45,13 @@ def _start_worker() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    Finalize(None, _wait_for_no_thread, exitpriority=-1)  # after what others do at their end
+
+
+def _wait_for_no_thread() -> None:
+    """End a process that is done, though a thread of a user's code goes on."""
+    if threads_left():
+        os._exit(0)
 
 
 def _end_with(sentinel: int) -> None:

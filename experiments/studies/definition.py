@@ -21,7 +21,7 @@ from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.seeds import END, parse_seeds
 from flexaxis.experiments.running.study import Point, Study
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
-from flexaxis.sim.config import Config
+from flexaxis.sim.config import Config, Word
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.problems import explain
 from flexaxis.sim.reading import read_toml
@@ -75,7 +75,7 @@ Words = Annotated[tuple[str, ...], BeforeValidator(_one_or_more), Field(strict=F
 class StudyFile(Config):
     """The keys of a study file; docs/studies.md explains each."""
 
-    name: Annotated[str, Field(pattern=r"^[^\s/\\]+$")]
+    name: Word
     scenario: Words
     estimators: Words
     seeds: Annotated[tuple[int, ...], BeforeValidator(_numbers), Field(strict=False)]

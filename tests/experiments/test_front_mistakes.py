@@ -217,3 +217,18 @@ def test_a_mistake_on_the_command_line(capsys, tmp_path, monkeypatch, words, sai
     out, err = capsys.readouterr()
     assert (status, out) == (2, "") and said in err
     assert not list(tmp_path.iterdir())
+
+
+def test_paths_and_generators_are_taken(short_toml):
+    from pathlib import Path
+
+    path = Path(short_toml)
+    assert len(fx.simulate(path).torque) == len(fx.simulate(str(path)).torque)
+    found = fx.benchmark((e for e in ["frozen"]), scenarios=(s for s in [path]), seeds=1)
+    assert {row["estimator"] for row in found.scores()} == {"frozen"}
+
+
+@pytest.mark.parametrize("given", [None, 3, b"short.toml"])
+def test_what_is_no_scenario_is_told_as_such(given):
+    with pytest.raises(FlexaxisError, match=r"is no scenario: give a name"):
+        fx.simulate(given)

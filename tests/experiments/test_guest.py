@@ -1,8 +1,12 @@
 """A user's code is a guest: it is told where it fails, ends in time, and says nothing on stdout."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from flexaxis.experiments.building.guest import hosted, limited
@@ -10,7 +14,7 @@ from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
 OWN = """\
-import sys
+import sys, os, threading, time, numpy
 
 
 class Base:
@@ -69,6 +73,46 @@ class Two(Base):
 class Forgetful(Base):
     def step(self, u, y):
         self.k += 1
+
+
+class Generator(Base):
+    def go(self):
+        raise GeneratorExit("early")
+
+
+class Odd(BaseException):
+    def __str__(self):
+        raise ValueError("not even this")
+
+
+class Raises_odd(Base):
+    def go(self):
+        raise Odd
+
+
+class Interrupts(Base):
+    def go(self):
+        raise KeyboardInterrupt
+
+
+class Ends(Base):
+    def go(self):
+        os._exit(0)
+
+
+class Meddles(Base):
+    def go(self):
+        os.chdir("/")
+        sys.setrecursionlimit(150)
+        numpy.seterr(all="raise")
+        return self.theta
+
+
+class Threads(Base):
+    def go(self):
+        if self.k == 1:
+            threading.Thread(target=time.sleep, args=(1e6,), daemon=False).start()
+        return self.theta
 
 
 class Torque(Base):
@@ -312,3 +356,54 @@ def test_estimate_is_a_host_too(capsys, short):
         assert "sample 1500 (7.5 s): KeyError: 'oh'" in capsys.readouterr().err
     assert main([*words, "guests.py:Loops", "--time-limit", "0.3"]) == CRASH
     assert "no end within 0.3 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd")],
+)
+def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
+    status, out, err = ran(capsys, name, "--estimator", "frozen", jobs=jobs)
+    assert status == CRASH and f"guests.py:{name} crashed on short" in err and what in err
+    assert "sample 0" in err and "frozen" in out and "given up" not in err
+
+
+def test_an_interrupt_of_its_own_in_a_worker_ends_nobody_else(capsys):
+    status, out, err = ran(capsys, "Interrupts", "--estimator", "frozen", jobs=2)
+    assert status == CRASH and "crashed on short" in err and "frozen" in out
+
+
+@pytest.mark.parametrize("words", ["check", "run short.toml --jobs 1 -o out --estimator"])
+def test_who_ends_the_process_is_seen(words):
+    """In a process of its own, for it would end that of the tests as well."""
+    line = [sys.executable, "-m", "flexaxis", *words.split(), "guests.py:Ends"]
+    found = subprocess.run(line, check=False, timeout=100, capture_output=True, text=True)
+    assert found.returncode == (FINDING if words == "check" else CRASH)
+    assert "os._exit(0)" in found.stdout + found.stderr
+
+
+def test_what_it_changes_is_put_back(capsys, tmp_path):
+    """Else the results would lie elsewhere, and our own sums would stop at an underflow."""
+    before = sys.getrecursionlimit(), np.geterr()
+    status, _, err = ran(capsys, "Meddles")
+    assert status == 0, err
+    assert Path.cwd() == tmp_path and (sys.getrecursionlimit(), np.geterr()) == before
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_process_that_it_begins_may_end_as_it_likes():
+    with hosted("guests.py:Base", "in a test"):
+        child = os.fork()
+        if child == 0:
+            os._exit(7)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_thread_that_never_ends_holds_nobody_up(jobs):
+    words = ["run", "short.toml", "--estimator", "guests.py:Threads", "--seeds", "2", "-o", "out"]
+    line = [sys.executable, "-m", "flexaxis", *words, "--jobs", str(jobs)]
+    subprocess.run(line, check=True, timeout=100, capture_output=True)
+    assert (Path("out") / "report.html").exists()

@@ -53,3 +53,9 @@ def test_files_that_cannot_be_read(tmp_path):
 def test_values_are_shown_short():
     assert len(shown("x" * 10**6)) < 100
     assert len(shown([[[["y" * 1000]]]] * 1000)) < 200
+
+
+def test_the_mark_that_some_editors_begin_with(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b'\xef\xbb\xbfname = "mine"\r\n')
+    assert read_toml(path, ScenarioError) == {"name": "mine"}

@@ -1,5 +1,6 @@
 """Every mistake in a scenario, and the one line that answers it."""
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -220,3 +221,22 @@ def test_what_must_stay_positive_may_not(fault, name):
         ScenarioError, match=rf"fault\[0\].factor: must be above 0, for {name} must"
     ):
         parse_scenario('name = "x"\nduration = 20\n' + fault.replace("f_m", name))
+
+
+@pytest.mark.parametrize("name", ["a b", "a/b", "\x1b[31mred", "a\x00", "\u202egpj", "a\nb", ""])
+def test_a_name_is_a_word_that_drives_no_terminal(name):
+    with pytest.raises(ScenarioError, match="name: must be one word, without blanks"):
+        Scenario(name="good", duration=20.0).override({"name": name})
+    assert Scenario(name="good", duration=20.0).override({"name": "Größe-😀"}).name == "Größe-😀"
+
+
+@pytest.mark.parametrize("value", [np.float32(8), np.float64(8), np.int64(8), np.array(8.0)])
+def test_numbers_of_numpy_are_numbers(value):
+    other = Scenario(name="good", duration=20.0).override({"duration": value})
+    assert other.duration == 8.0 and other.name in {"good+duration=8.0", "good+duration=8"}
+
+
+@pytest.mark.parametrize("value", [8 + 0j, np.ma.masked, object(), np.zeros(2), "8\x1b"])
+def test_what_is_no_number_is_told_as_such(value):
+    with pytest.raises(ScenarioError, match="duration: must be a valid number"):
+        Scenario(name="good", duration=20.0).override({"duration": value})
