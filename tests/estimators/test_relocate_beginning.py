@@ -203,3 +203,17 @@ def test_nonsense_in_the_first_seconds_is_as_good_as_missing(at):
     for given in ((nonsense,), (nonsense, valid)):
         estimator.reset()
         np.testing.assert_array_equal(estimator.run(run.u, *given), missing)
+
+
+def test_what_a_gap_holds_is_no_motion():
+    """The sizes of laws that nobody told come from how the axis has moved."""
+    run, estimator, priors = by_hand(AXES["n1"], 2.0), relocate_friction(N1, T), []
+    valid = np.arange(len(run.u)) != 100
+    for held in (run.y[100], 1e30):
+        y = run.y.copy()
+        y[100] = held
+        estimator.reset()
+        estimator.run(run.u, y, valid)
+        prior = estimator._judge.commission._prior
+        priors.append(np.r_[prior.theta, prior.deviation])
+    np.testing.assert_array_equal(priors[1], priors[0])
