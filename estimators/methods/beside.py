@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.methods.rpem import Rpem
+from flexaxis.estimators.recursion.astray import HEEDS_ALL
 from flexaxis.estimators.sampling.compiler import Compiled
 from flexaxis.estimators.sampling.fields import layout, layout_of
 from flexaxis.estimators.sampling.pattern import Pattern
@@ -41,7 +42,7 @@ def kind_of(estimator: object) -> Kind | None:
     loop = estimator._loop
     assert isinstance(loop, Compiled)
     pattern = loop.origin[1][0] if loop.origin else None
-    if pattern is None or pattern.laws or estimator._restarts:
+    if pattern is None or pattern.laws or estimator._tuning["heeds"][0] == HEEDS_ALL:
         return None
     tuning, state = estimator._tuning, estimator.state
     words, (_, lower, upper) = state.view(float), _places(state.dtype)
@@ -160,9 +161,14 @@ def _take(
 
 
 def _leave(each: Rpem, words: Array, estimates: Array, trace: Array) -> Array | None:
-    """Leave a filter in its last state; None where not all is finite, which spreads otherwise."""
+    """
+    Leave a filter in its last state; None where it has to go alone.
+
+    That is where not all is finite, which spreads otherwise, and where it was to begin anew.
+    """
     state = words.view(each.state.dtype)
-    if not np.isfinite(words[_places(state.dtype)[0]]).all():
+    lost = state["anew"][0] > each._tuning["heeds"][0]
+    if lost or not np.isfinite(words[_places(state.dtype)[0]]).all():
         return None
     state["taken"] += len(estimates)
     each.state[:], each._trace = state, trace

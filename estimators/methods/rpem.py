@@ -177,9 +177,7 @@ class Rpem(CompiledFilter):
             waits = later[0]["known_before"][0] > 0.0
             start["P"][0, waits] = start["P"][0, :, waits] = 0.0
             start["claim"] = start["P"]
-        super().__init__(
-            rpem_loop(pattern), tuning, start, design, read_claim, restarts=bool(learn)
-        )
+        super().__init__(rpem_loop(pattern), tuning, start, design, read_claim, restarts=True)
 
     @property
     def P(self) -> Array:  # noqa: D102
@@ -266,4 +264,4 @@ def adapt(tunings, states, k, u, y, valid, estimates, trace):  # noqa: PLR0917
     predict(tuning, state)
     begin_to_learn(tuning, state)
     publish(state, k, estimates, trace)
-    return tuning["once"] > 0.0 and state["anew"] > 0.0
+    return state["anew"] > tuning["heeds"]

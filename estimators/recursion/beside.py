@@ -8,7 +8,7 @@ kept by masks. P and Σ are computed on one triangle, and mirrored.
 
 from collections.abc import Iterator
 
-from flexaxis.estimators.recursion.astray import FAR
+from flexaxis.estimators.recursion.astray import ABSURD, FAR, FORETOLD, HEEDS_NOTHING
 from flexaxis.estimators.recursion.measurement import ASLEEP, FINEST, KNOWN, LINEAR
 from flexaxis.estimators.sampling.fields import Fields
 from flexaxis.estimators.sampling.runs import Mask, Runs
@@ -43,7 +43,8 @@ def measure(tuning: Fields, state: Fields, y: Runs, valid: Mask) -> None:
     state.put(valid, "surprise", surprise)
     subtract(state, valid, gain, weight)
     carry(state, valid, gain, weight, spread, total)
-    learn(tuning, state, valid, surprise * surprise / total)
+    excited = learn(tuning, state, valid, surprise * surprise / total)
+    explains(tuning, state, y, epsilon, excited & (tuning["heeds"] < HEEDS_NOTHING))
     step = surprise * weight
     for i, before in enumerate(theta):
         after = valid.pick(before + gain[i] * step, before)
@@ -121,7 +122,7 @@ def repeats(tuning: Fields, state: Fields, y: Runs, scale: Runs, watched: Mask) 
     state.put(new, "stuck", at_rail.pick(1.0, 0.0))
     released = new & ~at_rail & (state["doubted"] > 0.0)
     state.put(released, "doubted", 0.0)
-    state.put(released, "anew", 1.0)
+    state.put(released & (state["anew"] < 1.0), "anew", 1.0)  # lost before is lost still
     state.put(caught, "stuck", 1.0)
     state.put(caught, "doubted", 1.0)
     high = expected > y
@@ -145,8 +146,8 @@ def limited(  # noqa: PLR0917
     return ((tuning["clip"] > 0.0) & some).pick(clipped, epsilon)
 
 
-def learn(tuning: Fields, state: Fields, valid: Mask, square: Runs) -> None:
-    """Take squared residuals into R̂, as `measurement.learn` does."""
+def learn(tuning: Fields, state: Fields, valid: Mask, square: Runs) -> Mask:
+    """Take squared residuals into R̂, as `measurement.learn` does; return who is excited."""
     psi = state.row("psi")
     noise, samples, expected = state["noise"], state["samples"], state["expected"]
     asleep = (samples > 0.0).pick(noise * ASLEEP, 0.0)
@@ -161,6 +162,34 @@ def learn(tuning: Fields, state: Fields, valid: Mask, square: Runs) -> None:
     least = signal * (FINEST * FINEST)
     noise = (least > noise).pick(least, noise)
     state.put(excited & (tuning["known"] <= 0.0), "noise", noise)
+    return excited
+
+
+def explains(tuning: Fields, state: Fields, y: Runs, epsilon: Runs, taken: Mask) -> None:
+    """Mark runs that are lost, as `astray.explains` does where nothing is learnt once."""
+    signal, noise = state["signal"], state["noise"]
+    expected = state["expected"] * state["expected"]
+    usual = (expected > signal).pick(expected, signal)
+    usual = (noise > usual).pick(noise, usual)
+    taken = taken & ~(y * y > usual * (ABSURD * ABSURD))
+    judged, memory = state["judged"] + 1.0, tuning["astray_memory"]
+    count = (memory < judged).pick(memory, judged)
+    left, whole, foretold = state.row("squares")
+    left = left + (epsilon * epsilon - left) / count
+    whole = whole + (y * y - whole) / count
+    foretold = foretold + (epsilon * state["last_left"] - foretold) / count
+    put_row(state, taken, "squares", [left, whole, foretold])
+    state.put(taken, "judged", judged)
+    state.put(taken, "last_left", epsilon)
+    lost = (left > tuning["left"] * whole) & (foretold > left * FORETOLD)
+    gone = lost.pick(state["gone"] + 1.0, 0.0)
+    state.put(taken, "gone", gone)
+    patience = state["patience"]
+    limit = patience * memory
+    due, lost = taken & (judged >= limit), gone >= limit
+    state.put(due & lost, "patience", patience * 2.0)
+    state.put(due & lost, "anew", 2.0)
+    state.put(due & ~lost & gone.equals(0.0), "patience", tuning["least_patience"])
 
 
 def subtract(state: Fields, mask: Mask, v: list[Runs], w: Runs) -> None:

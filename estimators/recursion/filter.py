@@ -239,6 +239,6 @@ class CompiledFilter(RecursiveEstimator):
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
             taken = self._loop(self._tuning, self.state, *given)
             done += taken if self._restarts else len(u)
-            if self._restarts and self.state["anew"].any():
+            if self._restarts and (self.state["anew"] > self._tuning["heeds"]).any():
                 begin_anew(self._tuning, self.state, self._begin)
         estimates *= self._design.scale[: len(self.names)]

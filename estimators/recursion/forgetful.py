@@ -54,7 +54,7 @@ def forgetful_filter(
     )
     tunings = joined(lanes[0], parts[0], record(**tuning))
     states = joined(lanes[1], parts[1], record(**(state or {})))
-    return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim)
+    return CompiledFilter(_loop(pattern, rule), tunings, states, design, read_claim, restarts=True)
 
 
 @remembered
@@ -68,6 +68,6 @@ def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
         rule(tuning, state, valid[k])
         bound(tuning, state)
         publish(state, k, estimates, trace)
-        return False
+        return state["anew"] > tuning["heeds"]
 
     return sample_loop(pattern, forget, rule.name)

@@ -12,7 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.estimators.recursion.astray import astray, explains, repeats
+from flexaxis.estimators.recursion.astray import (
+    HEEDS_ALL,
+    HEEDS_LOST,
+    HEEDS_NOTHING,
+    astray,
+    explains,
+    repeats,
+)
 from flexaxis.estimators.recursion.design import Design, at_least_zero
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import inlined
@@ -73,7 +80,6 @@ def measured(
         correct=float(correct),
         clip=float(clip),
         watched=float(watch and clip > 0),
-        once=float(len(design.theta0) > design.tracked),  # whether anything is learnt once
         consistency=_consistency(clip),
         ceiling=float(ceiling),
         floor=GRANTED * np.diag(design.P0),
@@ -97,7 +103,9 @@ def measured(
         samples=0.0,  # that R̂ is the mean of
         signal=0.0,  # mean square of ŷ
     )
-    more, sensor = astray(design.period)
+    once = len(design.theta0) > design.tracked  # something is learnt, and never forgotten
+    tracks = HEEDS_LOST if watch and clip > 0 else HEEDS_NOTHING
+    more, sensor = astray(design.period, HEEDS_ALL if once else tracks)
     return joined(tuning, more), joined(state, sensor)
 
 
@@ -139,7 +147,7 @@ def measure(tuning, state, y, valid):
         subtract(state["P"], gain, weight)
         carry(state["claim"], gain, weight, state["spread"], spread)
         excited = learn(tuning, state, surprise**2 / spread)
-        if excited and tuning["once"] > 0.0:
+        if excited and tuning["heeds"] < HEEDS_NOTHING:
             explains(tuning, state, y, state["epsilon"])
     for i in range(p):
         if theta[i] < tuning["lower"][i]:  # not min and max, which would hide a NaN
@@ -172,7 +180,7 @@ def sticks(tuning, state, y):
     noise = state["noise"] if known else state["earlier"]
     if repeats(state, y, state["expected"], noise * state["scale"]):
         return True
-    return tuning["once"] > 0.0 and state["anew"] > 1.0  # ŷ is no number: θ stays what it was
+    return state["anew"] > max(tuning["heeds"], 1.0)  # ŷ is no number: θ stays what it was
 
 
 @inlined

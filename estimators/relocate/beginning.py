@@ -84,8 +84,9 @@ class Beginning:
         noise = self.design.noise**2 or memory.roughness(samples)
         if memory.state["samples"] < samples or not noise > 0:
             return None
-        u, y, _ = memory.signals(memory.first)
-        speed = y / output_gain(self.design)
+        u, y, present = memory.signals(memory.first)
+        foreseen = memory.read("expected", memory.first + 1)  # stands for y in a gap
+        speed = np.where(present, y, foreseen) / output_gain(self.design)
         period, known = self.design.period, self.roles.known
         torque = u[:-1, 0]
         moves = motion(torque, speed, period)

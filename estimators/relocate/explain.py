@@ -72,14 +72,19 @@ class Ranking:
 
     @cached_property
     def best(self) -> int:
-        """Which one has the most evidence."""
-        return int(np.argmax([found.odds for found in self.explanations]))
+        """Which one of those that were fitted has the most evidence."""
+        return max(self._fitted, key=lambda i: self.explanations[i].odds)
+
+    @cached_property
+    def _fitted(self) -> list[int]:
+        """Those with a change; where all are absurd, one that was not fitted may be a tie."""
+        return [i for i, found in enumerate(self.explanations) if found.change is not None]
 
     @property
     def change(self) -> Change:
         """What the best one says."""
         change = self.explanations[self.best].change
-        assert change is not None  # whoever leads was fitted
+        assert change is not None  # only what was fitted leads
         return change
 
     @property

@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from flexaxis.estimators.recursion.astray import ABSURD
 from flexaxis.estimators.recursion.loop import sample_loop
 from flexaxis.estimators.recursion.measurement import (
+    KNOWN,
     correct_state,
     learn,
     measure,
@@ -32,21 +34,39 @@ def remembering_loop(pattern: Pattern, size: int) -> Compiled:
     def remember(tunings, states, k, u, y, valid, estimates, trace, words, ring):  # noqa: PLR0917
         """Take one sample, as `flexaxis.estimators.recursion.loop` wants it."""
         tuning, state = tunings[0], states[0]
-        measure(tuning, state, y[k], valid[k])
+        taken = valid[k] and not absurd(tuning, state, y[k])
+        measure(tuning, state, y[k], taken)
         correct_state(state)
         ringing = listen(tuning, state, y[k])
-        integrate(tuning, state, y[k], valid[k])
-        state["u"][0], state["y"], state["valid"] = u[k], y[k], int(valid[k])
+        integrate(tuning, state, y[k], taken)
+        state["u"][0], state["y"], state["valid"] = u[k], y[k], int(taken)
         place = state["count"] % len(ring)
         state["count"] += 1
         for i in range(size):
             ring[place, i] = words[0, i]
-        if valid[k] and not resting(state):  # nothing is forgotten while nothing can be learnt
+        if taken and not resting(state):  # nothing is forgotten while nothing can be learnt
             predict(tuning, state)
         publish(state, k, estimates, trace)
         return ringing or state["count"] == state["stop"] or diverged(state)
 
     return sample_loop(pattern, remember, "relocate")
+
+
+@inlined
+def absurd(tuning, state, y):
+    """
+    Return whether y is no reading of this axis: it is taken for missing, and remembered so.
+
+    A filter limits what it learns of it. But a search, a fit and an alarm look at all that is
+    remembered, and means of squares would not forget it for minutes.
+    """
+    if state["samples"] == 0.0:
+        return False  # there is nothing to compare it with
+    expected, factor = state["X"][-1, 0], ABSURD
+    if state["samples"] < KNOWN and tuning["known"] <= 0.0:  # as of any limit that early
+        factor *= (KNOWN / state["samples"]) ** 2
+    usual = max(state["signal"], expected**2, state["noise"])
+    return (y - expected) ** 2 > factor**2 * usual
 
 
 @inlined

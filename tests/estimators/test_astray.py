@@ -150,3 +150,40 @@ def test_noise_that_is_large_is_no_reason_to_begin_anew():
     estimator = make("rpem-friction")
     estimator.run(loud.u, loud.y)
     assert believed(estimator).all()
+
+
+@pytest.mark.parametrize("name", ["rpem-forgetting", "efra", "variable-forgetting", "cusum-reset"])
+def test_what_forgets_begins_anew_where_it_is_lost(name):
+    """The sensor has the wrong sign for 20 s: the way back from there leads into another valley."""
+    y = run().y.copy()
+    y[FAILS : FAILS + 4000] *= -1
+    estimator = make(name)
+    theta = estimator.run(run().u, y)
+    assert error(theta) < 0.02
+    gone = np.flatnonzero(~believed(estimator))
+    assert len(gone) % 200 <= 5  # each time for 1 s; a reading may repeat by chance
+    assert gone[-1] < END - 2000
+
+
+@pytest.mark.parametrize("name", ["rpem-forgetting", "rpem-drift", "cusum-reset"])
+def test_what_forgets_goes_on_where_its_model_lacks_what_has_changed(name):
+    """A gear a fifth softer than it was told leaves a tenth of y, in every minute of its life."""
+    softer = simulate(
+        AXES["n1"], 45.0, faults={10.0: AXES["n1"] | {"k_g": 0.8 * AXES["n1"]["k_g"]}}
+    )
+    estimator = make(name)
+    estimator.run(softer.u, softer.y)
+    left = estimator.innovations[4000:, 0]
+    assert np.mean(left**2) > 0.05 * np.mean(softer.y[4000:] ** 2)
+    assert believed(estimator).all()
+
+
+def test_one_reading_beyond_all_numbers_hides_nothing_that_follows():
+    """The mean square of y would be infinite for good, and what is left small beside it."""
+    y = run().y.copy()
+    y[FAILS:HEALS] = np.roll(y, 20)[FAILS:HEALS]
+    y[FAILS - 500] = 1e300
+    estimator = make("rpem-friction")
+    estimator.run(run().u, y)
+    gone = np.flatnonzero(~believed(estimator))
+    assert HEALS + 200 < gone[-1] < HEALS + 1200

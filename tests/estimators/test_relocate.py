@@ -270,3 +270,18 @@ def test_options_are_checked(nominal, option, value):
     options = dict(P0=P0, period=T) | {option: value}
     with pytest.raises(EstimatorError, match=option):
         Relocate(three_mass(nominal), **options)
+
+
+@pytest.mark.parametrize("size", [1e6, 1e30, 1e300])
+@pytest.mark.parametrize("at", [[700], [30, 31, 32], [2010, 2011, 2012, 2013], [2500, 2502, 2504]])
+def test_nonsense_is_as_good_as_missing(nominal, simulated, relocate, at, size):
+    """To the last bit, before and after a fault at 10 s: it is in no fit, no alarm and no mean."""
+    run = simulated(15.0, faults={10.0: {**nominal, "f_m": 0.1}})
+    valid = np.ones(len(run.u), bool)
+    valid[at] = False
+    missing = relocate.run(run.u, run.y, valid)
+    relocate.reset()
+    nonsense = run.y.copy()
+    nonsense[at] = size * np.where(np.arange(len(at)) % 2, -1.0, 1.0)
+    np.testing.assert_array_equal(relocate.run(run.u, nonsense), missing)
+    assert [f.parameters for f in relocate.findings] == [("f_m",)]

@@ -4,6 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from acceptance.axes import AXES
+from acceptance.axes import simulate as by_hand
+from acceptance.measures import make
 
 from flexaxis.estimators.finding import UNEXPLAINED
 from flexaxis.estimators.methods.friction import rpem_friction
@@ -186,3 +189,31 @@ def test_dry_friction_walks_relative_to_what_it_is_found_to_be():
     walks = np.sqrt(np.diag(memory.drift) * prior.noise / T)[:4] * scale[:4]
     np.testing.assert_allclose(walks[:3], 2e-3 * np.array([1.0, 1.25, 3 * 0.05]), rtol=1e-9)
     assert walks[3] == pytest.approx(2e-3 * 3.0 * 0.1, rel=0.05)  # of .1 N m, as it is
+
+
+@pytest.mark.parametrize("at", [[100], [150, 151, 152]])
+def test_nonsense_in_the_first_seconds_is_as_good_as_missing(at):
+    """What a gap holds has no part in sizes, prior and fit either."""
+    run = by_hand(AXES["n1"], 5.0)
+    valid = np.ones(len(run.u), bool)
+    valid[at] = False
+    nonsense, estimator = run.y.copy(), make("relocate-friction")
+    nonsense[at] = 1e30
+    missing = estimator.run(run.u, run.y, valid)
+    for given in ((nonsense,), (nonsense, valid)):
+        estimator.reset()
+        np.testing.assert_array_equal(estimator.run(run.u, *given), missing)
+
+
+def test_what_a_gap_holds_is_no_motion():
+    """The sizes of laws that nobody told come from how the axis has moved."""
+    run, estimator, priors = by_hand(AXES["n1"], 2.0), relocate_friction(N1, T), []
+    valid = np.arange(len(run.u)) != 100
+    for held in (run.y[100], 1e30):
+        y = run.y.copy()
+        y[100] = held
+        estimator.reset()
+        estimator.run(run.u, y, valid)
+        prior = estimator._judge.commission._prior
+        priors.append(np.r_[prior.theta, prior.deviation])
+    np.testing.assert_array_equal(priors[1], priors[0])

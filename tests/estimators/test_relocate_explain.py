@@ -13,7 +13,7 @@ from flexaxis.estimators.relocate.explain import (
     Hypotheses,
     Ranking,
 )
-from flexaxis.estimators.relocate.fit import Past
+from flexaxis.estimators.relocate.fit import Change, Past
 from flexaxis.estimators.relocate.past import Normal, likelihood, outliers, whitened
 from flexaxis.estimators.sampling.plan import plan
 from flexaxis.estimators.sampling.sampled import sample, terms
@@ -130,3 +130,13 @@ def test_the_matrix_of_a_sample_is_that_of_the_relative_parameters(nominal, hypo
     theta = np.array([1.0, 1.0, 1.0, 1.1, 1.0])
     D = sample(hypotheses.terms, theta, np.arange(0))
     np.testing.assert_allclose(D[0, :5], exact, rtol=1e-9, atol=1e-12)
+
+
+def test_of_hypotheses_that_are_all_absurd_one_that_was_fitted_leads():
+    """At 1e300 nats what is a nat behind is equal, and may come first."""
+    fitted = Change(3, np.ones(2), -1e300, np.inf)
+    found = [Explanation(np.array([i]), -1e300, change) for i, change in enumerate([None, fitted])]
+    ranking = Ranking(tuple(found), singles=2)
+    assert ranking.best == 1
+    assert ranking.change is fitted
+    assert ranking.lead == 0.0

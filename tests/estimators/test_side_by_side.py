@@ -6,6 +6,7 @@ import pytest
 from flexaxis.estimators import EstimatorError, Frozen, Rpem, one_mass, three_mass, two_mass
 from flexaxis.estimators.methods import beside
 from flexaxis.estimators.methods.beside import kind_of, registers
+from flexaxis.estimators.recursion.astray import PATIENCE
 from flexaxis.estimators.side_by_side import run_together, worth_together
 
 N = 1500
@@ -88,7 +89,9 @@ def test_each_run_is_what_it_is_alone(nominal, loop, model, output, identify):
     assert len(kinds) == 1 and None not in kinds
     assert_as_alone(several, u, y, valid)
     assert_as_alone(several, u, y, valid)  # from where they are
-    assert {int(each.state["taken"][0]) for each in several} == {2 * N}
+    kept = [each for each in several if each.state["patience"][0] == PATIENCE]  # some began anew
+    assert {int(each.state["taken"][0]) for each in kept} == {2 * N}
+    assert len(kept) > 8
     if output == "speed" and model == "three_mass":  # else nothing of the sensor was tried
         assert several[4].state["rails"][0, 1] == max(y[4])
         assert several[8].state["rails"][0].tolist() != several[0].state["rails"][0].tolist()
