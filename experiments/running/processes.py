@@ -15,10 +15,12 @@ from typing import Self
 
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
+from flexaxis.sim.current_folder import forget_safe_path, safe_path
 
 
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
+    forget_safe_path()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it
@@ -43,11 +45,12 @@ def process_pool(jobs: int) -> Iterator[Executor]:
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     before = {key: os.environ.get(key) for key in single}
     os.environ.update(single)  # read by the children when they import NumPy
-    pool = ProcessPoolExecutor(
-        jobs,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-    )
+    with safe_path():  # its locks have a process of their own
+        pool = ProcessPoolExecutor(
+            jobs,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start_worker,
+        )
     try:
         yield pool
     except BaseException:  # nobody waits for what they do any more

@@ -23,7 +23,8 @@ def open_file(path: Path) -> Log:
     """Open one; see `reader.open_log`."""
     with TemporaryDirectory() as folder:
         out = Path(folder) / "columns.npy"
-        words = [sys.executable, "-m", MODULE, str(path.resolve()), str(out)]
+        # -P: what lies where the user stands is data, and no module of this process
+        words = [sys.executable, "-P", "-m", MODULE, str(path.resolve()), str(out)]
         try:
             done = subprocess.run(words, capture_output=True, timeout=PATIENCE, check=False)
         except subprocess.TimeoutExpired as error:
