@@ -238,6 +238,7 @@ def say(text: str) -> None:
 
 
 def _readable(line: str) -> str:
+    line = "".join(c if c.isprintable() or c == "\t" else "?" for c in line)  # no tricks of names
     left_out, half = len(line) - LONGEST, LONGEST // 2
     return f"{line[:half]} … {left_out} more … {line[-half:]}" if left_out > 0 else line
 

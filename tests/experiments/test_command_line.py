@@ -274,3 +274,12 @@ def test_zsh_completes(tmp_path, begun):
         os.close(terminal)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
+
+
+def test_what_somebody_else_has_named_drives_no_terminal(capsys, tmp_path):
+    """A message shows a name as it stands in a file, but for what a terminal would obey."""
+    path = tmp_path / "strange.toml"
+    path.write_text('name = "a\\u001b]0;b\\u0007\\u001b[2J\\u202e"\nduration = 7.0\n')
+    status, err = refused(capsys, "show", str(path))
+    assert status == 2 and "must be one word" in err
+    assert all(c.isprintable() or c == "\n" for c in err)
