@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.cli import main
+from flexaxis.experiments.cli import main, say
 
 HEAVY = {"mujoco", "matplotlib", "control", "scipy.stats", "scipy.signal", "jinja2"}
 
@@ -276,10 +276,9 @@ def test_zsh_completes(tmp_path, begun):
         os.waitpid(child, 0)
 
 
-def test_what_somebody_else_has_named_drives_no_terminal(capsys, tmp_path):
+def test_what_somebody_else_has_named_drives_no_terminal(capsys):
     """A message shows a name as it stands in a file, but for what a terminal would obey."""
-    path = tmp_path / "strange.toml"
-    path.write_text('name = "a\\u001b]0;b\\u0007\\u001b[2J\\u202e"\nduration = 7.0\n')
-    status, err = refused(capsys, "show", str(path))
-    assert status == 2 and "must be one word" in err
-    assert all(c.isprintable() or c == "\n" for c in err)
+    say("a\tb \x1b]0;title\x07\x1b[2J \u202e é f_m²\nanother")
+    assert capsys.readouterr().err == (
+        "flexaxis: a\tb ?]0;title??[2J ? é f_m²\nflexaxis: another\n"
+    )
