@@ -13,8 +13,7 @@ from functools import cache
 from threading import Lock
 from typing import Any, NamedTuple
 
-import mujoco
-
+from flexaxis.sim.engine import mujoco
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.friction import LAWS, MARK, WIDTH
 

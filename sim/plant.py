@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from threading import Lock
 
-import mujoco
 import numpy as np
-from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from flexaxis.models_mjcf import model_files
 from flexaxis.sim import passive
+from flexaxis.sim.engine import Batch, mujoco
 from flexaxis.sim.errors import ParameterError, SimulationError, unknown
 from flexaxis.sim.friction import LAWS
 from flexaxis.sim.nonlinear import FrictionConfig, Law, Nonlinearity

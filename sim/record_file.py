@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -99,6 +100,7 @@ def file_length(path: Path) -> int:
     """Return the number of samples in a file, 0 without time; all signals must have as many."""
     # The arrays themselves: a named dimension may say another length than they have.
     with h5py.File(path, "r") as file:
+        only_inside(file, RecordError)
         lengths = {name: file[name].shape for name in (*SIGNALS, "valid") if name in file}
     samples = lengths.get("time", (0,))
     for name, length in lengths.items():
@@ -112,6 +114,8 @@ def file_length(path: Path) -> int:
 
 def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file, or those of some of its samples."""
+    with h5py.File(path, "r") as plain:
+        only_inside(plain, RecordError)
     # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
     with h5netcdf.File(path, "r", phony_dims="sort") as file:
         content: dict[str, Any] = {

@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 PATH = "/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin"
 STARTING, ENDING = 120.0, 20.0  # s that the process may take to start, and to end a case
 IN_ALL = 10.0  # times the patience, for a case
+LONGEST, MOST = 2000, 1000  # characters of a text that code sends, and names that it may have
 
 
 class Cage:
@@ -103,7 +104,8 @@ class Cage:
             self._process = (self._plainly if self._plain else self._alone)(theirs)
         wire = Wire(self._control.fileno(), self._control.fileno(), STARTING)
         try:
-            wire.send({"absent": of_user(), "seconds": IN_ALL * self._patience})
+            wire.send({"seconds": IN_ALL * self._patience})
+            wire.send({"absent": of_user()})  # read by nobody who is there when cases are
             found = {str(k): v is True for k, v in wire.receive().items()}
         except (EntryError, OSError) as error:
             self._end()
@@ -202,8 +204,9 @@ class Remote:
             wire.send(torques("design" if made["torque"] == "design" else "reference"))
             made = self._answer()
         try:
-            self.names = tuple(str(name) for name in made["names"])
-            self.output, self.able = str(made["output"]), frozenset(map(str, made["able"]))
+            self.names = tuple(str(name)[:LONGEST] for name in made["names"][:MOST])
+            self.output = str(made["output"])[:LONGEST]
+            self.able = frozenset(map(str, made["able"]))
         except (LookupError, TypeError) as error:
             raise EntryError("the code sent something that is no answer") from error
         if "run" in self.able:
@@ -249,7 +252,7 @@ class Remote:
     def _answer(self) -> Any:
         answer = self._wire.receive()
         if isinstance(answer, dict) and "error" in answer:
-            raise EstimatorError(f"{self._text}: {answer['error']}")
+            raise EstimatorError(f"{self._text}: {str(answer['error'])[:LONGEST]}")
         return answer
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.board import shut
+from flexaxis.experiments.board import shut, sieve
 from flexaxis.experiments.board.errors import EntryError
 from flexaxis.experiments.board.wire import Wire
 
@@ -40,7 +40,7 @@ def main() -> None:
     wire = Wire(control.fileno(), control.fileno())
     with suppress(EntryError, OSError):  # nobody is there any more
         asked = wire.receive()
-        wire.send(_tried(asked["absent"]))
+        wire.send(_tried(wire))
         _ready()
         while True:
             word, sockets, *_ = socket.recv_fds(control, 1, 1)
@@ -76,15 +76,15 @@ def _limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (FILE, FILE))
 
 
-def _tried(absent: Sequence[str]) -> dict[str, bool]:
-    """Return what holds in a process that is shut in as a case is."""
+def _tried(wire: Wire) -> dict[str, bool]:
+    """Return what holds in a process as a case's, which alone is told what must not be seen."""
     memory = _memory()
     there, here = os.pipe()
     child = os.fork()
     if not child:
         with suppress(BaseException):
             _shut_in(60.0)
-            os.write(here, json.dumps(reached(absent, memory)).encode())
+            os.write(here, json.dumps(reached(wire.receive()["absent"], memory)).encode())
         os._exit(0)
     os.close(here)
     os.waitpid(child, 0)
@@ -105,7 +105,7 @@ def reached(absent: Sequence[str], memory: str) -> dict[str, bool]:
     """
     try:
         others = {name for _, name in socket.if_nameindex()} - {"lo"}
-        network = not others and not _connects()
+        network = not others and not _connects() and not sieve.other_sockets()
     except OSError:
         network = False
     nothing = {shut.status(key).strip("0") for key in ("CapEff", "CapPrm", "CapBnd", "CapInh")}
@@ -136,6 +136,7 @@ def _shut_in(seconds: float) -> None:
     if alone:
         shut.own_memory()
         shut.powerless()
+        sieve.sift()
     shut.unreadable(False)
 
 

@@ -25,34 +25,34 @@ PROCESSES = 256
 
 def unreadable(yes: bool = True) -> None:
     """Let no other process of this user read or write this one's memory."""
-    if libc := _libc():
-        libc.prctl(_DUMPABLE, int(not yes), 0, 0, 0)
+    if library := libc():
+        library.prctl(_DUMPABLE, int(not yes), 0, 0, 0)
 
 
 def powerless() -> None:
     """Give away all capabilities, those included that a program could give back."""
-    if libc := _libc():
+    if library := libc():
         for number in range(_CAPABILITIES):
-            libc.prctl(_BOUNDING_DROP, number, 0, 0, 0)
-        libc.prctl(_AMBIENT, _AMBIENT_CLEAR, 0, 0, 0)
-        libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
+            library.prctl(_BOUNDING_DROP, number, 0, 0, 0)
+        library.prctl(_AMBIENT, _AMBIENT_CLEAR, 0, 0, 0)
+        library.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0)
         head = (ctypes.c_uint32 * 2)(_CAPABILITY_VERSION, 0)
-        libc.capset(head, (ctypes.c_uint32 * 6)())
+        library.capset(head, (ctypes.c_uint32 * 6)())
 
 
 def own_memory() -> None:
     """Take System V and POSIX message queues, semaphores, shared memory and keys of one's own."""
-    if libc := _libc():
-        libc.unshare(_NEW_IPC)
+    if library := libc():
+        library.unshare(_NEW_IPC)
         if number := _KEYCTL.get(os.uname().machine):
-            libc.syscall(number, _JOIN_SESSION_KEYRING, None)
+            library.syscall(number, _JOIN_SESSION_KEYRING, None)
 
 
 def no_keys() -> None:
     """Remove the keys that processes of this user have left in the kernel."""
-    if (libc := _libc()) and (number := _KEYCTL.get(os.uname().machine)):
+    if (library := libc()) and (number := _KEYCTL.get(os.uname().machine)):
         for ring in _USER_KEYRINGS:
-            libc.syscall(number, _CLEAR_KEYRING, ring)
+            library.syscall(number, _CLEAR_KEYRING, ring)
 
 
 def limited(seconds: float, *, alone: bool) -> None:
@@ -73,12 +73,12 @@ def read_only(root: str) -> None:
     OSError
         If the system does not do so (Linux from 5.12 on).
     """
-    libc = _libc()
+    library = libc()
     attributes = (ctypes.c_uint64 * 4)(_READ_ONLY, 0, 0, 0)
     call = [_MOUNT_SETATTR, -100, root.encode(), _RECURSIVE, attributes, ctypes.sizeof(attributes)]
-    if libc is None or libc.syscall(*call):
+    if library is None or library.syscall(*call):
         raise OSError(ctypes.get_errno(), "mount_setattr")
-    if libc.sethostname(HOST.encode(), len(HOST)):
+    if library.sethostname(HOST.encode(), len(HOST)):
         raise OSError(ctypes.get_errno(), "sethostname")
 
 
@@ -100,7 +100,8 @@ def status(key: str) -> str:
     return ""
 
 
-def _libc() -> ctypes.CDLL | None:
+def libc() -> ctypes.CDLL | None:
+    """Return the library of system calls, None where there is no Linux."""
     return ctypes.CDLL(None, use_errno=True) if sys.platform.startswith("linux") else None
 
 

@@ -12,7 +12,7 @@ import os
 import select
 import struct
 import time
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Wire:
     ----------
     back, to : int
     patience : float, optional
-        How long a message may be awaited [s]; for ever by default.
+        How long a message may be awaited, or wait to be taken [s]; for ever by default.
     in_all : float, optional
         How long it may take from now until the last message [s]; for ever by default.
     """
@@ -45,14 +45,24 @@ class Wire:
         self._last = math.inf if in_all is None else time.monotonic() + in_all
 
     def send(self, content: Any) -> None:
-        """Send an array of numbers as it is, anything else as JSON."""
+        """Send an array of numbers as it is, anything else as JSON.
+
+        Raises
+        ------
+        EntryError
+            If it is not taken in time.
+        """
         if isinstance(content, np.ndarray):
             kind, text = NUMBERS, np.ascontiguousarray(content, "<f8").tobytes()
         else:
             kind, text = JSON, json.dumps(content).encode()
         left = memoryview(_HEAD.pack(kind, len(text)) + text)
+        end = self._end()
         while left:
-            left = left[os.write(self._to, left) :]
+            # What is ready takes as many bytes at once; of more it might never take the rest.
+            if not self._ready(min(end, self._last), to=True):
+                self._late(end, "did not take a message")
+            left = left[os.write(self._to, left[: select.PIPE_BUF]) :]
 
     def receive(self) -> Any:
         """Return a table, or numbers (n,).
@@ -76,13 +86,10 @@ class Wire:
             raise EntryError("the code sent something that is no answer") from error
 
     def _read(self, size: int) -> bytes:
-        parts, left = [], size
-        end = math.inf if self._patience is None else time.monotonic() + self._patience
+        parts, left, end = [], size, self._end()
         while left:
-            if not self._comes(min(end, self._last)):
-                if end < self._last:
-                    raise EntryError(f"the code gave no answer within {self._patience:g} s")
-                raise EntryError(f"the code took more than {self._in_all:g} s for a case")
+            if not self._ready(min(end, self._last)):
+                self._late(end, "gave no answer")
             part = os.read(self._back, min(left, 1 << 20))
             if not part:
                 raise EntryError("the process that ran the code has ended")
@@ -90,6 +97,15 @@ class Wire:
             left -= len(part)
         return b"".join(parts)
 
-    def _comes(self, end: float) -> bool:
+    def _end(self) -> float:
+        return math.inf if self._patience is None else time.monotonic() + self._patience
+
+    def _late(self, end: float, what: str) -> NoReturn:
+        if end < self._last:
+            raise EntryError(f"the code {what} within {self._patience:g} s")
+        raise EntryError(f"the code took more than {self._in_all:g} s for a case")
+
+    def _ready(self, end: float, *, to: bool = False) -> bool:
         left = None if math.isinf(end) else max(0.0, end - time.monotonic())
-        return bool(select.select([self._back], [], [], left)[0])
+        back, there = ([], [self._to]) if to else ([self._back], [])
+        return any(select.select(back, there, [], left))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -25,6 +27,7 @@ BREAK, CLOCK = "break it", "clock"
 REPAIR = "Repair everything"
 RUN, PAUSE, STEP = "Run", "Pause", f"Step {MARK * PERIOD:g} s"
 SAVE = "save"
+NEXT_SAVE = 1.0  # s until a viewer gets another file: those that nobody reads wait in memory
 SAVE_CSV, SAVE_LESSON = "Table (CSV)", "Lesson (TOML)"
 WIDTH, CURVES_WIDTH = 440, 390  # pixels, of 1400
 F_C_SIZE = 0.1  # N m, by which an estimate of f_c is drawn
@@ -84,6 +87,7 @@ class Page:
         self._offers, self._exaggerate = offers, exaggerate
         self._advance: Callable[[int], None] = session.advance
         self._drawn = -1
+        self._saved: WeakKeyDictionary[Any, float] = WeakKeyDictionary()
         self._lock = threading.Lock()
         self._build_scene()
         self._build_controls()
@@ -213,6 +217,10 @@ class Page:
 
     async def _save(self, event: Any) -> None:
         """Send what was done to who asked for it; no name or text of a viewer is in it."""
+        now, before = time.monotonic(), self._saved.get(event.client, -NEXT_SAVE)
+        if now - before < NEXT_SAVE:
+            return
+        self._saved[event.client] = now
         lesson = event.target.value == SAVE_LESSON
         with self._lock:
             text = self.session.lesson() if lesson else self.session.history.csv()

@@ -19,6 +19,7 @@ from flexaxis.sim.errors import FlexaxisError
 
 PORT, TRIED = 8080, 100
 MAX_MESSAGE = 2**16  # bytes of a message of a viewer: a hundred times what the page sends
+MOST_UNREAD = 2**24  # bytes that wait for a viewer who does not read: ten times the whole page
 PAUSE = 0.002  # s after each, so that nobody's flood of messages fills the memory
 HEADERS = {
     "Cache-Control": "no-store",
@@ -143,10 +144,25 @@ class Guard:
     def _remembered(self, make: Callable[..., Any]) -> Any:
         def made(*args: Any, **options: Any) -> Any:
             connection = make(*args, **options)
+            connection.data_received = _answered(connection, connection.data_received)
             self._connections.add(connection)
             return connection
 
         return made
+
+
+def _answered(connection: Any, receive: Callable[[bytes], None]) -> Callable[[bytes], None]:
+    """Return what takes in bytes, but cuts off a viewer who does not read what is answered.
+
+    Pings are answered at once, as many as there come, and the answers wait in memory.
+    """
+
+    def received(data: bytes) -> None:
+        receive(data)
+        if connection.transport.get_write_buffer_size() > MOST_UNREAD:
+            connection.transport.abort()
+
+    return received
 
 
 class _Narrow:

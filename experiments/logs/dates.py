@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-import numpy as np
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.reading.mat_file import text_of, texts_of
 
 HEAD = 4096  # bytes of a text in which a date is looked for
 KEYS = ("date", "datum", "created", "start", "start_time", "timestamp")  # attributes, variables
@@ -137,27 +137,13 @@ def _attributes(path: Path) -> Iterator[str]:
 
     try:
         with h5py.File(path) as file:
-            yield from (_text(value) for key, value in file.attrs.items() if key.lower() in KEYS)
+            yield from (text_of(value) for key, value in file.attrs.items() if key.lower() in KEYS)
     except OSError:  # the reader says what is wrong with it
         return
 
 
 def _variables(path: Path) -> list[str]:
-    from scipy.io import loadmat
-
     try:
-        content = loadmat(path, simplify_cells=True, variable_names=list(KEYS))
-    except Exception:  # scipy raises whatever broken bytes lead to; the reader says it
+        return texts_of(path, KEYS)
+    except LogError:  # the reader says what is wrong with it
         return []
-    return [_text(value) for key, value in content.items() if key in KEYS]
-
-
-def _text(value: Any) -> str:
-    """Return an attribute or a variable as a text; nothing of an array."""
-    if isinstance(value, bytes | np.bytes_):
-        return value.decode(errors="replace")
-    if isinstance(value, str):
-        return value
-    number = np.asarray(value)
-    numeric = number.size == 1 and number.dtype.kind in "iuf" and np.isfinite(number).all()
-    return f"{number.item():.6f}" if numeric else ""

@@ -43,6 +43,11 @@ WIDE = 200  # columns where there is no terminal, as in the log of a build: no n
 NAME = 20  # columns that the names of estimators have at least; longer ones are folded
 
 
+def named(text: str) -> str:
+    """Return a name for a cell: brackets are mark-up there, and a terminal obeys what is unseen."""
+    return escape("".join(c if c.isprintable() else "?" for c in text))
+
+
 def show(table: Table) -> None:
     """Print a table, in a file or a pipe as wide as it needs."""
     Console(width=_width()).print(table)
@@ -113,7 +118,7 @@ def _left_out(headings: Sequence[str]) -> str:
 
 def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
     return [
-        "  " + escape(row["estimator"]),  # brackets are mark-up here
+        "  " + named(row["estimator"]),
         row["parameter"],
         *(_cell(score, row) for score in SHOWN),
         number(cross_talk, 2),
@@ -177,7 +182,7 @@ def equal_noise_table(
         for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
             values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
             table.add_row(
-                ("* " if row["leads"] else "  ") + escape(row["estimator"]),
+                ("* " if row["leads"] else "  ") + named(row["estimator"]),
                 AT_MOST.get(row["how"], "") + number(row["lag"]),
                 pair(row["lag_interval"]),
                 *(number(value, 2) for value in values),
@@ -186,7 +191,7 @@ def equal_noise_table(
         table.add_row("[bold]score at equal excess error[/]")
     for row in overall:
         sign = AT_LEAST.get(row["how"], "")
-        name = ("* " if row["leads"] else "  ") + escape(row["estimator"])
+        name = ("* " if row["leads"] else "  ") + named(row["estimator"])
         table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
     return table
 

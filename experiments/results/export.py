@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,8 +35,16 @@ def export_csv(results: Results, target: Path) -> int:
         lines.writerow(kinds)
         for rows in results.parts():
             columns = [_plain(table, name, kind, rows) for name, kind in kinds.items()]
-            lines.writerows(zip(*columns, strict=True))
+            lines.writerows(zip(*map(_as_cells, columns), strict=True))
     return len(results.rows)
+
+
+def _as_cells(values: Iterable[Any]) -> list[Any]:
+    """Return values of which no text is a formula to a spreadsheet; no name of ours begins so."""
+    return [f"'{v}" if isinstance(v, str) and v[:1] in _FORMULA else v for v in values]
+
+
+_FORMULA = frozenset("=+-@\t\r")
 
 
 def export_parquet(results: Results, target: Path) -> int:

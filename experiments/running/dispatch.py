@@ -20,6 +20,7 @@ from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.interrupts import PATIENCE, Interrupts, two_stage
 from flexaxis.experiments.running.processes import Workers, kill, process_pool, stop
 from flexaxis.experiments.running.stopping import Stopped, check, stoppable
+from flexaxis.sim.current_folder import safe_path
 
 ATTEMPTS = 3
 Task = TypeVar("Task")
@@ -172,7 +173,7 @@ class _Flight(Generic[Task, Result]):
 
     def _submit(self, task: Task, attempt: int) -> None:
         try:
-            with held_back():
+            with held_back(), safe_path():
                 self.out[self.executor.submit(self.work, task)] = task, attempt
         except BrokenExecutor:
             self.out[Future()] = task, attempt  # lost with the others

@@ -17,6 +17,7 @@ from typing import Any, Self
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.interrupts import threads_left
+from flexaxis.sim.current_folder import forget_safe_path, safe_path
 from flexaxis.sim.errors import FlexaxisError
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
@@ -37,6 +38,7 @@ def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
 
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
+    forget_safe_path()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it
@@ -68,11 +70,12 @@ def process_pool(jobs: int) -> Iterator[Executor]:
     single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     before = {key: os.environ.get(key) for key in single}
     os.environ.update(single)  # read by the children when they import NumPy
-    pool = ProcessPoolExecutor(
-        jobs,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-    )
+    with safe_path():  # its locks have a process of their own
+        pool = ProcessPoolExecutor(
+            jobs,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start_worker,
+        )
     try:
         yield pool
     except BaseException:  # nobody waits for what they do any more

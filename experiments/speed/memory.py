@@ -26,6 +26,7 @@ from flexaxis.estimators.protocol import Estimator, run_estimator
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.speed.steps import stepped
 from flexaxis.experiments.speed.streams import Samples, Stream, axis_of, make_stream
+from flexaxis.sim.current_folder import forget_safe_path, safe_path
 from flexaxis.sim.errors import FlexaxisError
 
 SEED = 1
@@ -65,8 +66,12 @@ def memory(hours: float, estimators: Sequence[str] = ()) -> Iterator[dict[str, A
         raise FlexaxisError(f"--memory {hours:g}: give {least:g} hours or more, and an end")
     spawn = multiprocessing.get_context("spawn")
     for name in estimators or stepped():
-        with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-            yield pool.submit(streamed, name, _stream(axis_of(name)), hours).result()
+        with (
+            safe_path(),
+            ProcessPoolExecutor(1, mp_context=spawn, initializer=forget_safe_path) as pool,
+        ):
+            found = pool.submit(streamed, name, _stream(axis_of(name)), hours).result()
+        yield found
 
 
 @cache

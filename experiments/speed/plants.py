@@ -15,7 +15,7 @@ STEPS, SUBSTEPS = 200, 5  # samples, and physics steps of 1 ms in each
 
 def plants(given: Problem) -> list[Contender]:
     """Return the engine alone, and the closed loop of many runs."""
-    import mujoco
+    from flexaxis.sim.engine import mujoco
 
     scenario = given.scenario
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.cli import main
+from flexaxis.experiments.cli import main, say
 
 HEAVY = {"mujoco", "matplotlib", "control", "scipy.stats", "scipy.signal", "jinja2"}
 
@@ -274,3 +274,11 @@ def test_zsh_completes(tmp_path, begun):
         os.close(terminal)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
+
+
+def test_what_somebody_else_has_named_drives_no_terminal(capsys):
+    """A message shows a name as it stands in a file, but for what a terminal would obey."""
+    say("ab \x1b]0;title\x07\x1b[2J \u202e é f_m²\nanother")
+    assert capsys.readouterr().err == (
+        r"flexaxis: ab \x1b]0;title\x07\x1b[2J \u202e é f_m²" + "\nflexaxis: another\n"
+    )

@@ -101,6 +101,16 @@ def test_the_owner_comes_in(demo, name):
     assert status(demo, f"/{door.token}/nothing.js", headers) == 404
 
 
+@pytest.mark.parametrize("path", [b"/\xff/", b"/%s\xe9/", b"/\xed\xb3\xbf"])
+def test_a_token_that_is_no_text_is_a_wrong_one(demo, path):
+    """Not an error of ours: nothing may be learnt of what is done with it."""
+    door = demo.guard.door
+    path = path.replace(b"%s", door.token[:-1].encode())
+    with socket.create_connection(("127.0.0.1", door.port)) as raw:
+        raw.sendall(b"GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % (path, door.port))
+        assert raw.recv(100).startswith(b"HTTP/1.1 403")
+
+
 def test_two_hosts_are_none(demo):
     door = demo.guard.door
     with socket.create_connection(("127.0.0.1", door.port)) as raw:
@@ -316,6 +326,41 @@ def test_uploads_are_not_kept(demo):
     finally:
         demo.server.gui._drop_uploads_from_client = forget
     assert held and not any(held)  # once or twice: who comes again meanwhile is cut off again
+
+
+def opened(demo, buffer):
+    """A viewer on a bare socket, who has said that he looks."""
+    door = demo.guard.door
+    viewer = socket.socket()
+    viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
+    viewer.connect(("127.0.0.1", door.port))
+    lines = [f"GET /{door.token}/ HTTP/1.1", f"Host: 127.0.0.1:{door.port}"]
+    lines += [f"{key}: {value}" for key, value in UPGRADE.items()]
+    lines += [f"Sec-WebSocket-Protocol: {WORD}", "", ""]
+    viewer.sendall("\r\n".join(lines).encode())
+    camera = msgpack.encode(CAMERA)
+    viewer.sendall(b"\x82" + bytes([0x80 | 126]) + len(camera).to_bytes(2) + bytes(4) + camera)
+    return viewer
+
+
+def test_who_does_not_read_does_not_fill_the_memory(demo):
+    """Every ping is answered, and the answers wait: half a gigabyte in twenty seconds."""
+    pings = 1000 * (b"\x89" + bytes([0x80 | 125]) + bytes(4) + 125 * b"p")
+    sent, most = 0, 8 * guards.MOST_UNREAD
+    with opened(demo, 2048) as deaf, pytest.raises(ConnectionError):
+        while sent < most:
+            deaf.sendall(pings)
+            sent += len(pings)
+
+
+def test_a_file_a_second_is_enough(demo, monkeypatch):
+    """Those of a viewer who does not read them would wait in memory, all of them."""
+    sent = []
+    monkeypatch.setattr(viser.ClientHandle, "send_file_download", lambda *args, **_: sent.append(1))
+    say(demo, *(20 * [update(demo, "save", "Table (CSV)")]))
+    assert len(sent) == 1
+    say(demo, update(demo, "save", "Lesson (TOML)"))  # another viewer has his own
+    assert len(sent) == 2
 
 
 def test_a_large_message_ends_the_connection(demo):

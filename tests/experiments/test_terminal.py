@@ -36,6 +36,15 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert ("left out, for the terminal is narrow: " in text) == (columns < 10)
 
 
+def test_a_name_drives_no_terminal():
+    """That of an estimator in somebody else's rows."""
+    out, (row, _) = io.StringIO(), rows()
+    strange = row | {"estimator": "[red]x\x1b]0;title\x07\x1b[2J\u202e"}
+    Console(file=out, width=200).print(terminal.score_table([strange]))
+    assert "[red]x?]0;title??[2J?" in out.getvalue()
+    assert all(c.isprintable() or c == "\n" for c in out.getvalue())
+
+
 @pytest.mark.skipif(os.name == "nt", reason="there are no such terminals")
 def test_no_colour_is_asked_for(monkeypatch):
     """NO_COLOR leaves bold letters, as https://no-color.org has it."""

@@ -25,6 +25,8 @@ def open_file(path: Path) -> Log:
             "with save(…, '-v7') in MATLAB"
         ) from error
 
+    from flexaxis.sim.hdf5_inside import only_inside
+
     places: dict[str, str] = {}
     units: dict[str, str] = {}
 
@@ -40,6 +42,7 @@ def open_file(path: Path) -> Log:
     def read_all(names: Sequence[str]) -> dict[str, Array]:
         found: dict[str, Array] = {}
         with h5py.File(path) as file:
+            only_inside(file, lambda text: LogError(f"{path}: {text}"))
             for place in dict.fromkeys(places[name] for name in names):
                 found |= dict(columns_of(place.replace("/", "."), file[place][()]))
         return {name: found[name] for name in names}
@@ -56,7 +59,10 @@ def open_file(path: Path) -> Log:
 def _visit(path: Path, visit: Any) -> None:
     import h5py
 
+    from flexaxis.sim.hdf5_inside import only_inside
+
     with h5py.File(path) as file:
+        only_inside(file, lambda text: LogError(f"{path}: {text}"))
         file.visititems(visit)
 
 

@@ -1,0 +1,50 @@
+"""HDF5 files that hold their data themselves: a file may say that they lie in another one.
+
+External storage, virtual data sets and external links would let a file of somebody else's take
+any other file that the user can read into what he makes of it, and shows.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import h5py
+
+from flexaxis.sim.reading import Refusal
+
+
+def only_inside(file: h5py.File, refuse: Refusal) -> None:
+    """Refuse a file of which anything lies in another one.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open; nothing of its data is read.
+    refuse : callable
+        Makes the error that is raised, from its message.
+    """
+
+    def look(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            others = [place for place, *_ in item.external or ()]
+            if item.is_virtual:
+                own = {".", file.filename}
+                others += [s.file_name for s in item.virtual_sources() if s.file_name not in own]
+            _refuse(name, others, refuse)
+            return
+        links = ((each, item.get(each, getlink=True)) for each in item)
+        for each, link in links:
+            if isinstance(link, h5py.ExternalLink):
+                _refuse(f"{name}/{each}".strip("/"), [link.filename], refuse)
+
+    look("", file)
+    file.visititems(look)
+
+
+def _refuse(name: str, others: list[Any], refuse: Refusal) -> None:
+    if others:
+        other = others[0].decode(errors="replace") if isinstance(others[0], bytes) else others[0]
+        raise refuse(
+            f"{name} lies in another file, {other!r}, and such a file is not opened for this one: "
+            "copy the values into it"
+        )
