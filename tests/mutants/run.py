@@ -1,6 +1,8 @@
 """
 Plant errors one at a time, each in a copy with cold caches, and see whether a test dies of it.
 
+Compiled code is shared, but for errors in what is compiled; it begins with nothing in each run.
+
 ``python tests/mutants/run.py [NAME …] [--jobs N]`` runs those of all tables beside this file, or
 those whose names contain one of the words; a table is a list of
 
@@ -20,6 +22,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +33,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 FOLDERS = ("models_mjcf", "sim", "estimators", "experiments")
 FRONT = "experiments/front"  # is what `import flexaxis` gives
+COMPILED = ("estimators/", "sim/")  # hold all that is
 LONGEST = 600  # s, for one killer with everything to compile
 
 
@@ -61,8 +65,11 @@ def mutants() -> list[Mutant]:
     return [Mutant(**entry) for table in tables for entry in table["mutant"]]
 
 
-def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
-    """Run tests on a copy, with or without an error in it; return what failed first."""
+def dies(killers: Sequence[str], compiled: Path, mutant: Mutant | None = None) -> str | None:
+    """Run tests on a copy, with or without an error in it; return what failed first.
+
+    An error in what is compiled is compiled for itself; else code from the folder `compiled` does.
+    """
     with tempfile.TemporaryDirectory(prefix="mutant") as folder:
         place = Path(folder)
         for name in FOLDERS:
@@ -72,12 +79,14 @@ def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
             path = place / "flexaxis" / mutant.file
             text = path.read_text(encoding="utf-8")
             path.write_text(text.replace(mutant.old, mutant.new), encoding="utf-8")
+        if mutant is not None and mutant.file.startswith(COMPILED):
+            compiled = place / "numba"
         home = place / "flexaxis"
         shutil.copytree(home / FRONT, home, dirs_exist_ok=True)
         words = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *killers]
         try:
             done = subprocess.run(
-                words, cwd=ROOT, env=environment(place), capture_output=True, text=True,
+                words, cwd=ROOT, env=environment(place, compiled), capture_output=True, text=True,
                 check=False, timeout=LONGEST,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
@@ -90,12 +99,18 @@ def dies(killers: Sequence[str], mutant: Mutant | None = None) -> str | None:
     return lines[0].removeprefix("FAILED ").partition(" - ")[0]
 
 
-def environment(place: Path) -> dict[str, str]:
-    """The environment in which `flexaxis` is the copy, and nothing is compiled yet."""
+def timed(mutant: Mutant, compiled: Path) -> tuple[str | None, float]:
+    """Plant an error; return what died of it, and how long that took [s]."""
+    began = time.monotonic()
+    return dies([mutant.killer], compiled, mutant), time.monotonic() - began
+
+
+def environment(place: Path, compiled: Path) -> dict[str, str]:
+    """The environment in which `flexaxis` is the copy; what is compiled is kept in a folder."""
     own = {
         "PYTHONPATH": str(place),
         "PYTHONPYCACHEPREFIX": str(place / "pycache"),
-        "NUMBA_CACHE_DIR": str(place / "numba"),
+        "NUMBA_CACHE_DIR": str(compiled),
         "XDG_CACHE_HOME": str(place / "home"),
         "FLEXAXIS_CACHE": str(place / "records"),
     }
@@ -111,14 +126,18 @@ def main(arguments: Sequence[str]) -> int:
     chosen = [m for m in mutants() if not given.names or any(w in m.name for w in given.names)]
     if wrong := [f"{m.name}: {m.problem()}" for m in chosen if m.problem()]:
         sys.exit("\n".join(["these fit no more:", *wrong]))
-    if failed := dies(sorted({m.killer for m in chosen})):
-        sys.exit(f"fails where nothing is planted: {failed}")
     dead = 0
-    with ThreadPoolExecutor(given.jobs) as pool:
-        ends = pool.map(lambda mutant: dies([mutant.killer], mutant), chosen)
-        for mutant, killer in zip(chosen, ends, strict=True):
+    with (
+        tempfile.TemporaryDirectory(prefix="compiled") as folder,
+        ThreadPoolExecutor(given.jobs) as pool,
+    ):
+        compiled = Path(folder)
+        if failed := dies(sorted({m.killer for m in chosen}), compiled):
+            sys.exit(f"fails where nothing is planted: {failed}")
+        ends = pool.map(lambda mutant: timed(mutant, compiled), chosen)
+        for mutant, (killer, seconds) in zip(chosen, ends, strict=True):
             dead += killer is not None
-            print(f"{mutant.name:60} {killer or 'SURVIVES'}", flush=True)
+            print(f"{mutant.name:60} {seconds:5.1f} s  {killer or 'SURVIVES'}", flush=True)
     print(f"{dead} of {len(chosen)}")
     return int(dead < len(chosen))
 
