@@ -1,6 +1,6 @@
 """What an estimator is: a structural protocol, so that a user's class imports nothing of ours."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -64,13 +64,13 @@ def run_estimator(
     Raises
     ------
     EstimatorError
-        If the signals cannot be used.
+        If the signals cannot be used, or what comes back is no numbers.
     """
     u, y, present = check_signals(u, y, valid)
     run = getattr(estimator, "run", None)
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
-        return np.asarray(run(u, y, *missing), float)
+        return _numbers(run(u, y, *missing), run)
     names = tuple(estimator.names)
     estimates, k = np.empty((len(u), len(names))), 0
     try:
@@ -102,12 +102,33 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
     Raises
     ------
     StepError
-        If it has another number of values; one would otherwise stand for all of them.
+        If it has another number of values; one would otherwise stand for all of them. Or if they
+        are texts or truths, which only look like numbers.
     """
-    theta = np.asarray(given, float)
+    theta = _numbers(given, estimator.step)
     if given is not None and theta.size == len(names):
         return theta.reshape(-1)
     several = "nothing" if given is None else f"{theta.size} number{'s'[: theta.size != 1]}"
-    code = getattr(getattr(estimator.step, "__func__", estimator.step), "__code__", None)
-    place = f" ({code.co_filename}:{code.co_firstlineno})" if code else ""
-    raise StepError(f"step returned {several}, names has {len(names)}: {', '.join(names)}{place}")
+    told = f"step returned {several}, names has {len(names)}: {', '.join(names)}"
+    raise StepError(told + _place(estimator.step))
+
+
+def _numbers(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
+    """Return what a call returned as floats, NaN where an array is masked."""
+    found = np.asarray(given)
+    if found.dtype.kind in _NO_NUMBERS:
+        told = f"{call.__name__} returned {_NO_NUMBERS[found.dtype.kind]}, and numbers are needed"
+        raise StepError(told + _place(call))
+    values = np.asarray(found, float)
+    if isinstance(given, np.ma.MaskedArray):
+        return np.where(np.ma.getmaskarray(given), np.nan, values)
+    return values
+
+
+_NO_NUMBERS = {"b": "truths", "U": "texts", "S": "bytes", "c": "complex numbers", "V": "records"}
+"""Kinds of arrays that NumPy would turn into floats, or whose imaginary parts it would drop."""
+
+
+def _place(call: Callable[..., object]) -> str:
+    code = getattr(getattr(call, "__func__", call), "__code__", None)
+    return f" ({code.co_filename}:{code.co_firstlineno})" if code else ""

@@ -61,7 +61,7 @@ KINDS = {
 """The signals that a mapping may name, and the kind of unit each has."""
 
 LARGEST = 1e12  # of a rate or a factor
-SLOWEST = 0.01  # Hz: nothing of an axis is seen in a sample every two minutes
+SLOWEST = 0.01  # Hz, so that the time of a log is a number; what is too slow is said later
 
 _OPTIONS = ("rate", "scale", "unit", "torque_is")
 

@@ -20,6 +20,7 @@ ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
 MOST_RATE = 10  # times that of the log, to which it may be resampled
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
+SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
 LOWEST = 1e-6  # of a high-pass over the rate: that of a log of 1e6 samples
 
 
@@ -123,6 +124,11 @@ def prepare(
     found = Prepared(time, signals, valid, period, float(np.std(off) / period), wrap)
     if resample is not None:
         found = _resampled(found, resample, smooth=smooth)
+    if found.period > SLOWEST:
+        raise LogError(
+            f"a sample every {found.period:.3g} s: nothing of an axis is seen in less than one a "
+            "second; is the unit or the scale of the time right, or the rate?"
+        )
     return found if highpass is None else _without_drift(found, highpass)
 
 

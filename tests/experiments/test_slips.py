@@ -9,8 +9,8 @@ import flexaxis as fx
 from flexaxis.estimators.offline.colour import colourless
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.mapping import LogMap, mapping_from, pick
-from flexaxis.experiments.logs.prepare import LOWEST, highpass_filter
+from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
+from flexaxis.experiments.logs.prepare import LOWEST, highpass_filter, prepare
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.errors import StudyError
@@ -130,6 +130,14 @@ def test_the_lowest_high_pass_can_be_computed():
 def test_of_a_rate(rate):
     with pytest.raises(LogError, match="rate is"):
         mapping_from({"torque": "u", "angle": "phi", "rate": rate}, source="map.toml")
+
+
+@pytest.mark.parametrize("period", [8.0, 1e6])
+def test_of_a_sample_every_hour(period):
+    time = period * np.arange(400)
+    raw = Raw(time, np.sin(time), None, np.cos(time), None, frozenset())
+    with pytest.raises(LogError, match=f"a sample every {period:.3g} s"):
+        prepare(raw)
 
 
 def test_of_a_torque_that_no_one_could_measure():
