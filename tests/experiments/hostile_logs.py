@@ -204,10 +204,10 @@ HOSTILE: dict[str, Hostile] = {
     ),
     # options
     "resample to nothing": csv(words=["--resample", "0"], says=["--resample 0 Hz"]),
-    "resample to no number": csv(words=["--resample", "nan"], says=["--resample nan Hz"]),
+    "resample to no number": csv(words=["--resample", "nan"], says=["--resample nan"]),
     "resample beyond all": csv(words=["--resample", "1e9"], says=["--resample 1e+09 Hz"]),
     "high-pass beyond the rate": csv(words=["--highpass", "900"], says=["half the rate"]),
-    "high-pass of no number": csv(words=["--highpass", "nan"], says=["--highpass nan Hz"]),
+    "high-pass of no number": csv(words=["--highpass", "nan"], says=["--highpass nan"]),
     "rate of nothing": csv(words=["--rate", "0"], says=["rate is 0"]),
     "scale of no number": csv(words=["--scale", "torque=nan"], says=["scale.torque"]),
     "burn-in beyond the end": csv(words=["--burn-in", "99"], says=["--burn-in 99 s"]),
