@@ -26,7 +26,7 @@ help:
 	@echo "make check      ruff, formatting, type checker, architecture test"
 	@echo "make fuzz       bad files of every kind, for MINUTES=60; none may lead to a crash or hang"
 	@echo "make kill       commands ended at random moments, KILLS=100; nothing may be torn or lost"
-	@echo "make mutants    errors planted one at a time; each must be seen by a test (an hour)"
+	@echo "make mutants    errors planted one at a time, JOBS=2 at once; each must be seen by a test (an hour)"
 	@echo "make docs-tables  every table of the documentation from the commands that make it (half an hour)"
 	@echo "make docs-speed  the tables of docs/speed.md, measured on this machine (an hour)"
 	@echo "make notebooks  run docs/notebooks/*.py and keep what they print and draw (minutes)"
@@ -64,7 +64,7 @@ kill: $(VENV)/.test
 	$(BIN)/python tests/experiments/kills.py --kills $(or $(KILLS),100)
 
 mutants: $(VENV)/.test
-	$(BIN)/python tests/mutants/run.py
+	$(BIN)/python tests/mutants/run.py --jobs $(or $(JOBS),1)
 
 docs-tables: $(VENV)/.core
 	$(BIN)/python docs/tables.py --fresh
