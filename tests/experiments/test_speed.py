@@ -79,7 +79,7 @@ def test_one_round(capsys):
     ("words", "named"),
     [("--rounds 0", "--rounds 0"), ("--steps -1", "--steps -1"), ("--memory 0", "--memory 0"),
      ("--steps 5 --seeds 3", "--seeds"), ("--steps 5 --estimator relocat", "relocat"),
-     ("--memory inf", "--memory inf"), ("--memory 1e-6", "0.25 hours"),
+     ("--memory 1e-6", "0.25 hours"),
      ("--deadline nan", "--deadline nan"), ("--steps 5 --rounds 2", "--rounds"),
      ("--campaign smoke --rounds 2", "--rounds"), ("--steps 5 --jobs 2", "--jobs"),
      ("--deadline 0.001 --seeds 300:301 --estimator ekf", "ekf takes no deadline"),

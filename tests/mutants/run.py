@@ -132,14 +132,19 @@ def main(arguments: Sequence[str]) -> int:
         ThreadPoolExecutor(given.jobs) as pool,
     ):
         compiled = Path(folder)
-        if failed := dies(sorted({m.killer for m in chosen}), compiled):
-            sys.exit(f"fails where nothing is planted: {failed}")
+        killers = list(dict.fromkeys(m.killer for m in chosen))
+        # Once more for one that failed: what ends by the clock may do so on a busy machine.
+        tried = pool.map(lambda k: dies([k], compiled) and dies([k], compiled), killers)
+        broken = {k: failed for k, failed in zip(killers, tried, strict=True) if failed}
+        for killer, failed in broken.items():
+            print(f"fails where nothing is planted: {killer}: {failed}", flush=True)
+        chosen = [m for m in chosen if m.killer not in broken]
         ends = pool.map(lambda mutant: timed(mutant, compiled), chosen)
         for mutant, (killer, seconds) in zip(chosen, ends, strict=True):
             dead += killer is not None
             print(f"{mutant.name:60} {seconds:5.1f} s  {killer or 'SURVIVES'}", flush=True)
     print(f"{dead} of {len(chosen)}")
-    return int(dead < len(chosen))
+    return int(dead < len(chosen) or bool(broken))
 
 
 if __name__ == "__main__":
