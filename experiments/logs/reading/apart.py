@@ -86,9 +86,14 @@ def columns(module: str, path: Path, what: str, *words: Any) -> dict[str, Array]
 def kept(file: str, found: Iterable[tuple[str, Array]]) -> list[str]:
     """Write columns one behind the other, as they come; return their names."""
     names = []
-    with Path(file).open("wb") as out:
+    with Path(file).open("wb", buffering=0) as out:
         for name, column in found:
-            np.save(out, column)
+            try:
+                np.save(out, column)
+            except OSError as error:  # what cannot be written is no fault of the file
+                raise LogError(
+                    f"no room for its columns in {Path(file).parent} ({error})"
+                ) from error
             names.append(name)
     return names
 
