@@ -26,7 +26,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="signals and limits d
 # What becomes of a process when it reads, instead of what broken bytes would make of it.
 ENDS = {
     "crash": "os.kill(os.getpid(), signal.SIGSEGV)",
-    "memory": f"bytearray({apart.MEMORY} + 1)",
+    "memory": f"[numpy.empty(1 << 27) for _ in range({apart.MEMORY >> 30})]",  # none is touched
     "file": f"given[0].truncate({apart.MEMORY} + 1)",
     "hang": "time.sleep(600)",
     "leave": "os._exit(3)",
@@ -113,7 +113,7 @@ def plant(log, tmp_path, monkeypatch):
         at = "numpy.save" if end == "file" else place
         text = PLANTED.format(module=module, place=at, end=ENDS[end])
         (folder / "sitecustomize.py").write_text(text)
-        monkeypatch.setenv("PYTHONPATH", str(folder))
+        monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
         monkeypatch.setattr(apart, "PATIENCE", 3.0 if end == "hang" else apart.PATIENCE)
 
     return planted
