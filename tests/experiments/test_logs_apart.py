@@ -14,7 +14,7 @@ import scipy.io
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.dates import dated
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading import apart, hdf5_file
+from flexaxis.experiments.logs.reading import apart, hdf5_file, mat_file
 from flexaxis.experiments.logs.reading.log import columns_of
 from flexaxis.experiments.logs.reading.reader import open_log
 
@@ -203,6 +203,17 @@ def test_dates_come_from_elsewhere(tmp_path, monkeypatch):
     assert dated(path) is None
     with pytest.raises(LogError, match="no HDF5 file, or a broken one"):
         hdf5_file.texts_of(path, ["date"])
+
+
+def test_long_texts_are_cut(tmp_path):
+    """The memory of what reads them has an end, and so has what it hands on."""
+    ours, theirs = tmp_path / "log.mat", tmp_path / "log.h5"
+    scipy.io.savemat(ours, {"date": "x" * 100_000})
+    hdf5(theirs)
+    with h5py.File(theirs, "a") as file:
+        file.attrs["date"] = file["time"].attrs["units"] = "x" * 50_000
+    assert mat_file.texts_of(ours, ["date"]) == hdf5_file.texts_of(theirs, ["date"]) == ["x" * 4096]
+    assert open_log(theirs).units == {"time": "x" * 4096}
 
 
 def test_no_room_for_columns(tmp_path, monkeypatch):

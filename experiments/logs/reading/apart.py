@@ -20,6 +20,7 @@ from flexaxis.experiments.logs.reading.log import Array
 
 PATIENCE = 300.0  # s
 MEMORY = 8 << 30  # bytes that the process may have: a small file may say that it unpacks to more
+TEXT = 4096  # characters of a text that are wanted: one may unpack to gigabytes, too
 
 Answers = Mapping[str, Callable[..., Any]]
 """What a module answers about a file, by its name: path and words in, what JSON can hold out."""

@@ -62,7 +62,8 @@ def _contents(path: str) -> tuple[dict[str, str], dict[str, str]]:
         for column in _names(name, item):
             places[column] = name
             unit = item.attrs.get("units", "")
-            units[column] = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+            text = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+            units[column] = text[: apart.TEXT]
 
     with h5py.File(path) as file:
         _only_inside(file)

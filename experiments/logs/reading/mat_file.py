@@ -37,11 +37,11 @@ def texts_of(path: Path, names: Sequence[str]) -> list[str]:
 
 
 def text_of(value: Any) -> str:
-    """Return an attribute or a variable as a text; nothing of an array."""
+    """Return an attribute or a variable as a text, the start of a long one; nothing of an array."""
     if isinstance(value, bytes | np.bytes_):
-        return value.decode(errors="replace")
+        return value[: apart.TEXT].decode(errors="replace")
     if isinstance(value, str):
-        return value
+        return value[: apart.TEXT]
     number = np.asarray(value)
     numeric = number.size == 1 and number.dtype.kind in "iuf" and np.isfinite(number).all()
     return f"{number.item():.6f}" if numeric else ""
