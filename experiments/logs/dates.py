@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading.mat_file import text_of, texts_of
+from flexaxis.experiments.logs.reading import hdf5_file, mat_file
 
 HEAD = 4096  # bytes of a text in which a date is looked for
 KEYS = ("date", "datum", "created", "start", "start_time", "timestamp")  # attributes, variables
@@ -121,9 +121,9 @@ def _in_file(path: Path) -> list[str]:
     with path.open("rb") as file:
         head = file.read(HEAD)
     if b"\x89HDF\r\n\x1a\n" in head[:8] + head[512:520]:
-        return list(_attributes(path))
+        return _texts(hdf5_file.texts_of, path)
     if head.startswith(b"MATLAB"):
-        return _variables(path)
+        return _texts(mat_file.texts_of, path)
     if b"\0" in head:
         return []
     lines = head.decode("utf-8", errors="replace").splitlines()
@@ -132,17 +132,7 @@ def _in_file(path: Path) -> list[str]:
     return [match[1] for match in told if match]
 
 
-def _attributes(path: Path) -> Iterator[str]:
-    import h5py
-
-    try:
-        with h5py.File(path) as file:
-            yield from (text_of(value) for key, value in file.attrs.items() if key.lower() in KEYS)
-    except OSError:  # the reader says what is wrong with it
-        return
-
-
-def _variables(path: Path) -> list[str]:
+def _texts(texts_of: Callable[[Path, Sequence[str]], list[str]], path: Path) -> list[str]:
     try:
         return texts_of(path, KEYS)
     except LogError:  # the reader says what is wrong with it

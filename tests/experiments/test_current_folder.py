@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -37,12 +38,19 @@ def test_workers_do_not_look_there(trap):
     assert not trap.exists()
 
 
-def test_nor_does_the_one_that_reads_a_mat_file(trap, tmp_path, capsys):
+def hdf5(path, signals):
+    with h5py.File(path, "w") as file:
+        for name, values in signals.items():
+            file[name] = values
+
+
+@pytest.mark.parametrize(("name", "write"), [("log.mat", savemat), ("log.h5", hdf5)])
+def test_nor_does_the_one_that_reads_a_log(name, write, trap, tmp_path, capsys):
     t = np.arange(4000) / 200
     signals = {"time": t, "torque": np.sin(9 * t), "speed": np.cos(9 * t)}
-    savemat(tmp_path / "log.mat", signals)
+    write(tmp_path / name, signals)
     words = ["--torque", "torque", "--speed", "speed", "-o", str(tmp_path / "rec.nc")]
-    status = main(["import", str(tmp_path / "log.mat"), *words])
+    status = main(["import", str(tmp_path / name), *words])
     assert status == 0, capsys.readouterr().err
     assert not trap.exists() and (tmp_path / "rec.nc").exists()
 

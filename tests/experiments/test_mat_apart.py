@@ -1,7 +1,5 @@
-"""MAT files are read in a process of their own, which has an end to its memory."""
+"""MAT files are read in a process of their own; see also test_logs_apart.py."""
 
-import subprocess
-import sys
 from datetime import datetime
 
 import numpy as np
@@ -41,13 +39,3 @@ def test_a_broken_one_has_no_date(log):
     assert dated(log) is None
     with pytest.raises(LogError, match="no MAT file, or a broken one"):
         mat_file.texts_of(log, ["date"])
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is not limited everywhere")
-def test_its_memory_has_an_end():
-    """A file of a few bytes may say that it unpacks to any number of them."""
-    words = f"from {mat_file.MODULE} import _limit, MEMORY; _limit(); bytearray(MEMORY + 1)"
-    done = subprocess.run([sys.executable, "-P", "-c", words], capture_output=True, check=False)
-    assert b"MemoryError" in done.stderr
-    source = mat_file.__spec__.loader.get_source(mat_file.__name__)
-    assert "        _limit()\n        what, *rest =" in source, "before anything is read"

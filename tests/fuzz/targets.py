@@ -2,7 +2,9 @@
 
 import contextlib
 import functools
+import importlib
 import io
+import json
 import os
 import re
 import resource
@@ -12,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,7 +24,7 @@ import documents
 
 from flexaxis.experiments import cli
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.reading import mat_file
+from flexaxis.experiments.logs.reading import apart
 
 SECONDS = 10.0  # an answer to bad input takes no longer, waiting for a free processor aside
 MEMORY = 1 << 30  # bytes, by which the process may grow
@@ -157,19 +160,19 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
 
 
 def forks() -> contextlib.AbstractContextManager[Any]:
-    """Let MAT files be read in forks of this process, which need not import SciPy again."""
+    """Let files be read in forks of this process, which need not import SciPy or HDF5 again."""
     known = mock.Mock(wraps=subprocess, run=_forked, TimeoutExpired=subprocess.TimeoutExpired)
-    return mock.patch.object(mat_file, "subprocess", known)
+    return mock.patch.object(apart, "subprocess", known)
 
 
-def _forked(words: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes]:
-    """Do what `python -m mat_file IN OUT` does; it may take its process along, as there."""
+def _forked(command: Sequence[str], *, input: bytes, **_: Any) -> Any:
+    """Do what `python -P -m MODULE …` does; it may take its process along, as there."""
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
         child = os.fork()
         if not child:
             os.dup2(out.fileno(), 1)
             os.dup2(err.fileno(), 2)
-            os._exit(_converted(words[-2], words[-1]))
+            os._exit(_answered(*command[3:], json.loads(input)))
         try:
             status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         except BaseException:  # time is over
@@ -177,16 +180,19 @@ def _forked(words: Sequence[str], **_: Any) -> subprocess.CompletedProcess[bytes
             os.waitpid(child, 0)
             raise
         said = [file.seek(0) or file.read() for file in (out, err)]
-    return subprocess.CompletedProcess(list(words), status, *said)
+    return subprocess.CompletedProcess(list(command), status, *said)
 
 
-def _converted(path: str, out: str) -> int:
-    """Read a MAT file as the process of its own does; return the exit status."""
+def _answered(module: str, what: str, path: str, words: Sequence[Any]) -> int:
+    """Read a file as the process of its own does; return the exit status."""
     try:
-        with open(1, "w", closefd=False) as stdout, contextlib.redirect_stdout(stdout):
-            mat_file._convert(path, out)
-    except BaseException as error:
-        os.write(2, f"{type(error).__name__}: {error}".encode(errors="replace"))
+        answers = importlib.import_module(module).ANSWERS
+        os.write(1, apart.answer(answers, what, path, words).encode())
+    except SystemExit as error:
+        os.write(2, str(error).encode(errors="replace"))
+        return 1
+    except BaseException:  # what the process would show of it ends in its last line
+        os.write(2, traceback.format_exc().encode(errors="replace"))
         return 1
     return 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -78,17 +78,18 @@ def shown(names: Sequence[str]) -> str:
     return f"{text} and {more} more" if more > 0 else text
 
 
-def columns_of(name: str, array: Any) -> list[tuple[str, Array]]:
-    """Return the columns that an array holds, the long side of a matrix as time; else none."""
+def columns_of(name: str, array: Any) -> Iterator[tuple[str, Array]]:
+    """Yield the columns that an array holds, the long side of a matrix as time; else none."""
     array = np.asarray(array)
     if array.dtype.kind not in "fiub" or array.dtype.names is not None:
-        return []
+        return
     array = np.squeeze(array)
     if array.ndim == 1 and array.size > 1:
-        return [(name, array.astype(float))]
+        yield name, array.astype(float)
     if array.ndim != 2:
-        return []
+        return
     tall = array if array.shape[0] >= array.shape[1] else array.T
     if tall.shape[1] > WIDEST:
-        return []
-    return [(f"{name}[{j}]", column.astype(float)) for j, column in enumerate(tall.T)]
+        return
+    for j, column in enumerate(tall.T):
+        yield f"{name}[{j}]", column.astype(float)
