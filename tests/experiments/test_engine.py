@@ -30,6 +30,8 @@ from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import run_unit
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from flexaxis.experiments.studies.definition import study_from
+from flexaxis.sim import files
+from flexaxis.sim.files import ASIDE
 
 OWN = """
 class Mine:
