@@ -201,6 +201,7 @@ def made(
     """
     known = keywords(spec.make)
     given = {k: v for k, v in (offered or {}).items() if k in known} | dict(spec.options)
+    _check_identify(spec)
     refused: Exception | None = None
     if is_guest(spec.text) and isinstance(nominal, Mapping):
         nominal = Nominal(nominal)
@@ -224,6 +225,18 @@ def made(
             f"('f_m',), not {names!r}"
         )
     return estimator
+
+
+def _check_identify(spec: Spec) -> None:
+    """Refuse what is no list of names: a number in it is found by no estimator as such."""
+    given = spec.options.get("identify")
+    if given is None:
+        return
+    if not (isinstance(given, list | tuple) and all(isinstance(name, str) for name in given)):
+        raise EstimatorError(
+            f"{spec.text}: identify is {given!r}; give names of parameters, such as "
+            '["f_m", "1/J_a"]'
+        )
 
 
 def _check_names(text: str, names: Sequence[str], scenario: Scenario) -> None:
