@@ -70,7 +70,7 @@ def run_estimator(
     run = getattr(estimator, "run", None)
     if run is not None:
         missing = () if present.all() else (present,)  # a user's run may know no gaps
-        return _numbers(run(u, y, *missing), run)
+        return numbers_of(run(u, y, *missing), run)
     names = tuple(estimator.names)
     estimates, k = np.empty((len(u), len(names))), 0
     try:
@@ -105,7 +105,7 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
         If it has another number of values; one would otherwise stand for all of them. Or if they
         are texts or truths, which only look like numbers.
     """
-    theta = _numbers(given, estimator.step)
+    theta = numbers_of(given, estimator.step)
     if given is not None and theta.size == len(names):
         return theta.reshape(-1)
     several = "nothing" if given is None else f"{theta.size} number{'s'[: theta.size != 1]}"
@@ -113,19 +113,45 @@ def theta_of(given: ArrayLike, names: Sequence[str], estimator: Estimator) -> ND
     raise StepError(told + _place(estimator.step))
 
 
-def _numbers(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
-    """Return what a call returned as floats, NaN where an array is masked."""
+def numbers_of(given: ArrayLike, call: Callable[..., object]) -> NDArray[np.float64]:
+    """
+    Return what a call returned as floats, NaN where an array is masked.
+
+    Parameters
+    ----------
+    given : array_like
+    call : callable
+        What returned it, for the message.
+
+    Returns
+    -------
+    ndarray of float
+
+    Raises
+    ------
+    StepError
+        If it is something else, although NumPy may make floats of it.
+    """
     found = np.asarray(given)
-    if found.dtype.kind in _NO_NUMBERS:
-        told = f"{call.__name__} returned {_NO_NUMBERS[found.dtype.kind]}, and numbers are needed"
-        raise StepError(told + _place(call))
+    kind = found.dtype.kind
+    if kind == "O":  # such as decimals, but not whatever a float can be read from
+        odd = next((x for x in found.flat if isinstance(x, str | bytes | bool)), 0.0)
+        kind = np.asarray(odd).dtype.kind
+    if kind in _NO_NUMBERS:
+        name = getattr(call, "__name__", "it")
+        raise StepError(
+            f"{name} returned {_NO_NUMBERS[kind]}, and numbers are needed{_place(call)}"
+        )
     values = np.asarray(found, float)
     if isinstance(given, np.ma.MaskedArray):
         return np.where(np.ma.getmaskarray(given), np.nan, values)
     return values
 
 
-_NO_NUMBERS = {"b": "truths", "U": "texts", "S": "bytes", "c": "complex numbers", "V": "records"}
+_NO_NUMBERS = {
+    "b": "truths", "U": "texts", "S": "bytes", "c": "complex numbers", "V": "records", "M": "dates",
+    "m": "durations",
+}  # fmt: skip
 """Kinds of arrays that NumPy would turn into floats, or whose imaginary parts it would drop."""
 
 

@@ -69,11 +69,11 @@ class Stream:
     def _dropping(self) -> Iterator[None]:
         try:
             yield
-        except OSError as error:
+        except (OSError, ValueError) as error:  # ValueError: code of a user has closed it
             if not isinstance(error, BrokenPipeError):
-                self.problem = self.problem or error.strerror or str(error)
-            with suppress(OSError, ValueError):  # also what was kept for later
-                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+                self.problem = self.problem or getattr(error, "strerror", None) or str(error)
+            with suppress(OSError, ValueError), open(os.devnull, "wb") as nowhere:
+                os.dup2(nowhere.fileno(), self._stream.fileno())  # also what was kept for later
 
 
 @contextmanager

@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import errno
 import os
+import platform
+import re
 import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from uuid import uuid4
 
-ASIDE = ".part"
-"""What the folders end with in which files are written."""
+_HERE = sha256(platform.node().encode()).hexdigest()[:8]
+ASIDE = f"-{_HERE}.flexaxis"
+"""
+What the folders end with in which files are written. Where machines share a drive, a lock of
+another one may not be seen: each clears its own.
+"""
+_OURS = re.compile(rf"\..{{0,40}}\.[0-9a-f]{{32}}{re.escape(ASIDE)}", re.DOTALL)
 
 
 @contextmanager
@@ -78,9 +86,10 @@ def _aside(path: Path) -> tuple[Path, ExitStack]:
 def _clear(folder: Path, process: int) -> None:
     """Remove what the dead have left in a folder; once a process, for there may be much in it."""
     with suppress(OSError):
-        for path in folder.glob(f".*{ASIDE}"):
-            with suppress(OSError), _locked(path, wait=False):
-                shutil.rmtree(path, ignore_errors=True)
+        for path in folder.iterdir():
+            if _OURS.fullmatch(path.name):
+                with suppress(OSError), _locked(path, wait=False):
+                    shutil.rmtree(path, ignore_errors=True)
 
 
 if sys.platform == "win32":

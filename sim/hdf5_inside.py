@@ -6,6 +6,7 @@ any other file that the user can read into what he makes of it, and shows.
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 import h5py
@@ -28,9 +29,10 @@ def only_inside(file: h5py.File, refuse: Refusal) -> None:
         if isinstance(item, h5py.Dataset):
             others = [place for place, *_ in item.external or ()]
             if item.is_virtual:
-                own = {".", file.filename}
-                others += [s.file_name for s in item.virtual_sources() if s.file_name not in own]
+                sources = (source.file_name for source in item.virtual_sources())
+                others += [name for name in sources if not _is_itself(file, name)]
             _refuse(name, others, refuse)
+        if not isinstance(item, h5py.Group):  # a type with a name of its own, too
             return
         links = ((each, item.get(each, getlink=True)) for each in item)
         for each, link in links:
@@ -39,6 +41,13 @@ def only_inside(file: h5py.File, refuse: Refusal) -> None:
 
     look("", file)
     file.visititems(look)
+
+
+def _is_itself(file: h5py.File, name: str) -> bool:
+    """Whether a source of a virtual data set is the file that it is in; "." says so, too."""
+    return name == "." or os.path.abspath(file.filename) == os.path.abspath(
+        os.path.join(os.path.dirname(file.filename), name)
+    )
 
 
 def _refuse(name: str, others: list[Any], refuse: Refusal) -> None:

@@ -115,7 +115,9 @@ def reached(absent: Sequence[str], memory: str) -> dict[str, bool]:
         "no other processes": os.getppid() == 1,
         "no files of the user": unseen and Path("/entry").is_dir(),
         "nothing to write to but /tmp": not _writes("/entry") and shut.only_reads(),
-        "no privileges": nothing == {""} and shut.status("NoNewPrivs") == "1",
+        "no privileges": nothing == {""}
+        and shut.status("NoNewPrivs") == "1"
+        and shut.status("Seccomp") == sieve.SIFTED,
         "no shared memory": _memory() not in {"", memory},
         "no variables of the user": {*os.environ} <= KEPT,
     }

@@ -39,6 +39,9 @@ _CALLS = {
     "riscv64": (0xC00000F3, *_ANY[1:]),
 }
 
+SIFTED = "2"
+"""What the system says of a process, as ``Seccomp``, that has gone through `sift`."""
+
 
 def sift() -> None:
     """Refuse those calls from now on, to this process and all that it starts.

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.running.seeds import MOST
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -49,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="as for `run` (default: the suite's number, 32); of a self-test the pool (256)",
     )
     parser.add_argument(
-        "--max-seeds", type=at_most(100_000), metavar="N", help="add seeds up to N while undecided"
+        "--max-seeds", type=at_most(MOST), metavar="N", help="add seeds up to N while undecided"
     )
     parser.add_argument(
         "--margin",

@@ -35,14 +35,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="catalogue name or TOML path; default: wg_fc_step-v1",
     )  # fmt: skip
     parser.add_argument("-o", "--output", type=Path, default=Path("days"), metavar="FOLDER")
-    parser.add_argument("--days", type=at_most(3660), default=60, help="default: 60")
+    parser.add_argument("--days", type=at_most(10_000), default=60, help="default: 60")
     parser.add_argument(
         "--wear", action="append", default=[], metavar="NAME=±X%",
         help="by which a parameter has grown on the last day, such as f_c=+12%%; default: none",
     )  # fmt: skip
     parser.add_argument(
         "--from-day",
-        type=at_most(3660),
+        type=at_most(10_000),
         default=30,
         metavar="D",
         help="on which wear begins; default: 30",

@@ -6,7 +6,9 @@ import argparse
 import math
 from collections.abc import Callable, Iterator
 
-SEED = 2**63 - 1  # the columns of a result hold signed integers of 64 bits
+from flexaxis.experiments.running.seeds import END
+
+SEED = END - 1
 
 
 def at_most(most: float, kind: type[int] | type[float] = int) -> Callable[[str], float]:

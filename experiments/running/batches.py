@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.protocol import numbers_of
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
 from flexaxis.experiments.running.case import Ran, account, tell_not_finite
@@ -60,7 +61,7 @@ def run_batch(scenario: Scenario, records: Sequence[Record], spec: Spec) -> list
     where = f"on {len(records)} records of {scenario.name}"
     start = time.perf_counter()
     with hosted(spec.text, where), spent(account(spec)):
-        theta = np.asarray(estimator.run_batch(u, y), float)
+        theta = numbers_of(estimator.run_batch(u, y), estimator.run_batch)
     seconds = (time.perf_counter() - start) / len(records)
     wanted = (*u.shape, len(estimator.names))
     if theta.shape != wanted:

@@ -14,6 +14,8 @@ from multiprocessing.process import BaseProcess
 from multiprocessing.util import Finalize
 from typing import Any, Self
 
+import numpy as np
+
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.interrupts import threads_left
@@ -30,7 +32,7 @@ def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
     ------
     FlexaxisError
     """
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1:
+    if isinstance(jobs, bool | np.bool_) or not isinstance(jobs, int | np.integer) or jobs < 1:
         raise FlexaxisError(f"{what} {jobs!r}: give the number of processes, 1 or more")
     if jobs > MOST:
         raise FlexaxisError(f"{what} {str(jobs)[:40]}: give at most {MOST} processes")

@@ -25,7 +25,7 @@ class Batching(Stepping):
 
 ODD = [
     (["0.05"], "texts"), ([True], "truths"), (np.array([1 + 1j]), "complex numbers"),
-    ([b"1"], "bytes"),
+    ([b"1"], "bytes"), (np.array(["1"], object), "texts"), (np.array([0], "M8[s]"), "dates"),
 ]  # fmt: skip
 
 

@@ -93,3 +93,17 @@ def test_what_lies_in_the_file_itself_is_taken(tmp_path):
     with h5py.File(path) as file:
         only_inside(file, ValueError)
         assert file["y"][0] == 0.5
+
+
+def test_what_a_file_holds_itself_may_be_of_any_kind(tmp_path, monkeypatch):
+    """Types with names of their own, as NetCDF has them, and a virtual set of the file itself."""
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["kind"] = h5py.enum_dtype({"ok": 0, "lost": 1}, basetype="i1")
+        file["speed"] = SECRET
+        for number, name in enumerate([".", "log.h5"]):
+            layout = h5py.VirtualLayout((N,), "<f8")
+            layout[:] = h5py.VirtualSource(name, "speed", (N,))
+            file.create_virtual_dataset(f"copy{number}", layout)
+    monkeypatch.chdir(tmp_path.parent)
+    log = open_file(tmp_path / "log.h5")
+    np.testing.assert_array_equal(log.load(["copy1"])["copy1"], SECRET)

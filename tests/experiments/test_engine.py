@@ -246,7 +246,7 @@ def test_a_merge_that_was_cut_short_begins_again(short_toml, tmp_path):
     run_study(study, tmp_path / "a")
     merge([tmp_path / "a"], tmp_path / "b")
     path = tmp_path / "b" / "scores.jsonl"
-    left = tmp_path / "b" / f".scores.0{ASIDE}"  # its rows come last, and at once
+    left = tmp_path / "b" / f".scores.{'0' * 32}{ASIDE}"  # its rows come last, and at once
     left.mkdir()
     path.rename(left / path.name)
     files._clear.cache_clear()  # as in another process

@@ -280,6 +280,11 @@ class Wrong(Gain):
         return super().run_batch(u, y)[:, 1:]
 
 
+class Texts(Gain):
+    def run_batch(self, u, y):
+        return super().run_batch(u, y).astype(str)
+
+
 class Drifts(Gain):
     def run_batch(self, u, y):
         return super().run_batch(u, y) * 1.01
@@ -293,14 +298,15 @@ def test_a_batch_is_asked_for_once_a_task_and_scored_as_runs_are(capsys, tmp_pat
     (tmp_path / "batch.py").write_text(BATCH)
     made = parse("batch.py:Gain").make
     rows = {}
-    for name in ("Gain", "Alone", "Wrong"):
+    for name in ("Gain", "Alone", "Wrong", "Texts"):
         study = Study("s", (short,), (f"batch.py:{name}",), (0, 1, 2))
         lines = run_unit(_whole(study)).lines.splitlines()
         rows[name] = [json.loads(line) for line in lines]
-    assert made.calls == [(3, short.samples)] * 2  # of Gain, and of Wrong
+    assert made.calls == [(3, short.samples)] * 3  # of all but Alone
     for one, other in zip(rows["Gain"], rows["Alone"], strict=True):
         assert one["lag"] == pytest.approx(other["lag"], rel=1e-12) and one["error"] is None
     assert all("run_batch returned the shape" in row["error"] for row in rows["Wrong"])
+    assert all("run_batch returned texts" in row["error"] for row in rows["Texts"])
 
 
 def _whole(study):

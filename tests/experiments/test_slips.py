@@ -16,6 +16,7 @@ from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.processes import MOST, check_jobs
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.studies.definition import study_from
 from flexaxis.sim.errors import FlexaxisError
@@ -82,6 +83,11 @@ def test_of_seeds_from_python(given, said):
 def test_of_processes_from_python(jobs):
     with pytest.raises(FlexaxisError, match=r"jobs .*processes"):
         fx.benchmark("frozen", scenarios="fm_step-v1", seeds=1, jobs=jobs)
+
+
+@pytest.mark.parametrize("jobs", [1, np.int64(2), MOST])
+def test_numbers_of_processes(jobs):
+    check_jobs(jobs)
 
 
 def test_as_many_seeds_as_may_be():

@@ -1,5 +1,6 @@
 """stdout and stderr may be closed, full, or short of letters: no result is lost, no status lies."""
 
+import io
 import json
 import os
 import subprocess
@@ -129,3 +130,12 @@ def test_a_pipe_is_no_log(capsys):
     os.mkfifo("log.csv")
     assert main(["import", "log.csv"]) == WRONG_USE
     assert "log.csv is no file but a pipe" in capsys.readouterr().err
+
+
+def test_what_code_of_a_user_closes_is_said_and_ends_nothing():
+    closed = io.StringIO()
+    closed.close()
+    stream = Stream(closed)
+    assert stream.write("x") == 1
+    stream.flush()
+    assert "closed" in stream.problem

@@ -80,6 +80,17 @@ def test_what_a_killed_writer_left_goes_with_the_next_and_that_of_a_living_one_s
             writer.communicate()
 
 
+@pytest.mark.parametrize(
+    "name", [".backup.part", ".x.flexaxis", f".t.{'0' * 32}-00000000.flexaxis", f".t.{'0' * 32}"]
+)
+def test_what_is_not_ours_or_of_another_machine_stays(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "file").touch()
+    write(tmp_path / "table.csv", "x")
+    assert sorted(os.listdir(tmp_path)) == sorted([name, "table.csv"])
+    assert (tmp_path / name / "file").exists()
+
+
 def test_a_lock_comes_too_late_where_the_folder_was_cleared_before_it(tmp_path, monkeypatch):
     """Between the making of a folder and its lock another process may take it for a dead one."""
     from flexaxis.sim import files
