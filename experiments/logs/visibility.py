@@ -14,6 +14,7 @@ from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
 from flexaxis.experiments.logs.doubts.reversals import reversals_of
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
 from flexaxis.sim.record import Record
@@ -79,8 +80,14 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     lines = (spectra.torque > 1e-9 * spectra.torque.max()) & (spectra.frequency > 0)
     omega = 2 * np.pi * spectra.frequency[lines]
     power = spectra.torque[lines] * spectra.frequency[1] / _noise(evidence)
-    Q = information(chosen, chosen.theta, omega, power, period=period)
-    Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
+    with np.errstate(all="ignore"):  # whether it is a number is seen below
+        Q = information(chosen, chosen.theta, omega, power, period=period)
+        Q = Q * np.outer(chosen.theta, chosen.theta) * ok.sum()
+    if not np.isfinite(Q).all():
+        raise LogError(
+            f"model {axis.model.name!r}: its response to the torque of this log is no number at "
+            f"its nominal values; is one of them, or an entry of {', '.join('ABC')}, wrong?"
+        )
     found = _deviations(Q, names)
     if axis.model.laws:  # what they do is not in the response, and so in σ
         found = {n: replace(s, words=s.words.replace(BEST, DRY)) for n, s in found.items()}
