@@ -130,7 +130,14 @@ def separated(content: Any) -> str:
         separator = ","
     rows = rows if isinstance(rows, list) else [rows]
     cells = [row if isinstance(row, list) else [row] for row in rows]
-    return "\n".join(separator.join(str(_cell(cell)) for cell in row) for row in cells)
+    return "\n".join(separator.join(_text(_cell(cell)) for cell in row) for row in cells)
+
+
+def _text(value: Any) -> str:
+    try:
+        return str(value)
+    except RecursionError:  # a table in a list in a table, and so on
+        return "[" * 1000
 
 
 def _cell(value: Any) -> Any:
