@@ -7,12 +7,15 @@ else's log would be run, with all rights of the user.
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """The variable by which a Python leaves the current folder out of where it looks for modules."""
 _OURS = "flexaxis"  # any text does; what the user has set stays
+_before: list[str | None] = []  # what each `safe_path` that is open has found, the first one first
+_one_at_a_time = threading.Lock()
 
 
 @contextmanager
@@ -21,17 +24,26 @@ def safe_path() -> Iterator[None]:
 
     For those that a library starts, such as the workers of `multiprocessing`; where the words are
     ours, ``-P`` says the same. A worker is to call `forget_safe_path`, for a user's program, which
-    inherits its variables, finds its own modules in another way.
+    inherits its variables, finds its own modules in another way. Where threads overlap, the last
+    one to leave puts back what the first one found.
     """
-    before = os.environ.get(SAFE_PATH)
-    os.environ[SAFE_PATH] = before or _OURS
+    with _one_at_a_time:
+        _before.append(os.environ.get(SAFE_PATH))
+        os.environ[SAFE_PATH] = _before[0] or _OURS
     try:
         yield
     finally:
-        if before is None:
-            del os.environ[SAFE_PATH]
-        else:
-            os.environ[SAFE_PATH] = before
+        with _one_at_a_time:
+            found = _before.pop()
+            if not _before:
+                _set(found)
+
+
+def _set(value: str | None) -> None:
+    if value is None:
+        os.environ.pop(SAFE_PATH, None)
+    else:
+        os.environ[SAFE_PATH] = value
 
 
 def forget_safe_path() -> None:

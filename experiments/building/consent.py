@@ -9,9 +9,9 @@ point is as good as typed, but `path/file.py:Class`, `package.module:Class` and 
 from __future__ import annotations
 
 import argparse
-import shlex
 from collections.abc import Iterable
 
+from flexaxis.experiments.streams import visible
 from flexaxis.sim.errors import FlexaxisError
 
 OPTION = "--run-code"
@@ -66,7 +66,7 @@ def require(given: bool, texts: Iterable[str], *, source: str, command: str | No
         "\n".join(
             [
                 f"{source} names code, and text of a file is not run unasked:",
-                *(f"  {_shown(text)}" for text in found),
+                *(f"  {visible(text)}" for text in found),
                 f"if you trust it, {go_on}",
             ]
         )
@@ -80,8 +80,3 @@ def add_run_code(parser: argparse.ArgumentParser, whose: str) -> None:
         action="store_true",
         help=f"run code that {whose} name: path.py:Class, module:Class, pipe:COMMAND",
     )
-
-
-def _shown(text: str) -> str:
-    """Return a text as it stands, unless it could play tricks on a terminal."""
-    return text if text.isprintable() else shlex.quote(ascii(text))

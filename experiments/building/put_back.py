@@ -1,7 +1,8 @@
-"""What code of a user changes in this process is put back, and it cannot end the process unheard.
+"""After code of a user the folder, NumPy's handling of errors and the depth of calls are put back.
 
 Where an estimator changes the folder, results with a relative path would go elsewhere; what it asks
-of NumPy or of the stack would hold for our own sums as well.
+of NumPy or of the stack would hold for our own sums as well. What else it changes stays so. It
+cannot end the process unheard.
 """
 
 from __future__ import annotations
@@ -46,18 +47,33 @@ def _folder() -> str | None:
         return None
 
 
+_inside: list[tuple[int, int]] = []  # thread and process of each `_no_sudden_end` that is open
+_usual = [os._exit]  # as it was before the first of them
+_one_at_a_time = threading.Lock()
+
+
 @contextmanager
 def _no_sudden_end() -> Iterator[None]:
-    """Make `os._exit` an error in this thread and process; others may have their reasons for it."""
-    usual, thread, process = os._exit, threading.get_ident(), os.getpid()
+    """Make `os._exit` an error in this thread and process; others may have their reasons for it.
 
-    def refused(status: int) -> NoReturn:
-        if (threading.get_ident(), os.getpid()) != (thread, process):
-            usual(status)
-        raise SystemExit(f"os._exit({status})")
-
-    os._exit = refused
+    Where threads overlap, the last one to leave puts it back.
+    """
+    here = threading.get_ident(), os.getpid()
+    with _one_at_a_time:
+        if not _inside:
+            _usual[0] = os._exit
+        _inside.append(here)
+        os._exit = _refused
     try:
         yield
     finally:
-        os._exit = usual
+        with _one_at_a_time:
+            _inside.remove(here)  # not always by the thread that came in: generators move
+            if not _inside:
+                os._exit = _usual[0]
+
+
+def _refused(status: int) -> NoReturn:
+    if (threading.get_ident(), os.getpid()) in _inside:
+        raise SystemExit(f"os._exit({status})")
+    _usual[0](status)

@@ -29,6 +29,7 @@ from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.verdict import Check, Verdict
@@ -97,7 +98,8 @@ def _rows(args: argparse.Namespace) -> int:
         cases = [asdict(verdict) for verdict in verdicts]
         return answer(args, {"cases": cases, "differ": len(wrong)}, 1 if wrong else 0)
     for verdict in wrong:
-        print(f"{verdict.case} ({verdict.what}):", *verdict.differences, sep="\n  ")
+        head = f"{verdict.case} ({verdict.what}):"
+        print(visible(head), *map(visible, verdict.differences), sep="\n  ")
     exact = sum(verdict.exact for verdict in verdicts)
     print(
         f"{len(verdicts) - len(wrong)} of {len(verdicts)} cases agree; {exact} had to be identical "
@@ -170,12 +172,7 @@ def _show_code(args: argparse.Namespace) -> None:
 
 def _tell(check: Check) -> None:
     word = {True: "holds", False: "FAILS", None: "-"}[check.holds]
-    print(f"{word:<6} {check.name}: {_plain(check.seen)}", flush=True)
-
-
-def _plain(text: str) -> str:
-    """Return a text of an entry without what plays tricks on a terminal."""
-    return "".join(c if c.isprintable() else "?" for c in text)
+    print(f"{word:<6} {visible(check.name)}: {visible(check.seen)}", flush=True)
 
 
 def _conclude(args: argparse.Namespace, verdict: Verdict) -> None:
@@ -188,6 +185,6 @@ def _conclude(args: argparse.Namespace, verdict: Verdict) -> None:
     how = "" if verdict.ran else " (form only: nothing was run)"
     trying = "; few seeds: for trying" if verdict.quick else ""
     word = "REJECTED" if not verdict.holds else "ACCEPTED" if verdict.ran else "well-formed"
-    print(f"{word}: {verdict.label}{how}{trying}")
+    print(f"{word}: {visible(verdict.label)}{how}{trying}")
     if args.output:
         print(args.output)

@@ -14,6 +14,7 @@ from flexaxis.experiments.reporting.cells import number, pair, settled
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
 from flexaxis.experiments.scoring.table import SCORES, Score
+from flexaxis.experiments.streams import visible
 
 LEGENDS = (
     {
@@ -45,7 +46,7 @@ NAME = 20  # columns that the names of estimators have at least; longer ones are
 
 def named(text: str) -> str:
     """Return a name for a cell: brackets are mark-up there, and a terminal obeys what is unseen."""
-    return escape("".join(c if c.isprintable() else "?" for c in text))
+    return escape(visible(text))
 
 
 def show(table: Table) -> None:
@@ -80,7 +81,7 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         table.add_column(escape(heading), justify="right" if place > 1 else "left", **how)
     for before, row, cells in zip([None, *shown], shown, lines, strict=False):
         if before is None or before["scenario"] != row["scenario"]:
-            table.add_row(f"[bold]{row['scenario']}[/]")
+            table.add_row(f"[bold]{named(row['scenario'])}[/]")
         table.add_row(*(cells[i] for i in kept), style="red" if row["diverged"] else None)
     return table
 
@@ -119,7 +120,7 @@ def _left_out(headings: Sequence[str]) -> str:
 def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
     return [
         "  " + named(row["estimator"]),
-        row["parameter"],
+        named(row["parameter"]),
         *(_cell(score, row) for score in SHOWN),
         number(cross_talk, 2),
         _cost(row["cost"]["us_per_sample"]),
@@ -177,7 +178,7 @@ def equal_noise_table(
     for heading in (r"lag \[s]", "95 %", "×bound", "after %", "false"):
         table.add_column(heading, justify="right", no_wrap=True)
     for scenario, parameter in dict.fromkeys((r["scenario"], r["parameter"]) for r in matched):
-        table.add_row(f"[bold]{scenario}[/], {parameter}")
+        table.add_row(f"[bold]{named(scenario)}[/], {named(parameter)}")
         mine = [r for r in matched if (r["scenario"], r["parameter"]) == (scenario, parameter)]
         for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
             values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])

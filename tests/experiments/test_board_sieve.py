@@ -126,8 +126,9 @@ def test_who_reads_nothing_has_his_time(folder):
         with late, cage.case("spy.py:Mute", STEP) as spy:
             spy.run(samples, samples)
         assert time.monotonic() - begin < 60
-        with cage.case("rpem-forgetting", STEP) as other:
-            assert other.run(samples[:10], samples[:10]).shape == (10, 3)
+    # whoever is sound has the usual patience: a busy machine may be slow to begin
+    with Cage(folder, plain=True) as cage, cage.case("rpem-forgetting", STEP) as other:
+        assert other.run(samples[:10], samples[:10]).shape == (10, 3)
 
 
 @pytest.mark.parametrize("name", ["Talks", "Forges"])

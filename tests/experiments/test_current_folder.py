@@ -1,8 +1,10 @@
 """The current folder may be one of somebody else's data: no module is looked for there."""
 
 import os
+import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import h5py
@@ -14,6 +16,9 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.speed.memory import memory
 from flexaxis.sim.current_folder import SAFE_PATH, safe_path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from test_architecture import FILES, ROOT, imported
 
 # What a new Python imports of its own and of ours, before and after it is told where to look.
 NAMES = {*sys.stdlib_module_names} - {"__future__", "this", "antigravity"}
@@ -83,10 +88,88 @@ def test_programs_of_a_user_find_their_neighbours(monkeypatch, given):
     assert os.environ.get(SAFE_PATH) == given
 
 
+@pytest.mark.parametrize("given", [None, "1"])
+def test_threads_that_overlap_leave_nothing_set(monkeypatch, given):
+    """The first one in leaves first: the variable stays for the other, and goes with it."""
+    if given:
+        monkeypatch.setenv(SAFE_PATH, given)
+    else:
+        monkeypatch.delenv(SAFE_PATH, raising=False)
+    inside, left, seen = threading.Event(), threading.Event(), []
+
+    def other():
+        with safe_path():
+            inside.set()
+            assert left.wait(60)
+            seen.append(os.environ.get(SAFE_PATH))
+
+    thread = threading.Thread(target=other)
+    with safe_path():
+        thread.start()
+        assert inside.wait(60)
+    left.set()
+    thread.join(60)
+    assert seen == [given or "flexaxis"]
+    assert os.environ.get(SAFE_PATH) == given
+
+
+STARTERS = {
+    "experiments/board/cage.py": "its child isolated, -I",
+    "experiments/board/child.py": "forks, which import nothing anew",
+    "experiments/board/world.py": "programs of the system",
+    "experiments/building/programs.py": "programs of a user, with their own variables",
+    "experiments/demo/movie.py": "ffmpeg",
+    "experiments/logs/reading/apart.py": "readers of logs, -P",
+    "experiments/running/processes.py": "workers, in safe_path",
+    "experiments/speed/memory.py": "workers, in safe_path",
+}
+"""Modules that start processes, and how those leave the current folder out."""
+START = {"subprocess", "multiprocessing", "concurrent.futures.ProcessPoolExecutor", "pty"}
+START |= {"concurrent.futures.process", "asyncio.subprocess"}
+CALLS = re.compile(
+    r"\bos\.(fork|forkpty|system|popen|startfile|(posix_)?spawn\w*|exec[lv]\w*)\("
+    r"|\b(create_subprocess_\w+|subprocess_exec|subprocess_shell|ProcessPoolExecutor)\("
+)
+
+
+def starts(path):
+    """Whether a module can start processes, by what it imports and calls."""
+    names = [
+        *imported(path),
+        *(n.partition(".")[0] for n in imported(path)),
+        *(n.rpartition(".")[0] for n in imported(path)),
+    ]
+    return not START.isdisjoint(names) or bool(CALLS.search(path.read_text(encoding="utf-8")))
+
+
+def test_whoever_starts_processes_has_thought_of_it():
+    """A new module that does is to be added to `STARTERS`, with how it leaves the folder out."""
+    found = {f.relative_to(ROOT).as_posix() for f in FILES if starts(f)}
+    assert found == STARTERS.keys()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import subprocess",
+        "def f():\n    from subprocess import run",
+        "from multiprocessing.pool import Pool",
+        "from concurrent.futures import ProcessPoolExecutor",
+        "import concurrent.futures as c\nc.ProcessPoolExecutor(1)",
+        "import os\nos.execvp('a', [])",
+    ],
+)
+def test_a_new_one_is_seen(tmp_path, text):
+    path = tmp_path / "new.py"
+    path.write_text(f"{text}\n")
+    assert starts(path)
+    path.write_text("from concurrent.futures import ThreadPoolExecutor\nimport os\n")
+    assert not starts(path)
+
+
 def test_every_python_that_we_start_leaves_it_out():
     """Isolated or with a safe path; `multiprocessing` takes the variable, as above."""
-    ours = Path(main.__code__.co_filename).parent
-    for path in ours.rglob("*.py"):
+    for path in FILES:
         for line in path.read_text(encoding="utf-8").splitlines():
             if "[sys.executable," in line:
                 assert '[sys.executable, "-P",' in line or '[sys.executable, "-I",' in line, path

@@ -4,12 +4,14 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.building.guest import hosted, limited
+from flexaxis.experiments.building.put_back import put_back
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
@@ -396,6 +398,38 @@ def test_what_it_changes_is_put_back(capsys, tmp_path):
     assert status == 0, err
     assert Path.cwd() == tmp_path and (sys.getrecursionlimit(), np.geterr()) == before
     assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_threads_that_overlap_put_back_the_end_of_the_process(monkeypatch):
+    """The first one in leaves first; a third thread, with nobody's code, ends as it likes."""
+    ended = []
+    monkeypatch.setattr(os, "_exit", ended.append)
+    inside, left, told = threading.Event(), threading.Event(), []
+
+    def other():
+        with put_back():
+            inside.set()
+            assert left.wait(60)
+            with pytest.raises(SystemExit, match=r"os\._exit\(3\)"):
+                os._exit(3)
+            told.append(3)
+
+    usual, thread = os._exit, threading.Thread(target=other)
+    with put_back():
+        thread.start()
+        assert inside.wait(60)
+        third = threading.Thread(target=lambda: os._exit(4))
+        third.start()
+        third.join(60)
+        with put_back(), pytest.raises(SystemExit):
+            os._exit(5)
+        with pytest.raises(SystemExit):
+            os._exit(6)
+    os._exit(7)
+    left.set()
+    thread.join(60)
+    assert (ended, told) == ([4, 7], [3])
+    assert os._exit is usual
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")

@@ -8,6 +8,8 @@ from rich.console import Console
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.reporting import terminal
+from flexaxis.experiments.running import verify as running_verify
+from flexaxis.experiments.running.verify import Repeated
 from flexaxis.experiments.scoring.table import SCORES
 
 NAMES = ["rpem-forgetting", "pipe-binary:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
@@ -36,13 +38,38 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert ("left out, for the terminal is narrow: " in text) == (columns < 10)
 
 
-def test_a_name_drives_no_terminal():
-    """That of an estimator in somebody else's rows."""
+STRANGE = "[red]x\x1b]0;title\x07\x1b[2J\u202e"
+SHOWN = r"[red]x\x1b]0;title\x07\x1b[2J\u202e"
+
+
+@pytest.mark.parametrize("key", ["estimator", "parameter", "scenario"])
+def test_a_name_drives_no_terminal(key):
+    """One in somebody else's rows, which `report` and `compare` show."""
     out, (row, _) = io.StringIO(), rows()
-    strange = row | {"estimator": "[red]x\x1b]0;title\x07\x1b[2J\u202e"}
-    Console(file=out, width=200).print(terminal.score_table([strange]))
-    assert "[red]x?]0;title??[2J?" in out.getvalue()
+    Console(file=out, width=250).print(terminal.score_table([row | {key: STRANGE}]))
+    assert SHOWN in out.getvalue()
     assert all(c.isprintable() or c == "\n" for c in out.getvalue())
+
+
+@pytest.mark.parametrize("key", ["estimator", "parameter", "scenario"])
+def test_nor_does_one_at_equal_noise(key):
+    names = {"scenario": "fm_step-v1", "parameter": "f_m", "estimator": "ekf"}
+    values = {"lag": 1.0, "lag_interval": [0.9, 1.1], "over_bound": 2.0, "std_after": 1.0}
+    row = names | values | {"false_alarms_per_1000_s": 0.0, "leads": True, "how": ""}
+    out, table = io.StringIO(), terminal.equal_noise_table([row | {key: STRANGE}], [])
+    Console(file=out, width=250).print(table)
+    assert SHOWN in out.getvalue()
+    assert all(c.isprintable() or c == "\n" for c in out.getvalue())
+
+
+def test_nor_does_what_verify_prints(monkeypatch, tmp_path, capsys):
+    """Neither the names in a row that differs, nor those of what differs."""
+    row = Repeated(STRANGE, f"{STRANGE}, ekf", True, (f"{STRANGE}: is 2, was 1",))
+    monkeypatch.setattr(running_verify, "verify", lambda *_, **__: [row])
+    assert main(["verify", str(tmp_path)]) == 1
+    text = capsys.readouterr().out
+    assert text.startswith(f"{SHOWN} ({SHOWN}, ekf):\n  {SHOWN}: is 2, was 1\n")
+    assert all(c.isprintable() or c == "\n" for c in text)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there are no such terminals")
