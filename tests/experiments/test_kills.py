@@ -230,7 +230,7 @@ def test_ctrl_c_tells_what_is_under_way_and_not_what_waits(capfd, monkeypatch):
 
     def work(task):
         begun.set()
-        told.wait(10) if task == "a" else time.sleep(0.5)
+        told.wait(10) if task == "a" else time.sleep(2.0)  # for who is slow to give "c" up
         return task
 
     def write(file, text, usual=os.write):

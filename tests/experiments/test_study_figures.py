@@ -115,8 +115,11 @@ def test_what_each_fault_was_taken_for():
 def test_confusion_counts_each_case_once(stored, tmp_path):
     told = [{"fault": "f_m", "named": ["f_m"]}, {"fault": "J_a", "named": None}]
     other = [{"fault": "f_m", "named": []}, {"fault": "J_a", "named": ["k_T", "f_m"]}]
-    rows = [{"case": "a", "method": "m", "isolation": told, "detection": {}}] * 3
-    rows += [{"case": "b", "method": "m", "isolation": other, "detection": {}}] * 3
+    rows = [
+        {"case": case, "method": "m", "isolation": said, "detection": {}, "parameter": name}
+        for case, said in (("a", told), ("b", other))
+        for name in ("k_T", "1/J_a", "f_m")
+    ]
     rows += [{"case": "c", "method": "n", "isolation": None, "detection": None}]
     rows += [{"case": "d", "method": "n", "isolation": [], "detection": {}}]
     counts = confusion(stored(tmp_path, rows))
