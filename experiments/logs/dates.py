@@ -30,12 +30,13 @@ _SEPARATED = re.compile(rf"(?<!\d){_YEAR}(?P<by>[-_./]){_MONTH}(?P=by){_DAY}{_CL
 _COMPACT = re.compile(rf"(?<!\d){_YEAR}(?P<by>){_MONTH}{_DAY}{_CLOCK}")
 
 
-def dated(path: Path) -> tuple[datetime, str] | None:
+def dated(path: Path, texts: Sequence[str] | None = None) -> tuple[datetime, str] | None:
     """Return when a log began and what says so; None if nothing does.
 
-    That is "file", "name", or "folder" for one whose name is a date.
+    That is "file", "name", or "folder" for one whose name is a date. What stands in the file is
+    read, unless its `texts_in` are given.
     """
-    for text in _in_file(path):
+    for text in texts_in(path) if texts is None else texts:
         date = found_in(text) or _by_number(text)
         if date is not None:
             return date, "file"
@@ -46,13 +47,22 @@ def dated(path: Path) -> tuple[datetime, str] | None:
     return None
 
 
-def unclear(path: Path) -> str | None:
+def unclear(path: Path, texts: Sequence[str] | None = None) -> str | None:
     """Return a date in a log or its name that may be one of two days, such as ``02/05/2026``."""
-    for text in (*_in_file(path), path.stem):
-        for match in _SLASHES.finditer(text):
-            if found_in(match[0]) is None:
-                return match[0]
+    for text in (*(texts_in(path) if texts is None else texts), path.stem):
+        found = _of_two(text)
+        if found is not None:
+            return found
     return None
+
+
+def texts_in(path: Path) -> list[str]:
+    """Return the texts in a log that say when it began, or may: by its content, not its name.
+
+    It takes a process for some formats: ask once, and hand them to `dated` and `unclear`.
+    """
+    texts = [t.encode(errors="replace").decode() for t in _in_file(path)]  # to be kept in a row
+    return [t for t in texts if found_in(t) or _by_number(t) or _of_two(t)]
 
 
 def found_in(text: str) -> datetime | None:
@@ -102,6 +112,10 @@ def _slashed(match: re.Match[str]) -> str:
     day, month = max(first, second), min(first, second)
     one = first == second or day > 12
     return f"{year}-{month:02}-{day:02}" if one and month <= 12 else match[0]
+
+
+def _of_two(text: str) -> str | None:
+    return next((m[0] for m in _SLASHES.finditer(text) if found_in(m[0]) is None), None)
 
 
 def _by_number(text: str) -> datetime | None:

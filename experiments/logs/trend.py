@@ -15,7 +15,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.dates import dated, unclear
+from flexaxis.experiments.logs.dates import dated, texts_in, unclear
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.finding import labels
 from flexaxis.experiments.logs.identify import GIVEN
@@ -26,11 +26,12 @@ from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.files import dumps, make_folder
 from flexaxis.experiments.running.lock import locked
 from flexaxis.experiments.running.names import LOCK, REPORT
-from flexaxis.experiments.running.rows import RowFile, read, scan
+from flexaxis.experiments.running.rows import RowFile, read
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
 ROWS, RESULT = "rows.jsonl", "trend.json"
+TEXTS = "texts"  # of a row: what in its log may be dates; names are read anew, they may change
 TRIES = 5  # logs from which it is seen what they can tell
 METHOD = 4  # of the estimates; another number and all are made anew
 
@@ -93,10 +94,11 @@ class Plan:
 
 @dataclass(frozen=True)
 class Task:
-    """A log to be estimated from, and the identity of what comes of it."""
+    """A log to be estimated from, the identity of what comes of it, and a row without `TEXTS`."""
 
     path: Path
     case: str
+    known: Mapping[str, Any] | None = None
 
     def __str__(self) -> str:
         return str(self.path)
@@ -184,8 +186,12 @@ def estimate_all(
     with locked(folder / LOCK):
         rows = folder / ROWS
         with RowFile(rows) as file:
-            there = {f"{case:016x}" for case in scan(rows).cases.tolist()}
-            missing = {task.case: task for task in wanted if task.case not in there}
+            there = {row["case"]: row for row in read(rows)}
+            missing = {
+                task.case: replace(task, known=there.get(task.case))
+                for task in wanted
+                if TEXTS not in there.get(task.case, ())
+            }
             advance(len(wanted) - len(missing))
             for line in spread(missing.values(), partial(row_of, plan), jobs=jobs):
                 file.append(line)
@@ -197,28 +203,36 @@ def estimate_all(
         alike.setdefault(task.case, []).append(name[task.path])
     once = {task.case: task for task in reversed(wanted)}  # a copy is no further measurement
     return [
-        every[case] | {"log": alike[case][0], "copies": alike[case][1:]} | _date(once[case].path)
+        _date(once[case].path, every[case] | {"log": alike[case][0], "copies": alike[case][1:]})
         for case in alike
     ]
 
 
-def _date(path: Path) -> dict[str, str | None]:
-    """Return when a log began, and what says so; or a date that may be one of two."""
-    date, source = dated(path) or (None, None)
+def _date(path: Path, row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with when its log began, and what says so; or a date that may be one of two."""
+    texts = row.pop(TEXTS)
+    date, source = dated(path, texts) or (None, None)
     told = {"date": date.isoformat() if date else None, "dated": source}
-    return told | {"unclear": None if date else unclear(path)}
+    return row | told | {"unclear": None if date else unclear(path, texts)}
 
 
 def row_of(plan: Plan, task: Task) -> bytes:
-    """Return the row of a log: its estimates, or what is wrong with it."""
+    """Return the row of a log: its estimates, or what is wrong with it, and its texts of dates."""
     row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
-    try:
-        row |= _estimated(plan, task.path)
-    except (FlexaxisError, EstimatorError) as error:
-        row["problem"] = " ".join(str(error).split())
-    except Exception as error:  # whatever a strange log leads to: the others go on
-        row["problem"] = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+    row |= {TEXTS: [], **(task.known or {})}
+    for found in (_texts,) if task.known else (partial(_estimated, plan), _texts):
+        try:
+            row |= found(task.path)
+        except (FlexaxisError, EstimatorError) as error:
+            row["problem"] = row["problem"] or " ".join(str(error).split())
+        except Exception as error:  # whatever a strange log leads to: the others go on
+            said = " ".join(str(error).split())
+            row["problem"] = row["problem"] or f"unexpected {type(error).__name__}: {said}"
     return dumps(row).encode() + b"\n"
+
+
+def _texts(path: Path) -> dict[str, list[str]]:
+    return {TEXTS: texts_in(path)}
 
 
 def _estimated(plan: Plan, path: Path) -> dict[str, Any]:

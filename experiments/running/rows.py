@@ -95,12 +95,13 @@ def _complete(path: Path, block: list[bytes], end: int) -> Iterator[Block]:
 
 
 def _parts(block: list[bytes]) -> list[list[bytes]]:
-    """Return the lines of a case apart where they begin anew, with the same parameter."""
+    """Return the lines of a case apart where they begin anew, with the same parameter or alone."""
     found: list[list[bytes]] = []
     first = _PARAMETER.search(block[0])
     for line in block:
-        again = _PARAMETER.search(line)
-        if not found or (first and again and again[1] == first[1]):
+        again, count = _PARAMETER.search(line), _COUNT.search(line)
+        alone = count and int(count[1]) == 1
+        if not found or alone or (first and again and again[1] == first[1]):
             found.append([])
         found[-1].append(line)
     return found

@@ -13,9 +13,9 @@ from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs import trend
+from flexaxis.experiments.logs import dates, trend
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
-from flexaxis.experiments.logs.dates import dated, found_in, unclear
+from flexaxis.experiments.logs.dates import dated, found_in, texts_in, unclear
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.finding import find_logs
 from flexaxis.experiments.logs.log_health import ailments, common
@@ -277,6 +277,49 @@ def test_a_date_in_a_name_is_read_anew(days, tmp_path, capsys):
     assert json.loads(out)["logs"] == 12
     found = trend.dated(tmp_path / "axis 01.04.2026.csv")
     assert found == (datetime(2026, 4, 1), "name")
+
+
+def test_a_log_is_asked_once_when_it_began(tmp_path, capsys, monkeypatch):
+    """It takes a process for some formats, and what was found is kept with the estimates."""
+    (tmp_path / "axis.toml").write_text(AXIS)
+    for day in range(12):
+        date = f"2026-06-{day + 1:02}" if day else "02/05/2026"
+        write(tmp_path / f"log{day}.csv", driven(F, seed=day), 20.0, date=date)
+    asked, usual = [], dates._in_file
+    monkeypatch.setattr(dates, "_in_file", lambda path: asked.append(path.name) or usual(path))
+    rows = tmp_path / "t" / "rows.jsonl"
+
+    def again(spoilt=()):
+        asked.clear()
+        if rows.exists():
+            kept = [json.loads(line) for line in rows.read_text().splitlines()]
+            for row in kept:
+                if row["log"] in spoilt:  # as before rows had them
+                    row.pop("texts", None)
+            rows.write_text("".join(json.dumps(row) + "\n" for row in kept))
+        _, out, err = run(capsys, *words(tmp_path, tmp_path / "t"))
+        assert "1 have no date: 02/05/2026 of log0.csv may be one of two days" in out, err
+        return sorted(asked)
+
+    every = sorted(f"log{day}.csv" for day in range(12))
+    assert again() == every
+    assert again() == []
+    estimates = rows.read_bytes()
+    last = json.loads(estimates.splitlines()[-1])["log"]
+    monkeypatch.setattr(trend, "refit", None)  # nothing is estimated again
+    for some in ([last], every):
+        assert again(some) == some
+        assert again() == []
+    found = {row["case"]: row for row in read(rows)}
+    assert found == {row["case"]: row for row in map(json.loads, estimates.splitlines())}
+
+
+def test_a_text_that_is_no_unicode_is_kept(tmp_path):
+    """HDF5 hands on bytes of any kind."""
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file.attrs["date"] = np.bytes_(b"2026-02-05 \xff")
+    (text,) = texts_in(tmp_path / "log.h5")
+    assert text.encode() and found_in(text) == datetime(2026, 2, 5)
 
 
 @pytest.mark.parametrize(
