@@ -149,7 +149,7 @@ def fault(act: Callable[[Path], int], path: Path, seconds: float = SECONDS) -> s
     except BaseException as error:  # what panics in Rust is no Exception
         return f"{type(error).__name__}: {error}"[:600]
     said = err.getvalue()
-    if status not in STATUS or "Traceback" in said:
+    if status not in STATUS or "Traceback (most" in said:
         return f"status {status}: {said[-600:]}"
     if status == 2 and not said.strip():
         return "status 2 without a word"
