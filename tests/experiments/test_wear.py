@@ -1,5 +1,7 @@
 """What became of a parameter: which logs it is of, in which units, and at which chance."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -69,7 +71,8 @@ def test_a_copy_of_a_log_is_no_further_measurement_and_has_the_first_ones_date(
 
     def row_of(plan, task):
         made.append(task.path.name)
-        return b'{"case": "%s", "rows": 1, "parameter": null}\n' % task.case.encode()
+        row = {"case": task.case, "rows": 1, "parameter": None, "texts": []}
+        return json.dumps(row).encode() + b"\n"
 
     monkeypatch.setattr(trend, "row_of", row_of)
     for _ in range(2):  # the second time nothing is made
