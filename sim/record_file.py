@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
-from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -22,6 +21,9 @@ from flexaxis.sim.reading import json_value
 Array = NDArray[np.float64]
 
 ALL = slice(None)
+
+LARGEST = 8_000_000_000
+"""Bytes that are read at once: an hour at 10 kHz with everything in it takes a tenth."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),
@@ -98,10 +100,13 @@ def _write_parameters(file: Any, known: Sequence[str], values: Array) -> None:
 
 def file_length(path: Path) -> int:
     """Return the number of samples in a file, 0 without time; all signals must have as many."""
-    # The arrays themselves: a named dimension may say another length than they have.
     with h5py.File(path, "r") as file:
-        only_inside(file, RecordError)
-        lengths = {name: file[name].shape for name in (*SIGNALS, "valid") if name in file}
+        return _length(file)
+
+
+def _length(file: h5py.File) -> int:
+    # The arrays themselves: a named dimension may say another length than they have.
+    lengths = {name: file[name].shape for name in (*SIGNALS, "valid") if name in file}
     samples = lengths.get("time", (0,))
     for name, length in lengths.items():
         if length != samples:
@@ -112,10 +117,26 @@ def file_length(path: Path) -> int:
     return int(samples[0])
 
 
+def _check_size(file: h5py.File, span: slice) -> None:
+    """Refuse what is too large to be read at once, before any of it is."""
+    samples = _length(file) if "time" in file else 0
+    width = sum(name in file for name in (*SIGNALS, "valid"))
+    for name in ("parameter", "true_parameters"):
+        columns = file[name].shape[-1] if name in file else 0
+        if columns > len(PARAMETER_NAMES) + len(LAW_NAMES):
+            raise RecordError(f"{name} has {columns} columns, more than there are parameters.")
+    size = len(range(samples)[span]) * 8 * (width + columns)
+    if size > LARGEST:
+        raise RecordError(
+            f"its {samples} samples take {size / 1e9:.0f} GB at once, more than "
+            f"{LARGEST / 1e9:.0f} GB; record_pieces() reads it piece by piece."
+        )
+
+
 def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file, or those of some of its samples."""
     with h5py.File(path, "r") as plain:
-        only_inside(plain, RecordError)
+        _check_size(plain, span)
     # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
     with h5netcdf.File(path, "r", phony_dims="sort") as file:
         content: dict[str, Any] = {

@@ -32,7 +32,7 @@ from flexaxis.experiments.running.files import OutputError, writing
 from flexaxis.experiments.running.names import COLUMNS as FILE
 from flexaxis.experiments.running.rows import REMEDY, read, row_files
 from flexaxis.experiments.scoring.table import Kind
-from flexaxis.sim.hdf5_inside import only_inside
+from flexaxis.sim.hdf5_apart import gone_through
 
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
 READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
@@ -160,8 +160,8 @@ def open_table(folder: Path, axes: Sequence[str]) -> Table:
         memory = h5py.File(f"{FILE} {uuid4()}", "w", driver="core", backing_store=False)
         return _filled(memory, journal, axes)
     try:
+        gone_through(folder / FILE, OSError)
         there = h5py.File(folder / FILE, "r", locking=False)
-        only_inside(there, OSError)
         if there.attrs.get("valid") == valid:
             return Table(tuple(axes), there)
         there.close()

@@ -107,10 +107,10 @@ def _add(group: Any, curve: Curve, estimate: Any, before: str) -> None:
 def _load_curves(path: Path) -> list[Curve]:
     import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
 
-    from flexaxis.sim.hdf5_inside import only_inside
+    from flexaxis.sim.hdf5_apart import gone_through
 
+    gone_through(path, lambda text: OutputError(f"{path}: {text}"))
     with h5py.File(path, "r") as file:
-        only_inside(file, lambda text: OutputError(f"{path}: {text}"))
         groups = [group for _, group in sorted(file.items(), key=lambda item: int(item[0]))]
         return [_curve(group, "", _near(group)) for group in groups]
 

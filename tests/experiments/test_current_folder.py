@@ -122,6 +122,7 @@ STARTERS = {
     "experiments/logs/reading/apart.py": "readers of logs, -P",
     "experiments/running/processes.py": "workers, in safe_path",
     "experiments/speed/memory.py": "workers, in safe_path",
+    "sim/hdf5_apart.py": "reads HDF5 files, -P",
 }
 """Modules that start processes, and how those leave the current folder out."""
 START = {"subprocess", "multiprocessing", "concurrent.futures.ProcessPoolExecutor", "pty"}
