@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -32,6 +33,26 @@ def is_text(word: str) -> bool:
     return True
 
 
+_DRIVES = r"\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069"  # the last set directions
+# What tables and bars need: colours, a line up, a line cleared, the cursor hidden or shown.
+_OURS = re.compile(r"(\x1b\[(?:[\d;]*m|\d*A|[012]?K|\?25[hl])|[\n\r\t]|[^" + _DRIVES + r"]+)")
+
+
+def tamed(text: str) -> str:
+    r"""Return a text of which a terminal obeys no more than what this program lets it do.
+
+    Names come from everywhere, and some would read the clipboard or answer in the user's place.
+
+    Examples
+    --------
+    >>> print(tamed("a name \x1b]52;c;cm0gLXJm\x07"))
+    a name \x1b]52;c;cm0gLXJm\x07
+    """
+    if text.isprintable():
+        return text
+    return "".join(part if i % 2 else visible(part) for i, part in enumerate(_OURS.split(text)))
+
+
 class Stream:
     """Text to a reader who may go, as with `| head`, and to a place that may be full.
 
@@ -49,7 +70,9 @@ class Stream:
     """
 
     def __init__(self, stream: Any) -> None:
-        self._stream, self.problem = stream, ""
+        self._stream, self.problem, self._terminal = stream, "", False
+        with suppress(ValueError):  # else it is closed
+            self._terminal = bool(stream.isatty())
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
@@ -57,7 +80,7 @@ class Stream:
     def write(self, text: str) -> int:
         """Write a text as far as it goes."""
         with self._dropping():
-            return int(self._stream.write(text))
+            return int(self._stream.write(tamed(text) if self._terminal else text))
         return len(text)
 
     def flush(self) -> None:

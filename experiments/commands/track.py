@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.track import Tracked
@@ -170,4 +171,4 @@ def _print(found: Tracked) -> None:
     for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True):
         table.add_row(name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
     Console().print(table)
-    print("\n".join(f"{MARKS[kind]} {text}" for kind, text in _in_words(found)))
+    print("\n".join(f"{MARKS[kind]} {visible(text)}" for kind, text in _in_words(found)))

@@ -20,6 +20,7 @@ from typing import Any
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+from flexaxis.experiments.streams import visible
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
 GROUP = "your own axis"
@@ -88,7 +89,7 @@ def main(args: argparse.Namespace) -> int:
         return answer(args, content, status)
     marks = {"problem": "✗", "note": "!", "ok": "✓"}
     for kind, text in remarks(found, when, [*covariates], rows, args.false_alarms):
-        print(f"{marks[kind]} {text}")
+        print(f"{marks[kind]} {visible(text)}")
     print(content["report"])
     return status
 

@@ -139,3 +139,51 @@ def test_what_code_of_a_user_closes_is_said_and_ends_nothing():
     assert stream.write("x") == 1
     stream.flush()
     assert "closed" in stream.problem
+
+
+NASTY = "x\x1b]52;c;cm0gLXJm\x07\x1b[2J\x1b[6n\x9b6n\x1bP+q\x1b\\\u202ey"
+SHOWN = r"x\x1b]52;c;cm0gLXJm\x07\x1b[2J\x1b[6n\x9b6n\x1bP+q\x1b\\u202ey"
+
+
+def _through_a_terminal(write):
+    """Return what a terminal gets of what is written to our stdout."""
+    ours, theirs = os.openpty()
+    with open(theirs, "w", encoding="utf-8") as file:
+        write(Stream(file))
+        file.flush()
+        found = os.read(ours, 1 << 16)
+    os.close(ours)
+    return found.decode().replace("\r\n", "\n")
+
+
+def test_a_terminal_obeys_no_name():
+    assert _through_a_terminal(lambda out: print(NASTY, file=out)) == SHOWN + "\n"
+
+
+def test_tables_and_bars_reach_a_terminal_as_they_are():
+    from rich.console import Console
+    from rich.progress import Progress
+
+    drawn = []
+
+    def draw(out):
+        console = Console(file=out, force_terminal=True, color_system="truecolor", width=60)
+        console.print("[bold red]θ̂[/] \u00a0 [on blue]–[/]")
+        with Progress(console=console) as progress:
+            for _ in progress.track(range(3)):
+                progress.refresh()
+
+    def both(out):
+        write = out.write
+        out.write = lambda text: drawn.append(text) or write(text)
+        draw(out)
+
+    shown = _through_a_terminal(both)
+    assert shown == "".join(drawn).replace("\r\n", "\n") and "\x1b[" in shown
+
+
+def test_what_goes_to_a_file_is_what_was_said(tmp_path):
+    with (tmp_path / "out").open("w+", encoding="utf-8", newline="") as file:
+        Stream(file).write(NASTY)
+        file.seek(0)
+        assert file.read() == NASTY
