@@ -102,7 +102,7 @@ def front(paths, folder):
     )
 
 
-@pytest.mark.parametrize("zipped", [False, True])
+@pytest.mark.parametrize("zipped", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_front_door_is_in_the_wheel(wheel, tmp_path, zipped):
     assert (wheel / "flexaxis/py.typed").is_file()
     path = next(wheel.parent.glob("*.whl")) if zipped else wheel  # a wheel is a zip archive

@@ -48,6 +48,7 @@ def start(nominal, cache, code=PROGRAM, **more):
     )
 
 
+@pytest.mark.slow
 def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
     cache, nowhere = tmp_path / "cache", tmp_path / "file"
     nowhere.touch()

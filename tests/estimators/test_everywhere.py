@@ -176,7 +176,9 @@ def on_an_axis_without(absent, name, seconds, fault=1.0):
     return relative_rms(run_estimator(made, run.u, run.y), run, 2.0), made
 
 
-@pytest.mark.parametrize("absent", ["f_g", "f_a", "d_g", "d_a"])
+@pytest.mark.parametrize(
+    "absent", ["f_g", *(pytest.param(q, marks=pytest.mark.slow) for q in ("f_a", "d_g", "d_a"))]
+)
 @pytest.mark.parametrize("name", [name for name in MOVING if name not in SLOW])
 def test_a_friction_or_damping_may_be_absent(name, absent):
     error, made = on_an_axis_without(absent, name, 20.0)
@@ -388,7 +390,9 @@ def test_a_period_is_needed(name):
             factory(model, period, torque=np.ones(10))
 
 
-@pytest.mark.parametrize("name", REGISTRY)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * ("friction" in n)) for n in REGISTRY]
+)
 def test_a_factory_takes_what_all_take(name):
     common = {"identify": NAMES, "output": "increment", "P0": [1e-4] * 3, "torque": None}
     made = REGISTRY[name].factory(AXES["n1"], 0.005, **common)

@@ -138,6 +138,7 @@ def test_a_single_inertia_is_not_weighed_against_another():
     assert meaning.structure(replace(two_mass(nominal), fixed=("k",))) == ("J_m", "d")
 
 
+@pytest.mark.slow
 def test_what_is_told_right_of_a_belt_is_fixed_and_said():
     belt = replace(BELT, laws=BELT.laws[2:])
     make = REGISTRY["relocate-friction"].factory

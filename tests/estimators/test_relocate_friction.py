@@ -160,6 +160,7 @@ def test_a_torque_that_depends_on_the_angle_follows_the_measured_one():
 
 
 @pytest.mark.parametrize("output", ["speed", "increment"])
+@pytest.mark.slow
 def test_the_measured_angle_is_the_sum_of_what_was_measured(output):
     nominal = N1 | {"poles": 24.0}
     filter_ = relocate_friction(nominal, T, output=output, P0=[1e-4, 1e-4, 1e-6])

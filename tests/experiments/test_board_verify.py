@@ -310,6 +310,7 @@ def test_a_peeker_finds_no_truth_in_the_cage(tmp_path):
     assert lag[0] < 0.05 and lag[1] > 20 * lag[0]
 
 
+@pytest.mark.slow
 def test_an_honest_estimator_keeps_all_rules_in_the_cage(tmp_path):
     """The cheap core of an entry that is accepted; with samples missing, as `valid` says."""
     (tmp_path / "code").mkdir()

@@ -233,7 +233,15 @@ def test_all_wrong_names_at_once():
     assert len(caught.value.problems) == 2
 
 
-@pytest.mark.parametrize("name", find_suite("standard").estimators)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=[pytest.mark.slow] * (name in ("relocate-friction", "imm-friction"))
+        )
+        for name in find_suite("standard").estimators
+    ],
+)
 def test_an_axis_that_is_never_moved_can_be_given_to_everybody(name):
     """What an estimator is told of the size of friction is of the motion it was designed for."""
     specs.build(specs.parse(name), find_scenario("standstill-v1"))

@@ -175,6 +175,7 @@ def test_words_are_completed(tmp_path):
     assert completed("flexaxis list --group s", tmp_path) == {"steps", "several", "sensors"}
 
 
+@pytest.mark.slow
 def test_parameters_are_completed_from_the_model_that_is_typed(tmp_path):
     line = "flexaxis identify rec.nc --model one_mass"
     assert completed(f"{line} --fix f_", tmp_path) == {"f_m", "f_c", "f_s"}

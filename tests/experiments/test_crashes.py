@@ -186,7 +186,7 @@ def test_an_option_that_a_shipped_one_refuses_is_wrong_use(capsys, option):
     assert status == WRONG_USE and len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize("command", ["run", "compare"])
+@pytest.mark.parametrize("command", ["run", pytest.param("compare", marks=pytest.mark.slow)])
 def test_a_worker_that_dies(capsys, command):
     status, err = told(capsys, *COMMANDS[command], "own.py:Dies", "--jobs", "2")
     assert status == CRASH and "Traceback" not in err
@@ -209,6 +209,7 @@ def test_no_crash_looks_like_something_else():
     assert statuses["INTERRUPTED"] == 130
 
 
+@pytest.mark.slow
 def test_traceback_is_no_part_of_the_command_that_is_kept(capsys, tmp_path):
     words = [*RUN, "frozen", "-o", "out"]
     assert main(["--traceback", *words]) == 0

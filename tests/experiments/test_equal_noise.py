@@ -106,6 +106,7 @@ def test_the_same_method_in_a_class_of_its_own_is_the_same(short):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
     """Held back by .6 s, and so quick by its knob that it looks better where noise is not equal."""
     unfair = fx.compare("rpem-forgetting", Late, scenarios=short, seeds=8)
@@ -136,6 +137,7 @@ def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
     assert found.candidate != "Same" and abs(lag(found)["change"]) < 0.02
 
 
+@pytest.mark.slow
 def test_faults_in_several_parameters_are_compared_at_equal_excess_error(short):
     other = find_scenario("kt_step-v1").override(SHORT)
     found = compared("rpem-forgetting[forgetting=0.99]", [short, other], seeds=3)

@@ -366,7 +366,7 @@ def test_estimate_is_a_host_too(capsys, short):
     assert "no end within 0.3 s" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "what"),
     [("Generator", "GeneratorExit: early"), ("Raises_odd", "Odd")],
@@ -377,6 +377,7 @@ def test_whatever_it_raises_the_others_go_on(capsys, name, what, jobs):
     assert "sample 0" in err and "frozen" in out and "given up" not in err
 
 
+@pytest.mark.slow
 def test_an_interrupt_of_its_own_in_a_worker_ends_nobody_else(capsys):
     status, out, err = ran(capsys, "Interrupts", "--estimator", "frozen", jobs=2)
     assert status == CRASH and "crashed on short" in err and "frozen" in out
@@ -441,7 +442,7 @@ def test_a_process_that_it_begins_may_end_as_it_likes():
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_thread_that_never_ends_holds_nobody_up(jobs):
     words = ["run", "short.toml", "--estimator", "guests.py:Threads", "--seeds", "2", "-o", "out"]
     line = [sys.executable, "-m", "flexaxis", *words, "--jobs", str(jobs)]

@@ -93,6 +93,7 @@ def test_a_constant_torque_is_an_estimate_and_no_friction():
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_identify_wrote_is_where_track_begins(record, found, tmp_path, capsys):
     path, axis = tmp_path / "rec.nc", tmp_path / "axis.toml"
     record.save(path)

@@ -51,6 +51,7 @@ def kill(names, kills):
 
 
 @posix
+@pytest.mark.slow
 def test_a_few_kills():
     kill(["compare", "tune"], 1)
 

@@ -96,6 +96,7 @@ def test_a_class_is_told_from_one_of_nearly_its_name(two):
         parse("old/mine.py:Mone")
 
 
+@pytest.mark.slow
 def test_each_worker_process_has_them_apart_too(two, short):
     for folder, value in (("old", 0.05), ("new", 0.06)):  # near the truth, so that biases differ
         (two / folder / "helper_of_mine.py").write_text(f"VALUE = {value}\n")

@@ -69,6 +69,7 @@ def test_nothing_is_overwritten(mine, capsys):
     assert "is there already" in capsys.readouterr().err and mine.read_text() == "my work"
 
 
+@pytest.mark.slow
 def test_a_user_has_packages_of_our_names(tmp_path, short_toml):
     """A folder with experiments/, sim/ and estimators/ of its own, and an estimator using them."""
     for name in ("experiments", "sim", "estimators", "models_mjcf"):

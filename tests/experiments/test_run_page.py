@@ -198,6 +198,7 @@ def _hash(folder):
     return pooled.load(folder).summary["scenarios"]["short"]["hash"]
 
 
+@pytest.mark.slow
 def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypatch):
     (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)

@@ -46,7 +46,7 @@ def test_without_a_ledger_nothing_is_kept():
     assert list(seconds) == [OTHER]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_campaign_says_where_its_time_went(short_toml, capsys, tmp_path, monkeypatch, jobs):
     monkeypatch.chdir(tmp_path)
     limits._remembered.cache_clear()  # what another test has had computed takes no time here

@@ -82,6 +82,7 @@ def test_no_file_takes_the_place_of_a_closed_stream():
     assert Path("rows").read_text() == "" and Path("answer").read_text() == "True\n"
 
 
+@pytest.mark.slow
 def test_letters_that_a_terminal_has_not_are_numbers():
     ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     found = shell(f"flexaxis {' '.join(RUN)}", **ascii_only)

@@ -75,7 +75,13 @@ def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
     assert told["f_c"] == pytest.approx(0.12) and len(told) == 13
 
 
-@pytest.mark.parametrize("name", list(REGISTRY))
+# For friction they compile a loop of their own, of ten seconds and more each.
+OWN_LOOPS = {"rpem-friction", "relocate-friction", "imm-friction"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in OWN_LOOPS)) for n in REGISTRY]
+)
 def test_every_estimator_is_as_ever_where_it_is_told_more_than_it_knows(name):
     scenario = made(ASKED + "told = { poles = 24, torque_limit = 1.75 }\n", FAULT)
     told, plain = build(parse(name), scenario), build(parse(name), made(DRY))
