@@ -159,7 +159,7 @@ def _variance(model: Model, torque: ArrayLike | None, period: float, noise: floa
     else:
         linear = replace(model, laws=())
         one = linear.parametrize(linear.parameters[:1])
-        speed = float(np.std(predict(one, one.theta, np.asarray(torque, float), period=period)[0]))
+        speed = float(np.std(predict(one, one.theta, torque, period=period)[0]))
     if not speed > 0:
         raise EstimatorError(
             "how large the noise of y may be is known only of an axis that moves: give the torque "

@@ -1,8 +1,11 @@
 """The output-error predictor and its gradient at fixed parameters, for a whole record at once."""
 
+import reprlib
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.sampling.compiler import compiled
 from flexaxis.estimators.sampling.extended import sampled_system
@@ -10,6 +13,27 @@ from flexaxis.estimators.sampling.prepared import copy, prepare, travel
 from flexaxis.estimators.sampling.sampled import planned
 
 Array = NDArray[np.float64]
+
+
+def as_torque(given: ArrayLike) -> Array:
+    """
+    Return the torque of a run (N,) [N m] as floats, one behind the other in memory.
+
+    Raises
+    ------
+    EstimatorError
+        If it is none.
+    """
+    try:
+        found = np.asarray(given)
+    except ValueError:  # rows of several lengths
+        found = np.empty(0, object)
+    if found.dtype.kind not in "fiu" or found.ndim != 1 or not len(found):
+        said = " ".join(reprlib.repr(given).split())
+        raise EstimatorError(
+            f"torque is {said}: give that of a run of some tens of seconds, (N,) numbers [N m]"
+        )
+    return np.ascontiguousarray(found, float)
 
 
 def predict(
@@ -30,14 +54,19 @@ def predict(
         Torque; u[k] is held on [t_k, t_{k+1}) and first acts on ŷ[k+1].
     period : float
         Sampling period T [s].
+
+    Raises
+    ------
+    EstimatorError
+        If u is no torque.
     """
     if model.laws is not None:
         at = np.asarray(theta, float)
         ready = prepare(planned(model, at, at, period), at, np.arange(len(at)))
-        rows = _along(ready, np.zeros((1 + len(at), model.n + 1)), np.ascontiguousarray(u, float))
+        rows = _along(ready, np.zeros((1 + len(at), model.n + 1)), as_torque(u))
         return rows[:, 0].copy(), rows[:, 1:].copy()
     transition, gain, output = sampled_system(model, theta, period)
-    outputs = respond(transition, gain, output, np.ascontiguousarray(u, float))
+    outputs = respond(transition, gain, output, as_torque(u))
     return outputs[:, -1], outputs[:, :-1]
 
 

@@ -8,11 +8,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.known import is_axis, moves_as, named_values
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.models.parametrization import Parametrization
-from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.offline.predictor import as_torque, predict
 from flexaxis.estimators.recursion.design import Design, make_design
 from flexaxis.estimators.recursion.measurement import subtract
 from flexaxis.estimators.sampling.compiler import compiled
@@ -41,6 +40,11 @@ def gradient(model: Parametrization, theta: ArrayLike, u: ArrayLike, period: flo
     u : (N,) array_like
     period : float
         Sampling period [s].
+
+    Raises
+    ------
+    EstimatorError
+        If u is no torque.
     """
     return predict(model, theta, u, period=period)[1]
 
@@ -91,8 +95,6 @@ def nominal_P(
         bounds=None,
         output=output,
     )
-    if not len(np.asarray(u)):
-        raise EstimatorError("u is empty; give the torque of some tens of seconds")
     # in relative parameters, as the design is
     psi = gradient_along(design.model, design.theta0, u, design.period)
     P = np.diag(_steady(psi, design))
@@ -101,8 +103,8 @@ def nominal_P(
 
 
 def gradient_along(model: Parametrization, theta: Array, u: ArrayLike, period: float) -> Array:
-    """Return `gradient`, made once for the same axis and torque."""
-    asked = model, theta, np.asarray(u, float), period
+    """Return `gradient`, made once for the same axis and torque; errors as from that."""
+    asked = model, theta, as_torque(u), period
     return _remembered(_Asked(pickle.dumps(asked), asked))
 
 

@@ -13,7 +13,7 @@ from flexaxis.estimators.models.formula import multiply_out
 from flexaxis.estimators.models.known import is_axis
 from flexaxis.estimators.models.laws import INPUT, Law
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.predictor import respond
+from flexaxis.estimators.offline.predictor import as_torque, respond
 from flexaxis.estimators.sampling.extended import discretize
 
 Array = NDArray[np.float64]
@@ -80,11 +80,9 @@ def measured(model: Model, torque: ArrayLike | None, period: float) -> list[tupl
     """
     if torque is None:
         return [(law, _stored(model, law)) for law in model.laws]
-    u = np.ascontiguousarray(torque, float)
-    if u.ndim != 1 or not len(u) or not np.all(np.isfinite(u)) or not u.any():
-        raise EstimatorError(
-            "torque must be that of a run in which the axis moves: (N,) finite values, not all 0"
-        )
+    u = as_torque(torque)
+    if not np.all(np.isfinite(u)) or not u.any():
+        raise EstimatorError("torque must be that of a run in which the axis moves, not all 0")
     return [(law, _sizes(model, law, (*_linear(model), period), u)) for law in model.laws]
 
 
@@ -174,7 +172,7 @@ def moved(
     B, output = B[:, 0], _scaled(C)
     fastest = float(max(abs(np.linalg.eigvals(A))))
     rate = max(moves.speed / moves.angle if moves.angle > 0 else 0.0, fastest)
-    u = np.zeros(0) if torque is None else np.ascontiguousarray(torque, float)
+    u = np.zeros(0) if torque is None else as_torque(torque)
     found = []
     for law in model.laws:
         drive = _seen(model, law, moves, (A, output))
@@ -237,7 +235,7 @@ def state_sizes(model: Model, torque: ArrayLike | None, period: float) -> Array:
         return np.array([NOMINAL_STATES.get(state, 0.0) for state in model.states])
     A, B = _linear(model)
     transition, gain = discretize(A, B[:, None], period)
-    u = np.ascontiguousarray(torque, float)
+    u = as_torque(torque)
     moved = np.std(respond(transition.copy(), gain[:, 0].copy(), np.eye(len(A)), u), axis=0)
     integrates = ~np.any(A, axis=0)  # on which nothing depends
     return np.where(integrates, 0.0, moved)

@@ -180,7 +180,9 @@ def sticks(tuning, state, y):
     noise = state["noise"] if known else state["earlier"]
     if repeats(state, y, state["expected"], noise * state["scale"]):
         return True
-    return state["anew"] > max(tuning["heeds"], 1.0)  # ŷ is no number: θ stays what it was
+    if not np.isfinite(state["scale"]):
+        state["anew"] = 2.0
+    return state["anew"] > max(tuning["heeds"], 1.0)  # ŷ or ψ is no number: θ stays what it was
 
 
 @inlined

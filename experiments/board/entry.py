@@ -164,7 +164,7 @@ def _of_files(folder: Path, content: Mapping[str, Any]) -> Iterator[str]:
     for path, about in wanted.items():
         if not (_PATH.fullmatch(path) and ".." not in path.split("/")):
             problems.append(f"{shown(path)} is no name of a file in an entry")
-        elif problem := _of_file(folder / path, about):
+        elif problem := _of_file(folder, path, about):
             problems.append(f"{path}: {problem}")
         else:
             size += about["bytes"]
@@ -175,10 +175,11 @@ def _of_files(folder: Path, content: Mapping[str, Any]) -> Iterator[str]:
         yield f"{shown(path)} is in the folder, but not among the files of {ENTRY}"
 
 
-def _of_file(path: Path, about: Any) -> str:
+def _of_file(folder: Path, name: str, about: Any) -> str:
+    path = folder / name
     if not (isinstance(about, dict) and type(about.get("bytes")) is int):
         return "size and checksum are missing"
-    if path.is_symlink() or not path.resolve().is_relative_to(path.parents[-1].resolve()):
+    if path.is_symlink() or not path.resolve().is_relative_to(folder.resolve()):
         return "is a link, which an entry may not hold"
     if not path.is_file():
         return "is missing"

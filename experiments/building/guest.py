@@ -64,9 +64,10 @@ def limited(seconds: float | None) -> Iterator[None]:
     EstimatorError
         If that is no time.
     """
-    if seconds is not None and not 0 < seconds < float("inf"):
+    number = seconds is None or isinstance(seconds, int | float)
+    if not number or (seconds is not None and not 0 < seconds < float("inf")):
         raise EstimatorError(
-            f"a time limit of {seconds:g} s is none: give a finite number of "
+            f"a time limit of {seconds!r} s is none: give a finite number of "
             f"seconds above 0, or leave it out for {LIMIT:g}"
         )
     token = _limit.set(_limit.get() if seconds is None else seconds)

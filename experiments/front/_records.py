@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -183,6 +184,8 @@ def load(path: str | Path) -> Recording | Results:
     FlexaxisError
         If it is neither.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise FlexaxisError(f"{path!r} is no path: give the file of a record, or a folder")
     if Path(path).is_dir():
         from flexaxis._results import Results
 

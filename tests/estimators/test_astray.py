@@ -125,6 +125,20 @@ def test_a_filter_whose_prediction_is_no_number_begins_anew(name):
     assert error(theta) < 0.03
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e200])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "rpem-friction"])
+def test_a_filter_whose_slope_is_no_number_moves_by_none_and_begins_anew(name, odd):
+    """ψ may overflow, or its square, while ŷ does not: as where friction is all but none."""
+    estimator = make(name)
+    estimator.run(run().u[:FAILS], run().y[:FAILS])
+    before = estimator.theta.copy()
+    estimator.state["X"][:, -1, 1] = odd
+    theta = estimator.run(run().u[FAILS:], run().y[FAILS:])
+    assert np.isfinite(theta).all() and np.isfinite(estimator.covariance).all()
+    np.testing.assert_array_equal(theta[0], before)
+    assert error(theta) < 0.03
+
+
 def test_what_learns_once_begins_anew_where_it_leaves_what_is_no_noise():
     """The sensor is 0.1 s late for 10 s; what is learnt of that would stay for ever."""
     y = run().y.copy()

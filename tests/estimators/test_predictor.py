@@ -3,10 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from acceptance.axes import AXES
 
 from flexaxis.estimators import increment, three_mass
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import STATIC
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.estimators.registry import REGISTRY
 
 T = 0.005
 
@@ -58,3 +62,15 @@ def test_a_model_with_laws_is_predicted_with_them(nominal):
         assert abs(slope - psi[:, i]).max() < 1e-6 * abs(slope).max()
     linear = three_mass(nominal).parametrize(["k_T"])
     assert np.std(y - predict(linear, linear.theta, u, period=0.005)[0]) > 0.1 * np.std(y)
+
+
+NO_TORQUE = [
+    [[1.0]], "a", ["a", "b"], np.ones((300, 3)), 5.0, {}, [], [1j, 0], [[1.0], [1.0, 2.0]], [None]
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", NO_TORQUE, ids=lambda given: str(given)[:12])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "relocate", "moving-horizon", "imm-friction"])
+def test_what_is_no_torque_of_a_run_is_refused_in_a_line(name, given):
+    with pytest.raises(EstimatorError, match=r"^torque is .*: give that of a run of some"):
+        REGISTRY[name].factory(AXES["n1"], 0.005, torque=given)

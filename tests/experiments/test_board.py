@@ -152,6 +152,15 @@ def test_what_does_not_belong_is_found(copy):
         read(copy)
 
 
+def test_a_folder_that_is_a_link_is_none_of_an_entry(copy, tmp_path):
+    name = next(n for n in json.loads((copy / ENTRY).read_text())["files"] if "/" in n)
+    folder = copy / Path(name).parts[0]
+    folder.rename(tmp_path / "elsewhere")
+    folder.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(EntryError, match=rf"{name}: is a link"):
+        read(copy)
+
+
 def test_a_name_that_leaves_the_folder_is_refused(copy):
     content = json.loads((copy / ENTRY).read_text())
     content["files"]["../../secret"] = {"sha256": "0" * 64, "bytes": 1}

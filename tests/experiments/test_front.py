@@ -204,6 +204,12 @@ def test_a_record_shows_itself(short, tmp_path):
     assert repr(loaded) == repr(record) and fx.estimate(tmp_path / "r.nc", "frozen").names
 
 
+@pytest.mark.parametrize("given", [None, 3, b"r.nc"])
+def test_what_is_no_path_is_not_loaded(given):
+    with pytest.raises(FlexaxisError, match="is no path: give the file of a record"):
+        fx.load(given)
+
+
 def test_results_are_a_table_a_cube_and_a_figure(short, tmp_path):
     found = fx.benchmark(["rpem-forgetting", "frozen"], scenarios=[short], seeds=2)
     frame = found.to_dataframe()

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.guest import hosted, limited
 from flexaxis.experiments.building.put_back import put_back
 from flexaxis.experiments.building.specs import build, parse
@@ -448,3 +449,10 @@ def test_a_thread_that_never_ends_holds_nobody_up(jobs):
     line = [sys.executable, "-m", "flexaxis", *words, "--jobs", str(jobs)]
     subprocess.run(line, check=True, timeout=100, capture_output=True)
     assert (Path("out") / "report.html").exists()
+
+
+@pytest.mark.parametrize("seconds", ["3", 0, -1.0, float("nan"), float("inf"), [1.0]])
+def test_a_time_limit_is_a_number_of_seconds(seconds):
+    told = pytest.raises(EstimatorError, match="is none: give a finite number of seconds above 0")
+    with told, limited(seconds):
+        pass
