@@ -23,6 +23,7 @@ from flexaxis.experiments.commands.words import Parser, check_words, complete
 from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
 from flexaxis.experiments.running.told import told
 from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
+from flexaxis.sim.current_folder import without_its_style
 
 FINE, FINDING, WRONG_USE, UNDECIDED, CRASH, INTERRUPTED = 0, 1, 2, 3, 70, 130
 """Exit status. A finding is what a command looks for: worse, a broken rule, a change, a case that
@@ -111,6 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, "1")
     if os.environ.get("COLUMNS") == "0":  # how some shells say that they do not know
         del os.environ["COLUMNS"]
+    without_its_style()
     words = list(sys.argv[1:] if argv is None else argv)
     alone = argv is None  # nobody goes on after this command
     top = parser()

@@ -46,6 +46,20 @@ def _set(value: str | None) -> None:
         os.environ[SAFE_PATH] = value
 
 
+def without_its_style() -> None:
+    """Have matplotlib imported without the ``matplotlibrc`` of the current folder, if there is one.
+
+    It comes before that of the user, and can have texts set by a LaTeX that reads and writes files.
+    """
+    here = os.getcwd() if os.path.exists("matplotlibrc") else None
+    if here is not None:
+        os.chdir(os.path.dirname(os.path.abspath(__file__)))
+        try:
+            import matplotlib  # noqa: F401
+        finally:
+            os.chdir(here)
+
+
 def forget_safe_path() -> None:
     """Take away, in a worker, what `safe_path` has set for its start."""
     if os.environ.get(SAFE_PATH) == _OURS:

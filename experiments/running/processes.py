@@ -19,7 +19,7 @@ import numpy as np
 from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.interrupts import threads_left
-from flexaxis.sim.current_folder import forget_safe_path, safe_path
+from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
 from flexaxis.sim.errors import FlexaxisError
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
@@ -41,6 +41,7 @@ def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
 def _start_worker() -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     forget_safe_path()
+    without_its_style()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it

@@ -75,6 +75,18 @@ def test_nor_does_what_a_library_of_the_engine_starts(trap, tmp_path):
     assert not trap.exists()
 
 
+STYLE = "import sys; from flexaxis.experiments.cli import main; main(['list', 'suites']); "
+STYLE += "import os, matplotlib; print(matplotlib.rcParams['text.usetex'], os.getcwd())"
+
+
+def test_nor_is_the_style_of_its_pictures_from_there(tmp_path):
+    """A matplotlibrc can have LaTeX set the texts of a figure, which reads and writes files."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\n")
+    line = [sys.executable, "-P", "-c", STYLE]
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == f"False {tmp_path}"
+
+
 @pytest.mark.parametrize("given", [None, "1"])
 def test_programs_of_a_user_find_their_neighbours(monkeypatch, given):
     """A program inherits the variables of a worker, and its modules lie beside it."""
