@@ -10,6 +10,7 @@ import atexit
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import threading
@@ -46,16 +47,22 @@ def gone_through(path: str | os.PathLike[str], refuse: Refusal, *, data: bool = 
     """
     path = os.path.abspath(path)
     try:
-        stat = os.stat(path)
+        there = os.stat(path)
     except OSError:
         return
-    file = (path, stat.st_ino, stat.st_size, stat.st_mtime_ns)
+    if not stat.S_ISREG(there.st_mode):  # else who opens it may wait for ever
+        return
+    file = (path, there.st_ino, there.st_size, there.st_mtime_ns)
     if not {(file, True), (file, data)} & _reader.good:
         if said := _reader.ask(path, data):
             raise refuse(said)
         if len(_reader.good) >= _KEPT:
             _reader.good.clear()
         _reader.good.add((file, data))
+
+
+class _Ended(Exception):
+    """Its message is the status with which the process has ended, without a word."""
 
 
 class _Reader:
@@ -72,9 +79,15 @@ class _Reader:
 
     def ask(self, path: str, data: bool) -> str:
         """Return what is wrong with a file, or nothing."""
+        question = json.dumps([path, data]).encode() + b"\n"
         with self._lock:
             try:
-                return self._answer(json.dumps([path, data]).encode() + b"\n")
+                if self._process is not None:
+                    with suppress(_Ended):  # which something else may have ended since
+                        return self._answer(self._process, question)
+                return self._answer(self._started(), question)
+            except _Ended as error:
+                return f"the process that read it ended with status {error}; is it broken?"
             except OSError as error:
                 self.end()
                 return f"no process to read it ({error})"
@@ -82,15 +95,16 @@ class _Reader:
                 self.end()
                 raise
 
-    def _answer(self, question: bytes) -> str:
-        if self._process is None:
-            # -P: what lies where the user stands is data, and no module of that process
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", MODULE, str(MEMORY)],
-                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # each takes of the memory
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            )  # fmt: skip
-        process = self._process
+    def _started(self) -> subprocess.Popen[bytes]:
+        # -P: what lies where the user stands is data, and no module of that process
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", MODULE, str(MEMORY)],
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # each takes of the memory
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        return self._process
+
+    def _answer(self, process: subprocess.Popen[bytes], question: bytes) -> str:
         assert process.stdin is not None and process.stdout is not None
         over = threading.Event()
 
@@ -113,7 +127,7 @@ class _Reader:
         self.end()
         if over.is_set():
             return f"not read within {PATIENCE:g} s; is it broken?"
-        return f"the process that read it ended with status {status}; is it broken?"
+        raise _Ended(status)
 
     def end(self) -> None:
         """End the process; the next file gets another one."""

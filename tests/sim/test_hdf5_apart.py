@@ -86,6 +86,21 @@ def test_of_a_file_that_ends_its_reader_we_hear_in_one_line_and_go_on(
     read(good)  # by the next process
 
 
+def test_one_that_was_ended_since_is_no_fault_of_the_file(good, reader):
+    load_record(good)
+    reader._process.kill()
+    os.utime(good)
+    assert len(load_record(good).time) == N
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+def test_what_is_no_file_is_not_opened(tmp_path, reader):
+    os.mkfifo(tmp_path / "pipe.nc")  # to open it is to wait for a writer
+    gone_through(tmp_path / "pipe.nc", RecordError)
+    with pytest.raises(RecordError, match="no such file"):
+        load_record(tmp_path / "pipe.nc")
+
+
 def test_nobody_waits_for_ever(good, dying, monkeypatch):
     monkeypatch.setattr(hdf5_apart, "PATIENCE", 0.5)
     dying("time.sleep(60)")
