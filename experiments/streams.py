@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -33,9 +33,12 @@ def is_text(word: str) -> bool:
     return True
 
 
-_DRIVES = r"\x00-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069"  # the last set directions
+# What a terminal obeys, and what sets the direction of what is written.
+_DRIVES = r"\x00-\x1f\x7f-\x9f" + r"\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069"
 # What tables and bars need: colours, a line up, a line cleared, the cursor hidden or shown.
-_OURS = re.compile(r"(\x1b\[(?:[\d;]*m|\d*A|[012]?K|\?25[hl])|[\n\r\t]|[^" + _DRIVES + r"]+)")
+_OURS = re.compile(
+    r"(\x1b\[(?:(?!8m)[\d;]*m|\d{0,2}A|[012]?K|\?25[hl])|[\n\r\t]|[^" + _DRIVES + r"]+)"
+)
 
 
 def tamed(text: str) -> str:
@@ -80,8 +83,13 @@ class Stream:
     def write(self, text: str) -> int:
         """Write a text as far as it goes."""
         with self._dropping():
-            return int(self._stream.write(tamed(text) if self._terminal else text))
+            self._stream.write(tamed(text) if self._terminal else text)
         return len(text)
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts, one behind the other."""
+        for line in lines:
+            self.write(line)
 
     def flush(self) -> None:
         """Pass on what was kept for later."""

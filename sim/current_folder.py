@@ -13,6 +13,7 @@ from contextlib import contextmanager
 
 SAFE_PATH = "PYTHONSAFEPATH"
 """The variable by which a Python leaves the current folder out of where it looks for modules."""
+STYLE = "MATPLOTLIBRC"
 _OURS = "flexaxis"  # any text does; what the user has set stays
 _before: list[str | None] = []  # what each `safe_path` that is open has found, the first one first
 _one_at_a_time = threading.Lock()
@@ -51,13 +52,18 @@ def without_its_style() -> None:
 
     It comes before that of the user, and can have texts set by a LaTeX that reads and writes files.
     """
-    here = os.getcwd() if os.path.exists("matplotlibrc") else None
-    if here is not None:
-        os.chdir(os.path.dirname(os.path.abspath(__file__)))
-        try:
-            import matplotlib  # noqa: F401
-        finally:
-            os.chdir(here)
+    if not os.path.exists("matplotlibrc"):
+        return
+    if chosen := os.environ.get(STYLE):  # by the user, perhaps seen from here
+        os.environ[STYLE] = os.path.abspath(chosen)
+    here = os.open(".", os.O_RDONLY) if hasattr(os, "fchdir") else os.getcwd()
+    os.chdir(os.path.dirname(os.path.abspath(__file__)))
+    try:
+        import matplotlib  # noqa: F401
+    finally:
+        os.chdir(here)
+        if isinstance(here, int):
+            os.close(here)
 
 
 def forget_safe_path() -> None:

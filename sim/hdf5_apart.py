@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import math
 import os
 import signal
 import stat
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
+from operator import add
 from typing import Any
 
 import h5py
@@ -28,14 +30,21 @@ PATIENCE = 300.0
 MEMORY = 4 << 30
 """Bytes that the process may have: data are unpacked piece by piece, of megabytes each."""
 
+SPARE = 64 << 20
+"""Bytes that a piece may take to unpack, beside four times what it says that it is."""
+
 MODULE = "flexaxis.sim.hdf5_apart"
+MARK = b"\x1e"  # begins an answer
 _KEPT = 1000  # files of which is known that they are good
 
 
-def gone_through(path: str | os.PathLike[str], refuse: Refusal, *, data: bool = True) -> None:
+def gone_through(
+    path: str | os.PathLike[str], refuse: Refusal, *, data: bool = True, most: float = math.inf
+) -> None:
     """Go through a file in another process, which ends in our place if the file is a bad one.
 
-    What merely cannot be read is left to who reads it, and so is a file that is not HDF5.
+    What merely cannot be read is left to who reads it, and so is a file that is not HDF5, and the
+    question whether its data lie elsewhere: `flexaxis.sim.hdf5_inside.only_inside`.
 
     Parameters
     ----------
@@ -44,25 +53,31 @@ def gone_through(path: str | os.PathLike[str], refuse: Refusal, *, data: bool = 
         Makes the error that is raised, from its message.
     data : bool
         Unpack all data; else only what describes them is read.
+    most : float
+        Bytes that all data may be in memory together, written or not.
     """
     path = os.path.abspath(path)
     try:
         there = os.stat(path)
-    except OSError:
+    except (OSError, ValueError):  # ValueError: no system has such a name
         return
     if not stat.S_ISREG(there.st_mode):  # else who opens it may wait for ever
         return
-    file = (path, there.st_ino, there.st_size, there.st_mtime_ns)
-    if not {(file, True), (file, data)} & _reader.good:
-        if said := _reader.ask(path, data):
+    file = (path, there.st_dev, there.st_ino, there.st_size, there.st_mtime_ns)
+    if not {(file, True), (file, data)} & _reader.good.keys():
+        size, said = _reader.ask(path, data)
+        if said:
             raise refuse(said)
         if len(_reader.good) >= _KEPT:
             _reader.good.clear()
-        _reader.good.add((file, data))
+        _reader.good[file, data] = size
+    size = _reader.good.get((file, True), _reader.good.get((file, data), 0.0))
+    if size > most:
+        raise refuse(f"says that it holds {size:.2g} bytes, where {most:.2g} are the most")
 
 
 class _Ended(Exception):
-    """Its message is the status with which the process has ended, without a word."""
+    """Its message is the signal by which the process has ended, without a word."""
 
 
 class _Reader:
@@ -73,12 +88,18 @@ class _Reader:
 
     def anew(self) -> None:
         """Begin without a process: that of before a fork is another one's."""
-        self.good: set[tuple[tuple[str, int, int, int], bool]] = set()
+        self.good: dict[tuple[tuple[Any, ...], bool], float] = {}  # and how large they are [bytes]
         self._lock = threading.Lock()
+        before: subprocess.Popen[bytes] | None = getattr(self, "_process", None)
+        if before is not None and before.stdin is not None and before.stdout is not None:
+            before.returncode = 0  # else Python warns of it when it is forgotten
+            with suppress(OSError):
+                before.stdin.close()
+                before.stdout.close()
         self._process: subprocess.Popen[bytes] | None = None
 
-    def ask(self, path: str, data: bool) -> str:
-        """Return what is wrong with a file, or nothing."""
+    def ask(self, path: str, data: bool) -> tuple[float, str]:
+        """Return the size of the data of a file [bytes], and what is wrong with it, or nothing."""
         question = json.dumps([path, data]).encode() + b"\n"
         with self._lock:
             try:
@@ -87,10 +108,10 @@ class _Reader:
                         return self._answer(self._process, question)
                 return self._answer(self._started(), question)
             except _Ended as error:
-                return f"the process that read it ended with status {error}; is it broken?"
-            except OSError as error:
+                return 0.0, f"the process that read it was ended by signal {error}; is it broken?"
+            except (OSError, TypeError, ValueError, RuntimeError) as error:
                 self.end()
-                return f"no process to read it ({error})"
+                return 0.0, f"no process to read it with: {sys.executable!r}: {error}"
             except BaseException:  # as Ctrl-C: an answer that comes later is to no question
                 self.end()
                 raise
@@ -104,7 +125,7 @@ class _Reader:
         )  # fmt: skip
         return self._process
 
-    def _answer(self, process: subprocess.Popen[bytes], question: bytes) -> str:
+    def _answer(self, process: subprocess.Popen[bytes], question: bytes) -> tuple[float, str]:
         assert process.stdin is not None and process.stdout is not None
         over = threading.Event()
 
@@ -119,21 +140,26 @@ class _Reader:
                 process.stdin.write(question)
                 process.stdin.flush()
             answer = process.stdout.readline()
+            while answer and not answer.startswith(MARK):  # what else a Python says when it starts
+                answer = process.stdout.readline()
         finally:
             late.cancel()
         if answer:
-            return str(json.loads(answer))
+            size, said = json.loads(answer.removeprefix(MARK))
+            return float(size), str(said)
         status = process.wait()
         self.end()
         if over.is_set():
-            return f"not read within {PATIENCE:g} s; is it broken?"
-        raise _Ended(status)
+            return 0.0, f"not read within {PATIENCE:g} s; is it broken?"
+        if status < 0:
+            raise _Ended(-status)
+        raise RuntimeError(f"it ended with status {status}")
 
     def end(self) -> None:
         """End the process; the next file gets another one."""
         if self._process is not None:
             self._process.kill()
-            with self._process:  # closes its pipes, and waits
+            with suppress(BrokenPipeError), self._process:  # closes its pipes, and waits
                 pass
             self._process = None
 
@@ -150,49 +176,40 @@ def main() -> None:
     _limit(int(sys.argv[1]))
     for line in sys.stdin:
         path, data = json.loads(line)
-        print(json.dumps(_fault(path, data)), flush=True)
+        _alarm(PATIENCE + 5.0)  # who asked may have been killed
+        print(MARK.decode() + json.dumps(_found(path, data)), flush=True)
+        _alarm(0.0)
 
 
-def _fault(path: str, data: bool) -> str:
-    """Return why nobody should open a file, or nothing."""
+def _found(path: str, data: bool) -> tuple[float, str]:
+    """Return the size of the data of a file [bytes], and why nobody should open it, or nothing."""
+    sizes = [0.0]
     try:
         with h5py.File(path, "r", locking=False) as file:
             only_inside(file, _Refused)
             _describe(file)
-            file.visititems(lambda name, item: _look(item, data))
+            file.visititems(lambda name, item: sizes.append(_look(item, data)))
     except _Refused as error:
-        return str(error)
+        return sum(sizes), str(error)
     except MemoryError:
-        return "to read it takes more than the memory that it may have"
+        return sum(sizes), "to read it takes more than the memory that it may have"
     except Exception:  # the HDF5 stack has many: whoever reads it says which, if it matters
-        return ""
-    return ""
+        return sum(sizes), ""
+    return sum(sizes), ""
 
 
 class _Refused(Exception):
     """Its message is why."""
 
 
-def _look(item: Any, data: bool) -> None:
-    """Read what describes a data set, and unpack its data."""
+def _look(item: Any, data: bool) -> float:
+    """Read what describes a data set, unpack its data, and return how large they are [bytes]."""
     _describe(item)
-    if not data or not isinstance(item, h5py.Dataset):
-        return
-    try:
+    if not isinstance(item, h5py.Dataset) or item.shape is None:
+        return 0.0
+    if data:
         _unpack(item)
-    except MemoryError:
-        raise
-    except Exception as error:
-        # Unpacked to more than there is memory, too, HDF5 says no more than that it cannot be
-        # read. What is packed in a way that is not installed here cannot be unpacked by us either.
-        if all(map(h5py.h5z.filter_avail, _filters(item))):
-            raise _Refused(f"{item.name} cannot be unpacked ({error})") from error
-
-
-def _filters(dataset: h5py.Dataset) -> list[int]:
-    """Return in which ways the pieces of a data set are packed."""
-    how = dataset.id.get_create_plist()
-    return [how.get_filter(i)[0] for i in range(how.get_nfilters())]
+    return float(math.prod(item.shape)) * item.id.get_type().get_size()
 
 
 def _describe(item: Any) -> None:
@@ -204,15 +221,51 @@ def _describe(item: Any) -> None:
 def _unpack(dataset: h5py.Dataset) -> None:
     """Read what is more in memory than it is in the file: packed pieces, and texts."""
     if dataset.chunks is None:
-        if dataset.dtype.hasobject and dataset.id.get_storage_size():
-            dataset[()]
-        return
-    if not (dataset.dtype.hasobject or _filters(dataset)):
+        if dataset.id.get_storage_size() and _refers(dataset):
+            _read(dataset, ())
         return
     stored: list[tuple[int, ...]] = []  # what was never written has none, however large it says
-    dataset.id.chunk_iter(lambda info: stored.append(info.chunk_offset))
+    if dataset.id.get_create_plist().get_nfilters():
+        dataset.id.chunk_iter(lambda info: stored.append(info.chunk_offset))
+    said = math.prod(dataset.chunks) * dataset.id.get_type().get_size()
     for offset in stored:
-        dataset[tuple(slice(i, i + n) for i, n in zip(offset, dataset.chunks, strict=True))]
+        before = _peak()
+        _read(dataset, tuple(map(slice, offset, map(add, offset, dataset.chunks))))
+        if _peak() - before > 4 * said + SPARE:
+            raise _Refused(f"{dataset.name} unpacks to more than the {said} bytes that it says")
+
+
+def _refers(dataset: h5py.Dataset) -> bool:
+    """Whether values lie elsewhere in the file, and may be of any length."""
+    try:
+        return bool(dataset.dtype.hasobject)
+    except TypeError:  # of a type that NumPy has not
+        return False
+
+
+def _read(dataset: h5py.Dataset, where: tuple[slice, ...]) -> None:
+    try:
+        dataset[where]
+    except MemoryError:
+        raise
+    except Exception:  # perhaps nobody wants it; who does is told
+        return
+
+
+def _peak() -> int:
+    """Return the most memory that this process ever had [bytes]; 0 where that is not told."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+
+
+def _alarm(seconds: float) -> None:
+    """End this process after so long, if it has not got further; 0 takes that back."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _limit(memory: int) -> None:

@@ -202,7 +202,7 @@ def count_samples(path: str | os.PathLike[str]) -> int:
 
 def _go_through(path: Path) -> None:
     """Raise a RecordError for a file that this process had better not open."""
-    gone_through(path, lambda text: RecordError(f"{path}: {text}."))
+    gone_through(path, lambda text: RecordError(f"{path}: {text}"))
 
 
 def _read(path: Path, span: slice = ALL) -> Record:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.sim.errors import RecordError
+from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.netcdf import new_netcdf
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -101,6 +103,7 @@ def _write_parameters(file: Any, known: Sequence[str], values: Array) -> None:
 def file_length(path: Path) -> int:
     """Return the number of samples in a file, 0 without time; all signals must have as many."""
     with h5py.File(path, "r") as file:
+        only_inside(file, RecordError)
         return _length(file)
 
 
@@ -117,25 +120,45 @@ def _length(file: h5py.File) -> int:
     return int(samples[0])
 
 
+def _check_form(file: h5py.File) -> None:
+    """Refuse variables of another kind or shape than those of a record, before any is read."""
+    samples = _length(file) if "time" in file else None
+    for name in (*SIGNALS, "valid", "true_parameters"):
+        if name in file and file[name].dtype.kind not in "fiub":
+            raise RecordError(f"{name} holds no numbers.")
+    if samples is None or "true_parameters" not in file:
+        return
+    most = len(PARAMETER_NAMES) + len(LAW_NAMES)
+    shape = file["true_parameters"].shape
+    if len(shape) != 2 or shape[0] != samples or shape[1] > most:
+        raise RecordError(
+            f"true_parameters has shape {shape}; with {samples} samples of time it must be "
+            f"({samples}, up to {most})."
+        )
+    if "parameter" in file and file["parameter"].shape != shape[1:]:
+        raise RecordError(
+            f"parameter has shape {file['parameter'].shape}; it names {shape[1]} columns."
+        )
+
+
 def _check_size(file: h5py.File, span: slice) -> None:
-    """Refuse what is too large to be read at once, before any of it is."""
-    samples = _length(file) if "time" in file else 0
-    width = sum(name in file for name in (*SIGNALS, "valid"))
-    for name in ("parameter", "true_parameters"):
-        columns = file[name].shape[-1] if name in file else 0
-        if columns > len(PARAMETER_NAMES) + len(LAW_NAMES):
-            raise RecordError(f"{name} has {columns} columns, more than there are parameters.")
-    size = len(range(samples)[span]) * 8 * (width + columns)
+    """Refuse what is too large to be read at once."""
+    there = [file[name] for name in (*SIGNALS, "valid", "true_parameters") if name in file]
+    samples = there[0].shape[0] if there else 0
+    row = sum(8 * math.prod(each.shape[1:]) for each in there)  # bytes, as floats
+    size = len(range(samples)[span]) * row
     if size > LARGEST:
         raise RecordError(
-            f"its {samples} samples take {size / 1e9:.0f} GB at once, more than "
-            f"{LARGEST / 1e9:.0f} GB; record_pieces() reads it piece by piece."
+            f"its {samples} samples take {size / 1e9:.0f} GB at once, and no more than "
+            f"{LARGEST / 1e9:.0f} GB are read: take a piece of it (in Python, record_pieces)."
         )
 
 
 def read_netcdf(path: Path, span: slice = ALL) -> dict[str, Any]:
     """Return the fields of a record as they stand in a file, or those of some of its samples."""
     with h5py.File(path, "r") as plain:
+        only_inside(plain, RecordError)
+        _check_form(plain)
         _check_size(plain, span)
     # Plain HDF5, as from MATLAB, has no named dimensions; it is just as good.
     with h5netcdf.File(path, "r", phony_dims="sort") as file:

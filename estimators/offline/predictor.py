@@ -25,15 +25,13 @@ def as_torque(given: ArrayLike) -> Array:
         If it is none.
     """
     try:
-        found = np.asarray(given)
-    except ValueError:  # rows of several lengths
-        found = np.empty(0, object)
-    if found.dtype.kind not in "fiu" or found.ndim != 1 or not len(found):
+        found = np.ascontiguousarray(given, float)
+        if np.iscomplexobj(given) or np.ndim(given) != 1 or not len(found):
+            raise ValueError
+    except (TypeError, ValueError):
         said = " ".join(reprlib.repr(given).split())
-        raise EstimatorError(
-            f"torque is {said}: give that of a run of some tens of seconds, (N,) numbers [N m]"
-        )
-    return np.ascontiguousarray(found, float)
+        raise EstimatorError(f"torque is {said}: give that of a run, (N,) numbers [N m]") from None
+    return found
 
 
 def predict(

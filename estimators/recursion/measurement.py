@@ -180,7 +180,7 @@ def sticks(tuning, state, y):
     noise = state["noise"] if known else state["earlier"]
     if repeats(state, y, state["expected"], noise * state["scale"]):
         return True
-    if not np.isfinite(state["scale"]):
+    if not np.isfinite(state["scale"]):  # ψ is none, or its square: as lost as where ŷ is none
         state["anew"] = 2.0
     return state["anew"] > max(tuning["heeds"], 1.0)  # ŷ or ψ is no number: θ stays what it was
 

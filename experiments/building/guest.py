@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
+from numbers import Real
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
@@ -64,13 +65,13 @@ def limited(seconds: float | None) -> Iterator[None]:
     EstimatorError
         If that is no time.
     """
-    number = seconds is None or isinstance(seconds, int | float)
-    if not number or (seconds is not None and not 0 < seconds < float("inf")):
+    limit = _limit.get() if seconds is None else seconds
+    if not isinstance(limit, Real) or not 0 < limit < float("inf"):
         raise EstimatorError(
             f"a time limit of {seconds!r} s is none: give a finite number of "
             f"seconds above 0, or leave it out for {LIMIT:g}"
         )
-    token = _limit.set(_limit.get() if seconds is None else seconds)
+    token = _limit.set(float(limit))
     try:
         yield
     finally:

@@ -33,11 +33,13 @@ from flexaxis.experiments.running.names import COLUMNS as FILE
 from flexaxis.experiments.running.rows import REMEDY, read, row_files
 from flexaxis.experiments.scoring.table import Kind
 from flexaxis.sim.hdf5_apart import gone_through
+from flexaxis.sim.hdf5_inside import only_inside
 
 PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
 READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
 SHARE = 0.25  # of the journal's size: room for the columns, which take some 7 % of it
+LARGER = 10  # times as large as the journal that the columns can be in memory; usually twice
 CASE = "case"  # 64 bits, and not a text: as many as there are cases
 
 Index = NDArray[np.signedinteger[Any]]
@@ -160,8 +162,10 @@ def open_table(folder: Path, axes: Sequence[str]) -> Table:
         memory = h5py.File(f"{FILE} {uuid4()}", "w", driver="core", backing_store=False)
         return _filled(memory, journal, axes)
     try:
-        gone_through(folder / FILE, OSError)
+        rows = sum(s.st_size for _, s in stats)
+        gone_through(folder / FILE, OSError, most=LARGER * rows)
         there = h5py.File(folder / FILE, "r", locking=False)
+        only_inside(there, OSError)
         if there.attrs.get("valid") == valid:
             return Table(tuple(axes), there)
         there.close()

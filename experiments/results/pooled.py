@@ -17,6 +17,10 @@ from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.scoring.curves import Curve
 
+LARGEST = (
+    1e9  # bytes of all curves; those of a hundred scenarios and twenty estimators take a tenth
+)
+
 
 @dataclass(frozen=True)
 class Pooled:
@@ -108,9 +112,14 @@ def _load_curves(path: Path) -> list[Curve]:
     import h5py  # which finds a group at once; h5netcdf goes through all dimensions for each
 
     from flexaxis.sim.hdf5_apart import gone_through
+    from flexaxis.sim.hdf5_inside import only_inside
 
-    gone_through(path, lambda text: OutputError(f"{path}: {text}"))
+    def refuse(text: str) -> OutputError:
+        return OutputError(f"{path}: {text}")
+
+    gone_through(path, refuse, most=LARGEST)
     with h5py.File(path, "r") as file:
+        only_inside(file, refuse)
         groups = [group for _, group in sorted(file.items(), key=lambda item: int(item[0]))]
         return [_curve(group, "", _near(group)) for group in groups]
 

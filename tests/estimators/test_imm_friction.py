@@ -336,6 +336,7 @@ def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
     assert estimator.learnt["gap"] == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_a_told_zero_is_refused_by_its_name():
     _, _, nominal, torque = drawn("fm_step-v1")
     with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
@@ -361,6 +362,7 @@ def test_options_that_cannot_be_used_are_refused(options, match):
         imm_friction(N1, T, **options)
 
 
+@pytest.mark.slow
 def test_nothing_is_learnt_where_nothing_shall_be():
     estimator = imm_friction(N1, T, learn="none")
     assert set(estimator.learnt) == {"k_T", "1/J_a", "f_m", "f_c"}

@@ -65,12 +65,12 @@ def test_a_model_with_laws_is_predicted_with_them(nominal):
 
 
 NO_TORQUE = [
-    [[1.0]], "a", ["a", "b"], np.ones((300, 3)), 5.0, {}, [], [1j, 0], [[1.0], [1.0, 2.0]], [None]
+    [[1.0]], "a", ["a", "b"], np.ones((300, 3)), 5.0, {}, [], [1j, 0], [[1.0], [1.0, 2.0]]
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("given", NO_TORQUE, ids=lambda given: str(given)[:12])
 @pytest.mark.parametrize("name", ["rpem-forgetting", "relocate", "moving-horizon", "imm-friction"])
 def test_what_is_no_torque_of_a_run_is_refused_in_a_line(name, given):
-    with pytest.raises(EstimatorError, match=r"^torque is .*: give that of a run of some"):
+    with pytest.raises(EstimatorError, match=r"^torque is .*: give that of a run, "):
         REGISTRY[name].factory(AXES["n1"], 0.005, torque=given)

@@ -236,9 +236,7 @@ def test_all_wrong_names_at_once():
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(
-            name, marks=[pytest.mark.slow] * (name in ("relocate-friction", "imm-friction"))
-        )
+        pytest.param(name, marks=[pytest.mark.slow] * (name.endswith("-friction")))
         for name in find_suite("standard").estimators
     ],
 )

@@ -87,6 +87,17 @@ def test_nor_is_the_style_of_its_pictures_from_there(tmp_path):
     assert done.stdout.splitlines()[-1] == f"False {tmp_path}"
 
 
+def test_a_style_that_the_user_has_chosen_is_hers(tmp_path):
+    (tmp_path / "matplotlibrc").write_text("font.size: 7\n")
+    (tmp_path / "mine").write_text("text.usetex: True\n")
+    line = [sys.executable, "-P", "-c", STYLE]
+    chosen = {**os.environ, "MATPLOTLIBRC": "mine"}
+    done = subprocess.run(
+        line, cwd=tmp_path, env=chosen, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == f"True {tmp_path}"
+
+
 @pytest.mark.parametrize("given", [None, "1"])
 def test_programs_of_a_user_find_their_neighbours(monkeypatch, given):
     """A program inherits the variables of a worker, and its modules lie beside it."""

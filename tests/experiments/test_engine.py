@@ -149,6 +149,7 @@ def test_unlike_estimators_and_seeds_make_one_summary(short, tmp_path):
     assert json.loads((tmp_path / "study.json").read_text())["cases"] == 2 * 12
 
 
+@pytest.mark.slow
 def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         OWN.replace("GAIN", "1.0").replace("[self.f_m]", "[1 / (u - u)]")

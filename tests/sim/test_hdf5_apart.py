@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import sys
 import zlib
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
+from flexaxis.experiments.results.pooled import _load_curves
+from flexaxis.experiments.running.files import OutputError
 from flexaxis.sim import hdf5_apart
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.hdf5_apart import gone_through
@@ -56,6 +59,11 @@ def _record(path, **others):
                 file[name] = np.arange(N) * 1e-3
 
 
+def _large(file, name):
+    values = np.random.default_rng(0).random(1 << 23)
+    file.create_dataset(name, data=values, chunks=values.shape, compression="gzip", shuffle=True)
+
+
 def _bomb(file, name):
     """Make a piece that says it holds N numbers, and unpacks to 800 MB."""
     data = file.create_dataset(name, (N,), float, chunks=(N,), compression="gzip")
@@ -64,14 +72,34 @@ def _bomb(file, name):
     data.id.write_direct_chunk((0,), b"".join([*packed, pack.flush()]))
 
 
+@pytest.mark.skipif(os.name == "nt", reason="no limits of memory there")
+@pytest.mark.parametrize("memory", [700 << 20, hdf5_apart.MEMORY])
 @pytest.mark.parametrize("read", READS)
 def test_a_piece_that_unpacks_to_far_more_than_it_says_is_not_unpacked_here(
-    read, tmp_path, reader, monkeypatch
+    read, memory, tmp_path, reader, monkeypatch
 ):
-    monkeypatch.setattr(hdf5_apart, "MEMORY", 700 << 20)
+    monkeypatch.setattr(hdf5_apart, "MEMORY", memory)
     _record(tmp_path / "bomb.nc", speed=_bomb)
-    with pytest.raises(RecordError, match=r"bomb\.nc: /speed cannot be unpacked"):
+    with pytest.raises(RecordError, match=r"bomb\.nc: /speed unpacks to more than the 8000 bytes"):
         read(tmp_path / "bomb.nc")
+
+
+def test_a_large_piece_that_is_what_it_says_is_fine(tmp_path, reader):
+    """Four times and some megabytes are spared: a filter has its own copies."""
+    _record(tmp_path / "large.nc", notes=_large)
+    assert len(load_record(tmp_path / "large.nc").time) == N
+
+
+def test_what_is_damaged_and_not_wanted_does_no_harm(tmp_path, reader):
+    def damaged(file, name):
+        data = file.create_dataset(name, (N,), float, chunks=(N,), compression="gzip")
+        data.id.write_direct_chunk((0,), b"no gzip at all")
+
+    _record(tmp_path / "log.nc", notes=damaged)
+    assert len(load_record(tmp_path / "log.nc").time) == N
+    _record(tmp_path / "log.nc", speed=damaged)
+    with pytest.raises(RecordError, match=r"or a broken one \("):
+        load_record(tmp_path / "log.nc")
 
 
 @pytest.mark.parametrize("read", READS)
@@ -80,7 +108,9 @@ def test_of_a_file_that_ends_its_reader_we_hear_in_one_line_and_go_on(
 ):
     with monkeypatch.context():
         dying("os.kill(os.getpid(), 11)")
-        with pytest.raises(RecordError, match=r"good\.nc: the process .* status -11; is it broken"):
+        with pytest.raises(
+            RecordError, match=r"good\.nc: the process .* was ended by signal 11; is it broken"
+        ):
             read(good)
     monkeypatch.setattr(hdf5_apart, "MODULE", "flexaxis.sim.hdf5_apart")
     read(good)  # by the next process
@@ -179,8 +209,85 @@ def test_what_takes_more_than_the_memory_is_refused_before_it_is_read(tmp_path):
 @pytest.mark.parametrize("read", READS)
 def test_there_are_no_more_columns_than_parameters(read, tmp_path):
     _record(tmp_path / "wide.nc", true_parameters=_wide)
-    with pytest.raises(RecordError, match="true_parameters has 1000000000 columns"):
+    with pytest.raises(RecordError, match=r"true_parameters has shape \(1000, 1000000000\)"):
         read(tmp_path / "wide.nc")
+
+
+def _never_written(shape, kind=float):
+    """Make what takes no room in the file, and a lot where it is read."""
+    chunks = tuple(min(n, 1000) for n in shape)
+    return lambda file, name: file.create_dataset(name, shape, kind, chunks=chunks)
+
+
+def _names(rows):
+    return lambda file, name: file.create_dataset(name, (rows,), h5py.string_dtype(), chunks=(1,))
+
+
+FEW = (N, 2)
+NEVER_WRITTEN = [
+    ({"speed": _never_written((N,), "S2000000")}, "speed holds no numbers"),
+    ({"valid": _never_written((N,), "S2000000")}, "valid holds no numbers"),
+    ({"true_parameters": _never_written((N, 1000, 300))}, r"has shape \(1000, 1000, 300\)"),
+    ({"true_parameters": _never_written((10**9, 1))}, r"has shape \(1000000000, 1\)"),
+    (
+        {"true_parameters": _never_written(FEW), "parameter": _names(10**9)},
+        r"has shape \(1000000000,\); it names 2 columns",
+    ),
+]
+
+
+@pytest.mark.parametrize("read", READS)
+@pytest.mark.parametrize(("variables", "told"), NEVER_WRITTEN, ids=lambda each: str(each)[:20])
+def test_what_was_never_written_fills_no_memory(read, variables, told, tmp_path):
+    _record(tmp_path / "small.nc", **variables)
+    assert (tmp_path / "small.nc").stat().st_size < 50_000
+    with pytest.raises(RecordError, match=told):
+        read(tmp_path / "small.nc")
+
+
+def test_curves_are_no_larger_than_curves_are(tmp_path):
+    with h5py.File(tmp_path / "curves.nc", "w") as file:
+        _never_written((10**9, 1))(file, "0/truth")
+    with pytest.raises(OutputError, match=r"says that it holds 8e\+09 bytes, where 1e\+09"):
+        _load_curves(tmp_path / "curves.nc")
+
+
+@pytest.mark.parametrize("read", READS)
+def test_what_lies_in_other_files_is_found_though_a_name_is_no_text(read, tmp_path):
+    """h5py stumbles over that name: who cannot tell where data lie does not read them."""
+    (tmp_path / "secret").write_bytes(bytes(8 * N))
+
+    def virtual(file, name):
+        how = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        space = h5py.h5s.create_simple((N,))
+        how.set_virtual(space, b"\xff\xfe.h5", b"x", space)
+        h5py.h5d.create(file.id, name.encode(), h5py.h5t.NATIVE_DOUBLE, space, how)
+
+    def external(file, name):
+        place = [(str(tmp_path / "secret"), 0, 8 * N)]
+        file.create_dataset(name, (N,), float, external=place)
+
+    _record(tmp_path / "log.nc", aaa=virtual, speed=external)
+    with pytest.raises(RecordError, match=r"log\.nc: "):
+        read(tmp_path / "log.nc")
+
+
+def test_what_a_site_says_when_its_python_starts_is_no_answer(good, tmp_path, monkeypatch, reader):
+    (tmp_path / "sitecustomize.py").write_text("print('good morning')\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    assert len(load_record(good).time) == N
+
+
+@pytest.mark.parametrize("program", [None, "/bin/true", "/no/such/python"])
+def test_where_there_is_no_python_the_file_is_not_blamed(program, good, monkeypatch, reader):
+    monkeypatch.setattr(sys, "executable", program)
+    with pytest.raises(RecordError, match=r"good\.nc: no process to read it with"):
+        load_record(good)
+
+
+def test_a_name_that_no_system_has_is_no_file():
+    with pytest.raises(RecordError, match="no such file"):
+        load_record("a\0b.nc")
 
 
 def test_the_reader_runs_nothing_of_the_current_folder(good, tmp_path, monkeypatch, reader):
