@@ -190,6 +190,10 @@ HOSTILE: dict[str, Hostile] = {
     ),
     # numbers
     "constant": csv({"torque": np.ones(N)}, says=["log.csv: torque is constant"]),
+    "absurd": csv(
+        {"torque": np.where(np.arange(N) == 700, -1e30, good["torque"])},
+        says=["torque is -1e+30 at 0.7 s (sample 700)", "that is no torque"],
+    ),
     "backwards": csv({"time": back}, says=["at sample 500", "--rate HZ"]),
     "time missing": csv({"time": gone}, says=["time is missing at sample 700"]),
     "microseconds": csv({"time": good["time"] * 1e6}, says=["--unit time=us"]),

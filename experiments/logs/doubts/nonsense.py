@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 
 SI = {"time": "s", "angle": "rad", "speed": "rad/s"}
 FAST = 2000.0  # rad/s, 19 000 rpm: motors of axes stay below, spindles do not
+ABSURD = 1e8  # times the usual; a converter of 24 bits has 1.7e7 steps
 FASTEST = 1e4  # rad/s, 95 000 rpm: above motor spindles for milling, sold up to some 60 000 rpm
 
 
@@ -32,6 +33,7 @@ def refuse_nonsense(raw: Raw) -> None:
                 f"{name} is constant, {np.nanmin(values):g} over all {len(values)} samples: the "
                 "wrong column, or an axis that stood still"
             )
+    _refuse_absurd_torque(raw)
     if raw.angle is not None and "angle" not in raw.stated:
         _refuse_degrees(raw.angle)
     if raw.speed is not None and raw.angle is not None:
@@ -44,6 +46,18 @@ def refuse_nonsense(raw: Raw) -> None:
                 "--unit time=us, or, if it is right, --unit time=s"
             )
     _refuse_too_fast(raw)
+
+
+def _refuse_absurd_torque(raw: Raw) -> None:
+    """Refuse what no converter has measured beside the rest: it would throw every estimator."""
+    size = np.abs(raw.torque)
+    at = int(np.nanargmax(size))
+    usual = float(np.nanpercentile(size, 99))
+    if usual > 0 and size[at] > ABSURD * usual:
+        raise LogError(
+            f"torque is {raw.torque[at]:.3g} at {raw.time[at]:.6g} s (sample {at}), and up to "
+            f"{usual:.3g} in 99 of 100 samples: that is no torque. Correct it, or cut the log there"
+        )
 
 
 def _refuse_degrees(angle: Array) -> None:
