@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import io
+import os
 import signal
 import socket
+import sys
 import threading
 import time
 import webbrowser
@@ -25,6 +27,7 @@ CURVES = 5  # times a second that curves and numbers are drawn anew
 BEHIND = 0.25  # s of delay that are made up for; what is more is let go
 WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
 FAREWELL = 0.2  # s that the last words have to reach the pages
+PATIENCE = 0.9  # s that an end may take which is told to the pages; Ctrl-C is to take a second
 LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 
 
@@ -215,12 +218,33 @@ def _let_threads_draw(server: Any) -> None:
 
 @contextmanager
 def _stop_signals() -> Iterator[threading.Event]:
-    """Give an event that SIGINT and SIGTERM set."""
-    stop = threading.Event()
+    """Give an event that SIGINT and SIGTERM set; where nobody heeds it, they end the process."""
+    stop, over = threading.Event(), threading.Event()
     kinds = [signal.SIGINT, signal.SIGTERM]
     old = [signal.signal(kind, lambda *_: stop.set()) for kind in kinds]
+    ours, theirs = socket.socketpair()
+    theirs.setblocking(False)
+    before = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
+    threading.Thread(target=_end_if_late, args=(ours, over), daemon=True).start()
     try:
         yield stop
     finally:
+        over.set()
+        signal.set_wakeup_fd(before)
+        theirs.close()
         for kind, handler in zip(kinds, old, strict=True):
             signal.signal(kind, handler)
+
+
+def _end_if_late(told: socket.socket, over: threading.Event) -> None:
+    """End the process where a signal was not heeded in time: a compiler takes seconds for a loop.
+
+    Python calls no handler while code that is not its own runs; the system writes to `told` even
+    then. Nothing is lost: the demo keeps nothing, and what is compiled is written whole or not.
+    """
+    with told:
+        if told.recv(1) and not over.wait(PATIENCE):
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError, ValueError):
+                    stream.flush()
+            os._exit(0)

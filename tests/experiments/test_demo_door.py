@@ -394,6 +394,28 @@ def test_a_taken_port_is_said(monkeypatch, capsys):
         assert said == [f"port {port} is taken; the next that is free is {other}"]
 
 
+COMPILES = """
+import hashlib
+from flexaxis.experiments import cli
+from flexaxis.experiments.demo.front import Page
+Page.advance = lambda self, count: hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
+cli.main(["demo", "--no-browser", *2 * ["--estimator", "frozen"], "--port", "{port}"])
+"""
+
+
+def test_ctrl_c_does_not_wait_for_what_runs_outside_of_python():
+    """As a compiler does, for seconds, when the demo is first started; here it is a minute."""
+    line = [sys.executable, "-u", "-c", COMPILES.format(port=free_port())]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        try:
+            assert b"the live axis is at" in process.stdout.readline()
+            time.sleep(0.5)
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+        finally:
+            process.kill()
+
+
 def test_ctrl_c_does_not_wait_for_viewers_who_do_not_read():
     """Nor for one who has not said yet what he wants."""
     command = [sys.executable, "-u", "-m", "flexaxis.experiments.cli", "demo", "--no-browser"]
