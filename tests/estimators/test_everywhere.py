@@ -391,7 +391,11 @@ def test_a_period_is_needed(name):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * ("friction" in n)) for n in REGISTRY]
+    "name",
+    [
+        pytest.param(n, marks=[pytest.mark.slow] * ("friction" in n or n == "relocate"))
+        for n in REGISTRY
+    ],
 )
 def test_a_factory_takes_what_all_take(name):
     common = {"identify": NAMES, "output": "increment", "P0": [1e-4] * 3, "torque": None}

@@ -42,6 +42,7 @@ def made(name, **options):
 # ------------------------------------------------------------------ parts
 
 
+@pytest.mark.slow
 def test_one_linearisation_is_all_there_is_where_the_model_is_linear():
     """With k_T alone ξ = [k_T; x] moves linearly, so a filter a mode gives the same."""
     model, N = three_mass(N1), 3000

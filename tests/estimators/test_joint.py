@@ -119,7 +119,9 @@ def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
     np.testing.assert_allclose(filter_.state.root, before, rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize(
+    "name", ["ekf", *(pytest.param(n, marks=pytest.mark.slow) for n in ALL if n != "ekf")]
+)
 def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
     """Its increments are exactly zero there: σ̂ would fall by a factor in every second."""
     loop = simulated(110.0, seed=7, pause=(30.0, 50.0), sigma=0.0)

@@ -218,6 +218,7 @@ def laid_out(model):
 
 
 @pytest.mark.parametrize("output", ["speed", "increment"])
+@pytest.mark.slow
 def test_a_filter_moves_as_a_model_at_fixed_parameters(output):
     model, u = axis("all"), torque(100)
     model = model if output == "speed" else increment(model, T)

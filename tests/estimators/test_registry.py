@@ -22,7 +22,10 @@ N2 = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", registry.REGISTRY)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n == "imm-friction")) for n in registry.REGISTRY],
+)
 def test_every_entry_makes_an_estimator(nominal, loop, name):
     entry = registry.entry(name)
     off = {**nominal, "f_m": 0.06}

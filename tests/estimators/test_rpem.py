@@ -113,8 +113,8 @@ def test_the_claim_is_the_covariance_of_the_recursion(nominal, loop):
     [
         ("k_T", "f_m"),
         ("1/J_a", "k_a"),
-        ("J_g", "d_g"),
-        ("k_g", "d_a", "f_m"),
+        pytest.param(("J_g", "d_g"), marks=pytest.mark.slow),
+        pytest.param(("k_g", "d_a", "f_m"), marks=pytest.mark.slow),
         ("J_m", "J_a", "k_g", "k_a"),
     ],
 )

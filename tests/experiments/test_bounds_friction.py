@@ -105,10 +105,10 @@ def test_the_bound_with_friction_is_that_of_its_own_equations(lugre):
         ("stiffening_fm_step-v1", 0.01),
         ("backlash_fm_step-v1", 0.01),
         ("saturation_fm_step-v1", 0.001),
-        ("coulomb05_fm_step-v1", 0.02),
+        pytest.param("coulomb05_fm_step-v1", 0.02, marks=pytest.mark.slow),
         ("lugre_stribeck_fm_step-v1", 0.02),
         ("wg_fm_step-v1", 0.05),
-        ("encoder_coulomb_fm_step-v1", 0.02),
+        pytest.param("encoder_coulomb_fm_step-v1", 0.02, marks=pytest.mark.slow),
     ],
 )
 def test_the_state_at_the_jump_is_that_of_the_plant(name, worst):

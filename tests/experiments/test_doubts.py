@@ -223,6 +223,7 @@ def test_a_flexible_axis_is_not_dry():
     assert told["dry friction"].value < 2 and told["dry friction"].verdict == "ok"
 
 
+@pytest.mark.slow
 def test_viscous_friction_is_not_dry(tmp_path):
     u = shaken(10.0)
     for seed in range(5):

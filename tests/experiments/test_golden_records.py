@@ -25,10 +25,20 @@ def load():
 
 
 contents = load()
+# A second and more each, with a friction that others of the catalogue have as well.
+LIKE_OTHERS = {
+    "coulomb-v1", "coulomb2-v1", "coulomb05_fm_step-v1", "coulomb2_fm_step-v1",
+    "coulomb_fc_step-v1", "coulomb_ja_step-v1", "coulomb_jm_step-v1", "coulomb_kg_step-v1",
+    "coulomb_kt_step-v1", "encoder_coulomb_fm_step-v1", "lugre_soft_fm_step-v1", "wg_warming-v1",
+    "directional_fm_step-v1", "coulomb_moves_fm_step-v1",
+}  # fmt: skip
 OLD = contents.golden_digests()["scenarios"]
 
 
-@pytest.mark.parametrize("name", scenario_names())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_OTHERS)) for n in scenario_names()],
+)
 def test_a_record_is_what_it_was(name):
     assert name in OLD, f"{name} has no digest; {ADVICE}"
     new = contents.digest(contents.record_of(name))

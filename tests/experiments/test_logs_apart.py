@@ -35,7 +35,7 @@ SAYS = {
     "crash": "reading it was ended by SIGSEGV",
     "memory": "takes more than the 8 GB of memory",
     "file": "no room for its columns",
-    "hang": "not read within 3 s",
+    "hang": "not read within 1 s",
     "leave": "reading it ended with status 3",
 }
 PLANTED = """
@@ -114,7 +114,7 @@ def plant(log, tmp_path, monkeypatch):
         text = PLANTED.format(module=module, place=at, end=ENDS[end])
         (folder / "sitecustomize.py").write_text(text)
         monkeypatch.setenv("PYTHONPATH", str(folder), prepend=os.pathsep)
-        monkeypatch.setattr(apart, "PATIENCE", 3.0 if end == "hang" else apart.PATIENCE)
+        monkeypatch.setattr(apart, "PATIENCE", 1.0 if end == "hang" else apart.PATIENCE)
 
     return planted
 
