@@ -50,9 +50,9 @@ def refuse_nonsense(raw: Raw) -> None:
 
 def _refuse_absurd_torque(raw: Raw) -> None:
     """Refuse what no converter has measured beside the rest: it would throw every estimator."""
-    size = np.abs(raw.torque)
-    at = int(np.nanargmax(size))
-    usual = float(np.nanpercentile(size, 99))
+    size = np.where(np.isfinite(raw.torque), np.abs(raw.torque), 0.0)  # what is not is missing
+    at = int(np.argmax(size))
+    usual = float(np.percentile(size, 99))
     if usual > 0 and size[at] > ABSURD * usual:
         raise LogError(
             f"torque is {raw.torque[at]:.3g} at {raw.time[at]:.6g} s (sample {at}), and up to "
