@@ -338,6 +338,7 @@ def test_a_filter_against_a_textbook_loop():
         x, z = ahead, by_x @ z + by_theta
 
 
+@pytest.mark.slow
 def test_what_is_learnt_once_is_not_forgotten():
     model = replace(three_mass(VALUES), laws=(BRISTLES,))
     names, learn = ("k_T", "f_m"), ("f_c", "sigma_0")

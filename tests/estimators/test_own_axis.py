@@ -102,6 +102,7 @@ def test_what_no_torque_moves_has_no_size():
         of_motion(loose, TORQUE)
 
 
+@pytest.mark.slow
 def test_an_axis_whose_torque_constant_has_another_name_is_tracked():
     make = REGISTRY["relocate-friction"].factory
     estimator = make(MASS, PERIOD, identify=("gain", "b"))

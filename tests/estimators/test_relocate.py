@@ -99,6 +99,7 @@ def test_no_model_of_the_change_is_said_and_said_once(nominal, simulated, reloca
     assert finding.parameters == () and finding.reason == UNEXPLAINED
 
 
+@pytest.mark.slow
 def test_a_gap_and_an_increment_model(nominal, simulated):
     run = simulated(10.0, seed=5, faults={6.0: nominal | {"f_m": 0.1}})
     filter_ = Relocate(

@@ -117,6 +117,7 @@ def test_a_decoy_case_would_be_compared_with_nothing(cheat):
     assert reported(rows + decoys, settings, TWO) == reported(rows, settings, TWO)
 
 
+@pytest.mark.slow
 def test_a_memoriser_behind_its_knob_is_found(cheat, tmp_path, monkeypatch):
     """The core, without a cage: what is run is what the rank rests on, also where calm."""
     monkeypatch.chdir(cheat.folder)

@@ -139,7 +139,7 @@ def ran(capsys, name, *words, jobs=1):
     return status, out, err
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("name", "what"), [("Raises", "KeyError: 'oh'"), ("Exits", "SystemExit: 3")]
 )

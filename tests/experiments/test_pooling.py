@@ -93,7 +93,13 @@ def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
 
 
 @pytest.mark.parametrize(
-    "text", ["rpem-forgetting[forgetting=0.9995]", "rpem-forgetting", "rpem-drift", "relocate"]
+    "text",
+    [
+        "rpem-forgetting[forgetting=0.9995]",
+        pytest.param("rpem-forgetting", marks=pytest.mark.slow),
+        pytest.param("rpem-drift", marks=pytest.mark.slow),
+        "relocate",
+    ],
 )
 def test_the_pooled_std_is_the_deviation_over_seeds(text):
     scenario = find_scenario("fm_step-v1").override({"duration": 12.0})

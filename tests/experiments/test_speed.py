@@ -172,6 +172,7 @@ def test_pieces_of_a_stream_are_the_stream(stream):
         np.testing.assert_array_equal(at_once, np.concatenate(piecewise))
 
 
+@pytest.mark.slow
 def test_what_keeps_every_sample_is_not_flat(stream, tmp_path):
     (tmp_path / "hoarder.py").write_text(HOARDER)
     row = streamed(f"{tmp_path / 'hoarder.py'}:Hoarder", stream, 0.01)
