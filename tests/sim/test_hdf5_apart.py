@@ -94,6 +94,18 @@ def test_a_large_piece_that_is_what_it_says_is_fine(tmp_path, reader):
     assert len(load_record(tmp_path / "large.nc").time) == N
 
 
+@pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux forgets a peak")
+def test_what_a_file_took_before_hides_no_other(tmp_path, reader):
+    def zeros(file, name):
+        file.create_dataset(name, data=np.zeros(5 << 23), chunks=(5 << 23,), compression=1)
+
+    _record(tmp_path / "large.nc", notes=zeros)
+    load_record(tmp_path / "large.nc")
+    _record(tmp_path / "bomb.nc", speed=_bomb)
+    with pytest.raises(RecordError, match="unpacks to more than"):
+        load_record(tmp_path / "bomb.nc")
+
+
 def test_what_is_damaged_and_not_wanted_does_no_harm(tmp_path, reader):
     def damaged(file, name):
         data = file.create_dataset(name, (N,), float, chunks=(N,), compression="gzip")
