@@ -20,6 +20,16 @@ ROOT = HERE.parents[1]
 FOLDERS = {"models_mjcf", "sim", "estimators", "experiments"}
 CHANGES = sorted(path.stem for path in HERE.glob("*.patch"))
 
+
+@pytest.fixture(autouse=True, scope="session")
+def flexaxis_of_this_folder():
+    """Skip where another one is used, as that of a wheel: it would not see a change here."""
+    import flexaxis
+
+    if not Path(flexaxis.__file__).resolve().is_relative_to(ROOT):
+        pytest.skip(f"flexaxis is that of {Path(flexaxis.__file__).parent}, not of this folder")
+
+
 # One process for all commands of a copy: to start takes longer than most of them.
 SERVED = """
 import contextlib, io, json, sys
