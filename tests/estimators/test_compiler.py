@@ -227,6 +227,7 @@ def test_an_edit_of_what_a_loop_calls_is_not_hidden(nominal, tmp_path):
         home / "estimators",
         ignore=shutil.ignore_patterns("__pycache__"),
     )
+    (home / "__init__.py").touch()  # else one that is installed goes before it
 
     def run():
         environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
