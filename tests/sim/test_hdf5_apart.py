@@ -94,6 +94,15 @@ def test_a_large_piece_that_is_what_it_says_is_fine(tmp_path, reader):
     assert len(load_record(tmp_path / "large.nc").time) == N
 
 
+@pytest.mark.skipif(not Path("/proc/self/limits").exists(), reason="Linux tells its limits")
+def test_whoever_reads_has_so_much_memory_and_no_more(good, reader):
+    """Else a piece that unpacks to all memory would take it before anybody can look."""
+    load_record(good)
+    limits = Path(f"/proc/{reader._process.pid}/limits").read_text().splitlines()
+    (told,) = [line.split()[3:5] for line in limits if line.startswith("Max address space")]
+    assert told == 2 * [str(hdf5_apart.MEMORY)]
+
+
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux forgets a peak")
 def test_what_a_file_took_before_hides_no_other(tmp_path, reader):
     def zeros(file, name):
