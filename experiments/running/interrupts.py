@@ -84,8 +84,8 @@ def _at_once() -> None:
     raise KeyboardInterrupt
 
 
-_over = threading.Event()  # what Ctrl-C ends at once
-AT_ONCE = patient(_at_once, lambda: not _over.is_set())
+_endings: list[Callable[[int, FrameType | None], None]] = []
+"""The handlers of every `one_stage` that is open: a signal that comes late is for no other."""
 _KINDS: dict[signal.Signals, object] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
@@ -98,7 +98,7 @@ def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
     before = {kind: signal.getsignal(kind) for kind in _KINDS}
     here = threading.current_thread() is threading.main_thread()
-    ours = [kind for kind, usual in _KINDS.items() if here and before[kind] in {usual, AT_ONCE}]
+    ours = [kind for kind, usual in _KINDS.items() if here and before[kind] in {usual, *_endings}]
     for kind in ours:
         signal.signal(kind, react)
     try:
@@ -125,12 +125,15 @@ def two_stage() -> Iterator[Interrupts]:
 @contextmanager
 def one_stage() -> Iterator[None]:
     """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
-    _over.clear()
-    with _handling(AT_ONCE), _dropped_in_silence():
+    over = threading.Event()
+    ending = patient(_at_once, lambda: not over.is_set())
+    with _handling(ending), _dropped_in_silence():
+        _endings.append(ending)
         try:
             yield
         finally:
-            _over.set()
+            over.set()
+            _endings.remove(ending)
 
 
 @contextmanager

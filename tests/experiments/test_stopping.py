@@ -215,3 +215,11 @@ def test_a_stop_ends_what_goes_on_inside_something_else(short, tmp_path):
         with stopping.stoppable():
             stopping.ask()
             pytest.fail("it goes on")
+
+
+def test_what_has_ended_sends_no_ctrl_c_to_what_comes_after_it(usual):
+    """It comes again where it seems lost: a second later, which may be in another command."""
+    with pytest.raises(KeyboardInterrupt), one_stage():
+        signal.raise_signal(signal.SIGINT)
+    with one_stage():
+        time.sleep(1.5 * stopping.LOST)
