@@ -26,7 +26,7 @@ from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.reading import Refusal
 
 PATIENCE = 300.0
-"""Seconds that a file may take; 1e8 samples with all true parameters take a tenth."""
+"""Seconds that a file may take, as a log may."""
 
 MEMORY = 4 << 30
 """Bytes that the process may have: data are unpacked piece by piece, of megabytes each."""

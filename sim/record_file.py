@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 ALL = slice(None)
 
 LARGEST = 8_000_000_000
-"""Bytes that are read at once: an hour at 10 kHz with everything in it takes a tenth."""
+"""Bytes that are read at once: 45 million samples with all signals and twelve parameters."""
 
 SIGNALS = {
     "time": ("s", "time of the sample"),

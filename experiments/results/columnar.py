@@ -39,7 +39,7 @@ PART = 1 << 14  # rows that lie together in the file, and are read from it at a 
 READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
 SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
 SHARE = 0.25  # of the journal's size: room for the columns, which take some 7 % of it
-LARGER = 10  # times as large as the journal that the columns can be in memory; usually twice
+LARGER = 10  # times as large as the journal that the columns can be in memory
 CASE = "case"  # 64 bits, and not a text: as many as there are cases
 
 Index = NDArray[np.signedinteger[Any]]

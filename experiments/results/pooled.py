@@ -17,9 +17,7 @@ from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
 from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.scoring.curves import Curve
 
-LARGEST = (
-    1e9  # bytes of all curves; those of a hundred scenarios and twenty estimators take a tenth
-)
+LARGEST = 1e9  # bytes that all curves of a run may have
 
 
 @dataclass(frozen=True)
