@@ -27,7 +27,7 @@ CURVES = 5  # times a second that curves and numbers are drawn anew
 BEHIND = 0.25  # s of delay that are made up for; what is more is let go
 WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
 FAREWELL = 0.2  # s that the last words have to reach the pages
-PATIENCE = 0.9  # s that an end may take which is told to the pages; Ctrl-C is to take a second
+PATIENCE = 0.6  # s that an end may take by itself; with FAREWELL, for Ctrl-C is to take a second
 LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 
 
@@ -79,6 +79,7 @@ def serve(
         for line in _sharing(guard.door) if share else ():
             said(line)
         page = Page(server, session, exaggerate=exaggerate, speed=speed, offers=guard.offers)
+        stop.farewell = page.end
         if browser:
             webbrowser.open(address)
         try:
@@ -216,16 +217,22 @@ def _let_threads_draw(server: Any) -> None:
     buffer.message_event = _Waking(buffer.event_loop)
 
 
+class Stop(threading.Event):
+    """What SIGINT and SIGTERM set; `farewell` is said where nobody heeds it."""
+
+    farewell: Callable[[], None] = staticmethod(lambda: None)
+
+
 @contextmanager
-def _stop_signals() -> Iterator[threading.Event]:
+def _stop_signals() -> Iterator[Stop]:
     """Give an event that SIGINT and SIGTERM set; where nobody heeds it, they end the process."""
-    stop, over = threading.Event(), threading.Event()
+    stop, over = Stop(), threading.Event()
     kinds = [signal.SIGINT, signal.SIGTERM]
     old = [signal.signal(kind, lambda *_: stop.set()) for kind in kinds]
     ours, theirs = socket.socketpair()
     theirs.setblocking(False)
     before = signal.set_wakeup_fd(theirs.fileno(), warn_on_full_buffer=False)
-    threading.Thread(target=_end_if_late, args=(ours, over), daemon=True).start()
+    threading.Thread(target=_end_if_late, args=(ours, over, stop), daemon=True).start()
     try:
         yield stop
     finally:
@@ -236,7 +243,7 @@ def _stop_signals() -> Iterator[threading.Event]:
             signal.signal(kind, handler)
 
 
-def _end_if_late(told: socket.socket, over: threading.Event) -> None:
+def _end_if_late(told: socket.socket, over: threading.Event, stop: Stop) -> None:
     """End the process where a signal was not heeded in time: a compiler takes seconds for a loop.
 
     Python calls no handler while code that is not its own runs; the system writes to `told` even
@@ -244,6 +251,9 @@ def _end_if_late(told: socket.socket, over: threading.Event) -> None:
     """
     with told:
         if told.recv(1) and not over.wait(PATIENCE):
+            # Its own thread, for what it waits for may be what is late.
+            threading.Thread(target=stop.farewell, daemon=True).start()
+            time.sleep(FAREWELL)
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError, ValueError):
                     stream.flush()

@@ -398,13 +398,17 @@ COMPILES = """
 import hashlib
 from flexaxis.experiments import cli
 from flexaxis.experiments.demo.front import Page
+Page.end = lambda self: print("told", flush=True)
 Page.advance = lambda self, count: hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 cli.main(["demo", "--no-browser", *2 * ["--estimator", "frozen"], "--port", "{port}"])
 """
 
 
 def test_ctrl_c_does_not_wait_for_what_runs_outside_of_python():
-    """As a compiler does, for seconds, when the demo is first started; here it is a minute."""
+    """As a compiler does, for seconds, when the demo is first started; here it is a minute.
+
+    The pages are told all the same.
+    """
     line = [sys.executable, "-u", "-c", COMPILES.format(port=free_port())]
     with subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         try:
@@ -412,6 +416,7 @@ def test_ctrl_c_does_not_wait_for_what_runs_outside_of_python():
             time.sleep(0.5)
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
+            assert process.stdout.read() == b"told\n"
         finally:
             process.kill()
 
