@@ -64,9 +64,14 @@ class Stays(Spy):
     \"\"\"Answers for a case that is not its own, and goes on when it has ended.\"\"\"
     def step(self, u, y):
         if u == 1:
-            pid = os.fork()
-            if pid:
-                return pid, 0.0, 0.0
+            told, self.tells = os.pipe()
+            self.pid = os.fork()
+            if self.pid:
+                return self.pid, 0.0, 0.0
+            os.read(told, 1)
+        else:
+            os.write(self.tells, b"!")
+            return self.pid, 0.0, 0.0
         while True:
             for fd in range(3, 9):
                 try:
@@ -123,6 +128,7 @@ def test_a_case_neither_outlives_its_end_nor_speaks_for_the_next(folder):
         with cage.case("spy.py:Stays", STEP) as spy:
             pid = int(spy.step(1.0, 0.0)[0])
             assert pid and there(pid)
+            spy.step(2.0, 0.0)  # from here on two answer
         with cage.case("spy.py:Spin", STEP) as spy:
             assert not there(pid)
             assert spy.step(1.0, 0.0)[0] > 0  # not the zeros of the other
