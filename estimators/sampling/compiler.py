@@ -21,6 +21,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 from flexaxis.estimators.sampling.kept import Nowhere, Store
+from flexaxis.estimators.sampling.symbols import distinct
 
 PACKAGE = __name__.partition(".")[0]
 OVERLOADS = (  # of the functions in `lanes`, `points`, `symmetric` and `dense`
@@ -73,10 +74,16 @@ class Compiled:
         """What numba calls a compiled function, for Python to call."""
         _introduce()
         made = _numbas().whole(self.function)
-        folder = cache_folder()
         if not self.inline:
-            made._cache = Store(self, folder) if folder else Nowhere(self.label)
+            made._cache = self._kept_in()
         return made
+
+    def _kept_in(self) -> Nowhere:
+        """Where its machine code is kept."""
+        if not distinct():
+            return Nowhere(self.label, "each time, as this numba may give two functions one name")
+        folder = cache_folder()
+        return Store(self, folder) if folder else Nowhere(self.label)
 
     def kept(self, *arguments: Any) -> bool:
         """Whether it has been compiled for such arguments, here or in the cache folder."""

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+FORM = 2  # of the files: in the first, names of different functions could be the same
 TOLD = 1.0  # s of waiting for another process after which the user hears of it
 PATIENCE = 60.0  # s, longer than a loop takes to compile: who holds it then may have been stopped
 PAUSE = 0.02  # s between two looks
@@ -118,7 +119,7 @@ class Store(Nowhere):
         """Return the file of what is compiled for these types."""
         import numba
 
-        versions = numba.__version__, sys.version_info[:3]  # and the machine, in the magic
+        versions = FORM, numba.__version__, sys.version_info[:3]  # and the machine, in the magic
         kind = repr((self.function.digest, str(signature), codegen.magic_tuple(), versions))
         digest = hashlib.sha256(kind.encode()).hexdigest()[:24]
         return self.folder / f"{self.function.name}-{digest}.nbc"

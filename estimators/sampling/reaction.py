@@ -17,6 +17,8 @@ from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, WIDTH,
 Array = NDArray[np.float64]
 
 MOST_STEPS = 60  # of Newton's method; two or three do
+TURNS = 6  # steps after which laws count as flat where they fall: between two solutions Newton's
+# method wanders, and doubles in each step what rounding leaves
 CONVERGED = 1e-7  # of w̄, the last step: what is left is its square
 LEAST = 1e-300  # of a scale, so that none divides by zero
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
@@ -165,6 +167,9 @@ def search(kind, memory, h, X, work):
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
+    Where friction falls steeply with speed there may be several w̄, and none near the start: after
+    `TURNS` steps w̄ goes on in the direction of its residual, to the next that is stable.
+
     c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
     at w̄, and (I − G F_w)⁻¹ in ``inverse``.
     """
@@ -177,13 +182,16 @@ def search(kind, memory, h, X, work):
             mean[i, 0] += gain[i, j] * torques[j]
             reach[i] += abs(gain[i, j] * torques[j])
     last, share, ended = np.inf, 1.0, False
-    for _ in range(MOST_STEPS):
+    for n in range(MOST_STEPS):
         for i in range(L):
             s = X[memory[i], 0] if memory[i] >= 0 else 0.0
             force(kind[i], mean[i, 0], s, h, roles[i], local[i])
-        for i in range(L):
-            for j in range(L):
-                jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * local[j, F_W]
+        for j in range(L):
+            slope = local[j, F_W]
+            if n >= TURNS and not ended and gain[j, j] * slope > 0.0:
+                slope = 0.0
+            for i in range(L):
+                jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
         invert(jacobian, inverse)
         if ended:
             break

@@ -13,18 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import float64
+from numba.core import bytecode
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.rpem import rpem_loop
 from flexaxis.estimators.recursion.beside import measure
 from flexaxis.estimators.recursion.beside_loop import beside_loop
-from flexaxis.estimators.sampling import compiler, kept
+from flexaxis.estimators.sampling import compiler, kept, symbols
 from flexaxis.estimators.sampling.beside import entries
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
 from flexaxis.estimators.sampling.fields import Fields
 from flexaxis.estimators.sampling.pattern import Pattern
 from flexaxis.estimators.sampling.runs import Runs
 
+FORKS = hasattr(os, "fork")
 PROGRAM = """
 import json, sys
 import numpy as np
@@ -204,6 +206,70 @@ def test_two_plugs_are_two_functions():
     one, other = loop(inner), loop(Compiled(lambda x: x, inline=True))
     assert (one(3.0), other(3.0), outer(1.0)) == (6.0, 3.0, 3.0)
     assert one.digest != other.digest
+
+
+ALIKE = """
+import os, sys
+import numpy as np
+from flexaxis.estimators.sampling.compiler import compiled, remembered
+
+# so long that it stays a function of its own
+LINES = ["        x = np.sin(x + n * {i}.0) + np.cos(n * x)".format(i=i) for i in range(60)]
+BODY = chr(10).join(LINES)
+exec(f'''
+def made(n):
+    def inner(x):
+{BODY}
+        return x
+    inner = compiled(inner)
+    def outer(x):
+        return inner(x) + inner(inner(x + 1.0))
+    return compiled(outer)
+''')
+if "fork" in sys.argv[1]:
+    compiled(lambda x: x)(0.5)  # numba is there before
+for numbers in sys.argv[1].split(":"):
+    if numbers.startswith("fork"):
+        if (child := os.fork()) == 0:
+            print(made(float(numbers[4:]))(0.5), flush=True)
+            os._exit(0)
+        os.waitpid(child, 0)
+    else:
+        print(made(float(numbers))(0.5), flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    "compiling",
+    [
+        ["2", "3"],
+        pytest.param(["fork2:fork3"], marks=pytest.mark.skipif(not FORKS, reason="no fork here")),
+    ],
+)
+def test_functions_of_two_processes_do_not_stand_in_for_each_other(compiling, tmp_path):
+    """Two of one factory that count alike; a third process takes both from the folder."""
+
+    def run(words, folder):
+        command = [sys.executable, "-c", ALIKE, words]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / folder)}
+        done = subprocess.run(
+            command, env=environment, capture_output=True, text=True, check=True, timeout=120
+        )
+        return done.stdout.split()
+
+    alone = [line for words in compiling for line in run(words, "shared")]
+    assert len(set(alone)) == 2
+    assert run("2:3", "shared") == alone
+
+
+def test_a_numba_that_names_otherwise_keeps_nothing(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiler, "distinct", lambda: False)
+    assert Compiled(lambda x: 2.0 * x, label="a double")(3.0) == 6.0
+    assert not list(tmp_path.iterdir())
+    assert "a double each time, as this numba" in capsys.readouterr().err
+    monkeypatch.setattr(bytecode, "FunctionIdentity", object)
+    assert not symbols.distinct.__wrapped__()
 
 
 EDITED = """
