@@ -217,8 +217,7 @@ def laid_out(model):
     return Compiled(run), tuning[0], state[0], (pattern.n + 1, pattern.lanes)
 
 
-@pytest.mark.parametrize("output", ["speed", "increment"])
-@pytest.mark.slow
+@pytest.mark.parametrize("output", [pytest.param("speed", marks=pytest.mark.slow), "increment"])
 def test_a_filter_moves_as_a_model_at_fixed_parameters(output):
     model, u = axis("all"), torque(100)
     model = model if output == "speed" else increment(model, T)
@@ -338,7 +337,6 @@ def test_a_filter_against_a_textbook_loop():
         x, z = ahead, by_x @ z + by_theta
 
 
-@pytest.mark.slow
 def test_what_is_learnt_once_is_not_forgotten():
     model = replace(three_mass(VALUES), laws=(BRISTLES,))
     names, learn = ("k_T", "f_m"), ("f_c", "sigma_0")

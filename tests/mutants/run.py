@@ -17,6 +17,7 @@ Status 1 where one survives. A killer must pass where nothing is planted, and th
 """
 
 import argparse
+import ast
 import os
 import shutil
 import subprocess
@@ -55,9 +56,24 @@ class Mutant:
             return f"there is no {self.file}"
         if (count := path.read_text(encoding="utf-8").count(self.old)) != 1:
             return f"{self.file} has {count} times, and not once: {self.old!r}"
-        if not (ROOT / self.killer.partition("::")[0]).is_file():
+        file, _, name = self.killer.partition("::")
+        if not (ROOT / file).is_file():
             return f"there is no {self.killer}"
+        if is_slow(ROOT / file, name.partition("[")[0]):
+            return f"{self.killer} is not of the fast tier"
         return None
+
+
+def is_slow(file: Path, name: str) -> bool:
+    """Whether a test is one that `make test` leaves out, whatever its parameters."""
+    functions = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+    marks = [
+        ast.unparse(mark)
+        for each in functions
+        if isinstance(each, ast.FunctionDef) and each.name == name
+        for mark in each.decorator_list
+    ]
+    return "pytest.mark.slow" in marks
 
 
 def mutants() -> list[Mutant]:
