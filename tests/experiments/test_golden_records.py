@@ -30,8 +30,16 @@ LIKE_OTHERS = {
     "coulomb-v1", "coulomb2-v1", "coulomb05_fm_step-v1", "coulomb2_fm_step-v1",
     "coulomb_fc_step-v1", "coulomb_ja_step-v1", "coulomb_jm_step-v1", "coulomb_kg_step-v1",
     "coulomb_kt_step-v1", "encoder_coulomb_fm_step-v1", "lugre_soft_fm_step-v1", "wg_warming-v1",
-    "directional_fm_step-v1", "coulomb_moves_fm_step-v1",
+    "directional_fm_step-v1", "coulomb_moves_fm_step-v1", "warming_coulomb-v1", "wg_ja_step-v1",
+    "real_coulomb_fm_step-v1", "coarse_encoder_coulomb_fm_step-v1", "wg_kg_step-v1",
+    "wg_kt_step-v1",
 }  # fmt: skip
+# Of other parameters than f_m; each has a step besides.
+LIKE_OTHERS |= {
+    f"{which}_{shape}-v1"
+    for which in ("da", "dg", "fa", "fg", "ja", "jg", "jm", "ka", "kg", "kt")
+    for shape in ("ramp", "intermittent")
+}
 OLD = contents.golden_digests()["scenarios"]
 
 
