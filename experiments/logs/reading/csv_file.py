@@ -65,6 +65,7 @@ def _table(path: Path, layout: Layout, chosen: Sequence[str]) -> Any:
             skipinitialspace=True,
             na_values=_MISSING,
             low_memory=False,
+            **_to_the_last_digit(pandas.__version__),
         )
     except (pandas.errors.ParserError, pandas.errors.EmptyDataError, ValueError) as error:
         raise LogError(f"{path}: {_in_words(str(error), layout)}") from error
@@ -72,6 +73,12 @@ def _table(path: Path, layout: Layout, chosen: Sequence[str]) -> Any:
     if len(table) > 1 and table.iloc[-1].isna().any():
         table = table.iloc[:-1]  # a line that was cut off as the log ended
     return table
+
+
+def _to_the_last_digit(version: str) -> dict[str, Any]:
+    """Return what makes pandas read numbers as they were written: from 3.1 on it does by itself."""
+    major, minor = map(int, version.split(".")[:2])
+    return {} if (major, minor) >= (3, 1) else {"float_precision": "round_trip"}
 
 
 def _in_words(text: str, layout: Layout) -> str:
