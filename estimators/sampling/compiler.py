@@ -152,7 +152,8 @@ def remembered(factory: Callable[..., Compiled]) -> Callable[..., Compiled]:
 
 @lru_cache
 def _numbas() -> ModuleType:
-    """Return the module that imports numba, which takes half a second."""
+    """Return the module that imports numba, which takes half a second; before any code is named."""
+    distinct()
     try:
         return import_module("flexaxis.estimators.sampling.parts")
     except (ImportError, AttributeError):  # another numba, without what is its own there

@@ -16,10 +16,12 @@ from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, WIDTH,
 
 Array = NDArray[np.float64]
 
-MOST_STEPS = 60  # of Newton's method; two or three do
-TURNS = 6  # steps after which laws count as flat where they fall: between two solutions Newton's
-# method wanders, and doubles in each step what rounding leaves
-CONVERGED = 1e-7  # of w̄, the last step: what is left is its square
+MOST_STEPS = 100  # of the search; two or three do
+TURNS = 6  # steps of Newton's method after which laws count as flat where they fall: between two
+# solutions it wanders, and each step doubles what rounding leaves
+CLOSE = 1e-3  # of w̄, a step from which Newton's method ends the search
+AWAY = 8.0  # times the step before, a step that Newton's method does not take then
+CONVERGED = 1e-7  # of w̄, the last step: of Newton's method what is left is its square
 LEAST = 1e-300  # of a scale, so that none divides by zero
 LEAST_SHARE = 1 / 64  # of a step that is taken where steps turn back without shrinking
 
@@ -167,8 +169,8 @@ def search(kind, memory, h, X, work):
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.
 
-    Where friction falls steeply with speed there may be several w̄, and none near the start: after
-    `TURNS` steps w̄ goes on in the direction of its residual, to the next that is stable.
+    Where friction falls steeply with speed there may be several w̄, and none near the start: then w̄
+    follows its residual, as a rule to the next that is stable.
 
     c is ``mean[:, 0]``, in the place of which w̄ comes; the laws are left in ``local`` as they are
     at w̄, and (I − G F_w)⁻¹ in ``inverse``.
@@ -181,27 +183,55 @@ def search(kind, memory, h, X, work):
         for j in range(L):
             mean[i, 0] += gain[i, j] * torques[j]
             reach[i] += abs(gain[i, j] * torques[j])
-    last, share, ended = np.inf, 1.0, False
+    for i in range(L):
+        torques[i] = 0.0  # they lend their place to steps
+    last, share, lost, ended = np.inf, 1.0, False, False
     for n in range(MOST_STEPS):
         for i in range(L):
             s = X[memory[i], 0] if memory[i] >= 0 else 0.0
             force(kind[i], mean[i, 0], s, h, roles[i], local[i])
-        for j in range(L):
-            slope = local[j, F_W]
-            if n >= TURNS and not ended and gain[j, j] * slope > 0.0:
-                slope = 0.0
-            for i in range(L):
-                jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
+        ended = ended or n == MOST_STEPS - 1
+        flat = n >= TURNS and (lost or last > CLOSE) and not ended
+        differences(gain, local, flat, jacobian)
         invert(jacobian, inverse)
         if ended:
             break
         size = newton(offset, change, local, gain, inverse, mean, reach)
-        # a share s of a step leaves 1 − s of the way if the laws are straight there
-        shrinks = size <= (1.0 - 0.5 * share) * last
-        share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
+        if n > TURNS and not flat and size > AWAY * last:
+            lost = (
+                True  # there is no w̄ so near, or one where the laws are about to fall too steeply
+            )
+            continue
+        if flat:
+            share = kept_share(share, change, torques, reach)
+        else:
+            # a share s of a step leaves 1 − s of the way if the laws are straight there
+            shrinks = size <= (1.0 - 0.5 * share) * last
+            share = min(1.0, 2.0 * share) if shrinks else max(0.5 * share, LEAST_SHARE)
         last, ended = size, size <= CONVERGED
         for i in range(L):
             mean[i, 0] += change[i] if ended else share * change[i]
+
+
+@inlined
+def differences(gain, local, flat, jacobian):
+    """Write I − G F_w; where laws count as flat, without slopes that make two solutions."""
+    for j in range(len(gain)):
+        slope = local[j, F_W]
+        if flat and gain[j, j] * slope > 0.0:
+            slope = 0.0
+        for i in range(len(gain)):
+            jacobian[i, j] = (1.0 if i == j else 0.0) - gain[i, j] * slope
+
+
+@inlined
+def kept_share(share, change, before, reach):
+    """Return the share of a step where laws count as flat: less after a turn; and keep the step."""
+    forth = 0.0
+    for i in range(len(change)):
+        forth += change[i] * before[i] / max(reach[i], LEAST) ** 2
+        before[i] = change[i]
+    return min(1.0, 2.0 * share) if forth >= 0.0 else max(0.5 * share, LEAST_SHARE)
 
 
 @inlined

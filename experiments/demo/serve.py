@@ -243,6 +243,11 @@ def _stop_signals() -> Iterator[Stop]:
             signal.signal(kind, handler)
 
 
+def _said(farewell: Callable[[], None]) -> None:
+    with suppress(Exception):  # the server may be about to stop by itself
+        farewell()
+
+
 def _end_if_late(told: socket.socket, over: threading.Event, stop: Stop) -> None:
     """End the process where a signal was not heeded in time: a compiler takes seconds for a loop.
 
@@ -251,9 +256,10 @@ def _end_if_late(told: socket.socket, over: threading.Event, stop: Stop) -> None
     """
     with told:
         if told.recv(1) and not over.wait(PATIENCE):
-            # Its own thread, for what it waits for may be what is late.
-            threading.Thread(target=stop.farewell, daemon=True).start()
-            time.sleep(FAREWELL)
+            # In its own thread, for what it waits for may be what is late.
+            threading.Thread(target=_said, args=(stop.farewell,), daemon=True).start()
+            if over.wait(FAREWELL):
+                return
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError, ValueError):
                     stream.flush()

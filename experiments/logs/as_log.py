@@ -215,7 +215,7 @@ def _write_h5(
             file[name] = values
             if name in units:
                 file[name].attrs["units"] = units[name]
-    path.write_bytes(memory.getvalue())  # a view would still be held when HDF5 lets go
+    path.write_bytes(memory.getvalue())  # a view in an error would keep HDF5 from closing
 
 
 def _variables(columns: Mapping[str, Array], style: LogStyle) -> dict[str, Array]:

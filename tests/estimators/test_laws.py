@@ -184,6 +184,28 @@ def test_the_search_ends_where_the_laws_hold():
             assert abs(left) < 1e-9 * scale[0]
 
 
+def test_friction_that_falls_steeply_is_solved_for_and_amplifies_no_rounding():
+    """A step may then have several solutions; laws that are learnt get there."""
+    rng, ends = np.random.default_rng(0), []
+    for case in range(40):
+        decades = {"f_c": (-2.5, -0.5), "f_s": (-1.5, -0.2), "v_s": (-1.3, 0.3), "v_0": (-2, -0.5)}
+        decades |= {"sigma_0": (2, 3.5), "sigma_1": (-1, 0.5)}
+        one = axis("bristle", **{n: 10 ** rng.uniform(*r) for n, r in decades.items()})
+        one = one.parametrize(["k_T"])
+        ready = prepare(planned(one, one.theta, one.theta, T), one.theta, np.arange(1))
+        for rounding in (0.0, 1e-14):
+            X, moved = np.zeros((2, one.n + 1)), np.zeros((2, one.n + 1))
+            for value in 0.8 * np.random.default_rng(case).standard_normal(400):
+                travel(ready, X, moved, value * (1 + rounding))
+                X, moved = moved, X
+                _, offset, _, _, local, gain, _, _, _, mean, _, scale = ready.laws.work
+                left = mean[0, 0] - offset[0] - gain[0, 0] * local[0, 0]
+                assert abs(left) < 1e-6 * scale[0], case
+            ends.append(X[0].copy())
+    one, other = np.array(ends[::2]), np.array(ends[1::2])
+    assert abs(one - other).max() < 1e-6 * abs(one).max()
+
+
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("output", ["speed", "increment"])
 def test_derivatives_against_differences(name, output):

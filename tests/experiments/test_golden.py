@@ -45,6 +45,7 @@ def test_scores_are_what_they_were(name):
     assert not moved, "\n".join([ADVICE, *moved])
 
 
+@pytest.mark.slow
 def test_last_bits_of_the_torque_move_no_estimate():
     """Other processors round otherwise; here the friction that is learnt falls steeply."""
     scenario = find_scenario("warming_fm_step-v1")

@@ -34,7 +34,7 @@ LIKE_OTHERS = {
     "real_coulomb_fm_step-v1", "coarse_encoder_coulomb_fm_step-v1", "wg_kg_step-v1",
     "wg_kt_step-v1",
 }  # fmt: skip
-# Of other parameters than f_m; each has a step besides.
+# Of other parameters than f_m; each has a step besides, or d_a and d_g a fault that doubles them.
 LIKE_OTHERS |= {
     f"{which}_{shape}-v1"
     for which in ("da", "dg", "fa", "fg", "ja", "jg", "jm", "ka", "kg", "kt")

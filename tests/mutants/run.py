@@ -59,21 +59,20 @@ class Mutant:
         file, _, name = self.killer.partition("::")
         if not (ROOT / file).is_file():
             return f"there is no {self.killer}"
-        if is_slow(ROOT / file, name.partition("[")[0]):
+        marks = marks_of(ROOT / file, name.partition("[")[0].rpartition("::")[2])
+        if marks is None and name:
+            return f"there is no test {name} in {file}"
+        if "pytest.mark.slow" in (marks or ()):
             return f"{self.killer} is not of the fast tier"
         return None
 
 
-def is_slow(file: Path, name: str) -> bool:
-    """Whether a test is one that `make test` leaves out, whatever its parameters."""
-    functions = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-    marks = [
-        ast.unparse(mark)
-        for each in functions
-        if isinstance(each, ast.FunctionDef) and each.name == name
-        for mark in each.decorator_list
-    ]
-    return "pytest.mark.slow" in marks
+def marks_of(file: Path, name: str) -> list[str] | None:
+    """The decorators of a test, whatever its parameters; None where there is none of that name."""
+    for each in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(each, ast.FunctionDef) and each.name == name:
+            return [ast.unparse(mark) for mark in each.decorator_list]
+    return None
 
 
 def mutants() -> list[Mutant]:

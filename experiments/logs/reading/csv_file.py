@@ -77,8 +77,9 @@ def _table(path: Path, layout: Layout, chosen: Sequence[str]) -> Any:
 
 def _to_the_last_digit(version: str) -> dict[str, Any]:
     """Return what makes pandas read numbers as they were written: from 3.1 on it does by itself."""
-    major, minor = map(int, version.split(".")[:2])
-    return {} if (major, minor) >= (3, 1) else {"float_precision": "round_trip"}
+    found = re.match(r"(\d+)\.(\d+)", version)
+    old = found is not None and (int(found[1]), int(found[2])) < (3, 1)
+    return {"float_precision": "round_trip"} if old else {}
 
 
 def _in_words(text: str, layout: Layout) -> str:
