@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from flexaxis.estimators.sampling.prepared import travel
 from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.experiments.scoring import described, limits, true_path
 from flexaxis.experiments.scoring.bounds import cramer_rao, jump_bound, lag_bound
@@ -75,6 +76,22 @@ def lugre():
     q = dict(zip(scenario.parameter_names, truth[ONSET].tolist(), strict=True))
     u = record.torque[ONSET : ONSET + 200]
     return scenario, truth, record.torque, x, slopes(q, TRACKED, u, x)
+
+
+def test_every_step_along_a_path_with_dry_friction_is_solved_for(monkeypatch):
+    """Of friction that is as good as a jump, where a search may go to and fro for ever."""
+    left = []
+
+    def watched(prepared, X, moved, u):
+        travel(prepared, X, moved, u)
+        _, offset, _, _, local, gain, _, _, _, mean, _, scale = prepared.laws.work
+        left.append(max(abs(mean[:, 0] - offset - gain @ local[:, 0]) / scale))
+
+    monkeypatch.setattr(true_path, "_travelled", true_path._travelled.function)
+    monkeypatch.setattr(true_path, "travel", watched)
+    scenario, record = drawn("coulomb_fm_step-v1")
+    state_at(scenario, scenario.true_parameters(), record.torque, ONSET)
+    assert len(left) == ONSET and max(left) < 1e-9
 
 
 @pytest.mark.parametrize(("finer", "worst"), [(true_path.FINER, 0.03), (20, 0.005)])
