@@ -119,8 +119,11 @@ def test_the_horizon_forgets_nothing_before_it_has_seen_anything(nominal):
     np.testing.assert_allclose(filter_.state.root, before, rtol=1e-9)
 
 
+FAST = ("ekf", "moving-horizon")  # of them that judge their noise in other ways
+
+
 @pytest.mark.parametrize(
-    "name", ["ekf", *(pytest.param(n, marks=pytest.mark.slow) for n in ALL if n != "ekf")]
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in FAST)) for n in ALL]
 )
 def test_an_encoder_at_rest_does_not_hide_its_noise(nominal, simulated, name):
     """Its increments are exactly zero there: σ̂ would fall by a factor in every second."""
