@@ -199,9 +199,7 @@ def search(kind, memory, h, X, work):
             break
         size = newton(offset, change, local, gain, inverse, mean, reach)
         if n > TURNS and not flat and size > AWAY * last:
-            lost = (
-                True  # there is no w̄ so near, or one where the laws are about to fall too steeply
-            )
+            lost = True  # no w̄ is so near, or one where the laws are about to fall too steeply
             continue
         if flat:
             share = kept_share(share, change, torques, reach)

@@ -211,19 +211,24 @@ def test_two_plugs_are_two_functions():
 ALIKE = """
 import os, sys
 import numpy as np
-from flexaxis.estimators.sampling.compiler import compiled, remembered
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 
 # so long that it stays a function of its own
 LINES = ["        x = np.sin(x + n * {i}.0) + np.cos(n * x)".format(i=i) for i in range(60)]
 BODY = chr(10).join(LINES)
 exec(f'''
-def made(n):
+def made(n, first=False):
     def inner(x):
 {BODY}
         return x
     inner = compiled(inner)
-    def outer(x):
+    def small(x):
         return inner(x) + inner(inner(x + 1.0))
+    small = inlined(small)
+    if first:
+        small(0.5)
+    def outer(x):
+        return small(x)
     return compiled(outer)
 ''')
 if "fork" in sys.argv[1]:
@@ -235,7 +240,7 @@ for numbers in sys.argv[1].split(":"):
             os._exit(0)
         os.waitpid(child, 0)
     else:
-        print(made(float(numbers))(0.5), flush=True)
+        print(made(float(numbers[-1]), numbers.startswith("first"))(0.5), flush=True)
 """
 
 
@@ -243,6 +248,7 @@ for numbers in sys.argv[1].split(":"):
     "compiling",
     [
         ["2", "3"],
+        ["first2", "first3"],  # what is kept by nobody is called before
         pytest.param(["fork2:fork3"], marks=pytest.mark.skipif(not FORKS, reason="no fork here")),
     ],
 )

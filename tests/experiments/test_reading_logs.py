@@ -6,6 +6,7 @@ import pytest
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.mapping import mapping_from, pick
+from flexaxis.experiments.logs.reading import csv_file
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.logs.reading.reader import open_log
 
@@ -269,3 +270,21 @@ def test_a_log_reads_what_is_asked_for():
 
     Log("log", ("a", "b", "c"), read).load(["b"])
     assert asked == ["b"]
+
+
+def test_numbers_are_read_to_the_last_digit(tmp_path):
+    values = np.random.default_rng(0).standard_normal(N)
+    rows = (f"{t!r},{v!r}" for t, v in zip(TIME.tolist(), values.tolist(), strict=True))
+    (tmp_path / "log.csv").write_text("\n".join(["time,torque", *rows]) + "\n", encoding="utf-8")
+    found = open_log(tmp_path / "log.csv").read(["torque"])["torque"]
+    np.testing.assert_array_equal(found, values)
+
+
+@pytest.mark.parametrize("version", ["2.2.2", "2.3.0+4.gabc", "3.0.1", "3.0rc0"])
+def test_a_pandas_that_rounds_otherwise_is_told_not_to(version):
+    assert csv_file._to_the_last_digit(version) == {"float_precision": "round_trip"}
+
+
+@pytest.mark.parametrize("version", ["3.1.1", "3.1rc0", "4.0.0.dev0+12", "0+unknown", "3"])
+def test_a_pandas_that_warns_of_being_told_is_not(version):
+    assert csv_file._to_the_last_digit(version) == {}
