@@ -35,7 +35,7 @@ help:
 	@echo "make clean      remove .venv, results and caches"
 
 bench: $(VENV)/.core
-	$(BIN)/flexaxis run smoke -o results/smoke
+	$(BIN)/flexaxis run smoke -o results/smoke --overwrite
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q $(PARALLEL)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.demo.session import BUTTONS, DEFAULT_RACERS, DemoSession, FaultButton
-from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.windows import WINDOW
 from flexaxis.sim.timing import PERIOD, sample_index
 

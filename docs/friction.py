@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.reporting.tables import number
 from flexaxis.experiments.scoring.bounds import noise_variance
 from flexaxis.experiments.scoring.described import model_theta, true_model, with_structure
 from flexaxis.experiments.scoring.true_path import jump_gradient

@@ -1,14 +1,13 @@
 """Measure the tables of docs/speed.md anew: `python docs/speed.py`.
 
 A table stands between `<!-- table: NAME -->` and `<!-- end -->`. With names of tables only these
-are written. What the commands have measured is kept in `results/speed/`; it is measured where it is
-missing, and again with `--fresh`: `speed` and `deadline` take minutes, `steps` and `memory` half an
-hour each on a free core.
+are written, and with `--estimator E` (repeat for several) only these estimators are measured. What
+was measured is kept in `results/speed/`; it is measured where it is missing, and again with
+`--fresh`: what a sample takes is minutes, `steps` and `memory` half an hour each on a free core.
 """
 
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -16,53 +15,52 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from speed_memory import memory as held
+from speed_peers import peers as others
+from speed_rounds import measure, problem, shipped
+from speed_rounds import rivals as by_other_means
+from speed_steps import registered
+from speed_steps import steps as timed_steps
+from speed_streams import axis_of
+from tables import commit, table
 
-from flexaxis.experiments.speed.steps import stepped
-from flexaxis.experiments.speed.streams import axis_of
+from flexaxis.estimators import RECOMMENDED
 
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "speed.md", ROOT / "results" / "speed"
 MARK = re.compile(r"<!-- table: ([\w-]+) -->\n(.*?)<!-- end -->", re.DOTALL)
-COMMANDS = {
-    "speed": "speed",  # once for each of TIMES
-    "steps": "speed --steps 1000000",
-    "steps-friction": "speed --steps 100000",
-    "memory": "speed --memory 10",
-    "memory-friction": "speed --memory 1",
-    "deadline": "speed --deadline 0.001 --seeds 300:306",
-}
-"""What is measured anew; `-friction`: the estimators of an axis with friction, which are slower."""
-SAID = COMMANDS | {
-    "steps": "speed --steps N --estimator E",
-    "memory": "speed --memory HOURS --estimator E",
-}
-"""What stands below a table, whose rows may be of commands of several sizes."""
+STEPS = {"steps": 1_000_000, "steps-friction": 100_000}
+HOURS = {"memory": 10.0, "memory-friction": 1.0}
+"""How much is measured; `-friction`: the estimators of an axis with friction, which are slower."""
+ROUNDS = 7
 TIMES = ("1", "2", "3")
 RATIOS = ("us_per_sample", "times", "ratio")
-UNIT, LIMITED, LEADER = "rpem-forgetting", "relocate[deadline=0.001]", "relocate"
-RIVALS = ("expm", "literal-rpem", "c2d", "numpy-action", "rpem-run", "plant")
+UNIT = "rpem-forgetting"
+RIVALS = ("expm", "literal-rpem", "rpem-run")
 
 FRESH = "--fresh" in sys.argv[1:]
+NAMED = [b for a, b in zip(sys.argv, sys.argv[1:], strict=False) if a == "--estimator"]
 
 Row = Mapping[str, Any]
 
 
 def three() -> str:
     """Return the numbers that a reader wants."""
-    leader, unit = _median(LEADER), _median(UNIT)
-    step = next(r for r in measured("steps") if r["estimator"] == LIMITED and r["faults"])
+    leader, unit = _median(RECOMMENDED), _median(UNIT)
+    timed = [*measured("steps"), *measured("steps-friction")]
+    step = next(r for r in timed if r["estimator"] == RECOMMENDED and r["faults"])
     held = {r["estimator"]: r for r in _streamed()}
     flat = sum(r["flat"] for r in held.values())
     return (
         f"- **{unit['us_per_sample']:.2g} µs a sample** with the paper's method, "
         f"{1 / unit['times']:.0f} times as fast as one matrix exponential; "
-        f"{leader['ratio']:.2g} times that with `{LEADER}` between two alarms.\n"
+        f"{leader['ratio']:.2g} times that with `{RECOMMENDED}`.\n"
         f"- **{_ms(step['cpu_us']['max'])} ms, the longest of {step['steps']:,} steps** of "
-        f"`{LIMITED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
+        f"`{RECOMMENDED}` with a fault every five seconds: {100 * step['of_period']:.0f} % of the "
         "sampling period.\n"
         f"- **{flat} of {len(held)} estimators grow by less than a byte a sample**, findings "
         f"included: `{UNIT}` holds {_kB(held[UNIT]['late'])} kB after "
-        f"{held[UNIT]['hours']:g} hours, `{LEADER}` {_kB(held[LEADER]['late'])} kB.\n"
+        f"{held[UNIT]['hours']:g} hours, `{RECOMMENDED}` {_kB(held[RECOMMENDED]['late'])} kB.\n"
     )
 
 
@@ -120,7 +118,7 @@ def steps() -> str:
         lines.append([f"`{name}`", f"{rows[0]['steps']:,}", *cells])
     parts = ["p50", "p99", "p99.9", "max"]
     heads = ["µs", "steps", *parts, *(f"{p}, faults" for p in parts)]
-    return table(heads, lines) + said("steps", "with N and E of the table")
+    return table(heads, lines) + said("steps", "as many steps as the table says")
 
 
 def memory() -> str:
@@ -139,25 +137,7 @@ def memory() -> str:
     ]
     heads = ["", "hours", "made [kB]", "after a tenth", "at the end", "grown [B]",
              "the process grew by [kB]", "findings", "flat"]  # fmt: skip
-    return table(heads, lines) + said("memory", "with HOURS and E of the table")
-
-
-def deadline() -> str:
-    """Return what a deadline does."""
-    lines = [
-        [
-            f"`{r['estimator']}`",
-            str(r["steps"]),
-            f"{_ms(r['longest_us'])} → {_ms(r['longest_with_us'])}",
-            f"{r['findings']} → {r['findings_with']}, {r['alike']} alike",
-            f"{r['later_median']:.0f}, at most {r['later_max']}",
-            f"{r['claim']} → {r['claim_with']}",
-        ]
-        for r in measured("deadline")
-    ]
-    heads = ["", "steps", "longest step [ms]", "findings", "alarms later [samples]",
-             "first claim, at the latest [sample]"]  # fmt: skip
-    return table(heads, lines) + said("deadline")
+    return table(heads, lines) + said("memory", "as many hours as the table says")
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
@@ -167,25 +147,33 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "peers": peers,
     "steps": steps,
     "memory": memory,
-    "deadline": deadline,
 }
 
 
 @cache
 def stored(what: str, again: str = "") -> Any:
-    """Return what a command has measured, and at which commit."""
+    """Return what was measured, and at which commit."""
     path = FOLDER / f"{what}{again}.json"
     if not path.exists() or FRESH:
-        words = [*COMMANDS[what].split(), *_named(what), "--json"]
-        done = subprocess.run(
-            [sys.executable, "-m", "flexaxis.experiments", *words],
-            stdout=subprocess.PIPE,
-            check=True,
-        )
         FOLDER.mkdir(parents=True, exist_ok=True)
-        content = {"commit": _commit()} | json.loads(done.stdout)
+        content = {"commit": commit(), "rows": _measured(what)}
         path.write_text(json.dumps(content), encoding="utf-8")
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def _measured(what: str) -> list[Row]:
+    kind, _, axis = what.partition("-")
+    names = [n for n in NAMED or registered() if axis_of(n) == (axis or "linear")]
+    if kind == "steps":
+        return list(timed_steps(STEPS[what], names))
+    if kind == "memory":
+        return list(held(HOURS[what], names))
+    given = problem()
+    found, missing = others(given)
+    for name, why in missing.items():
+        print(f"{name} is left out: {why}", file=sys.stderr)
+    *_, rows = measure([*by_other_means(given), *found, *shipped(given, NAMED)], ROUNDS)
+    return list(rows)
 
 
 def measured(what: str, again: str = "") -> Sequence[Row]:
@@ -196,17 +184,8 @@ def measured(what: str, again: str = "") -> Sequence[Row]:
 
 def said(what: str, more: str = "") -> str:
     """Return the line below a table: what made it."""
-    commit = stored(what, "1" if what == "speed" else "")["commit"]
-    return f"\n`flexaxis {SAID[what]}`{', ' + more if more else ''}, commit {commit}.\n"
-
-
-def _named(what: str) -> list[str]:
-    """Return the estimators of a measurement, as options, where it is not of all."""
-    kind, _, axis = what.partition("-")
-    if kind not in ("steps", "memory"):
-        return []
-    names = [n for n in stepped() if axis_of(n) == (axis or "linear")]
-    return [word for name in names for word in ("--estimator", name)]
+    at = stored(what, "1" if what == "speed" else "")["commit"]
+    return f"\n`python docs/speed.py`{', ' + more if more else ''}, commit {at}.\n"
 
 
 def _streamed() -> list[Row]:
@@ -249,19 +228,9 @@ def _number(number: int | None) -> str:
     return "–" if number is None else str(number)
 
 
-def _commit() -> str:
-    words = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude=*"]
-    return subprocess.check_output(words, text=True).strip()
-
-
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    return "".join(f"| {' | '.join(x)} |\n" for x in [heads, ["---"] * len(heads), *rows])
-
-
 def main(wanted: Sequence[str]) -> None:
     """Write what is wanted, all if nothing is named."""
-    wanted = [word for word in wanted if not word.startswith("--")]
+    wanted = [word for word in wanted if not word.startswith("--") and word not in NAMED]
     if wrong := set(wanted) - set(TABLES):
         sys.exit(f"no table {min(wrong)!r}: {', '.join(TABLES)}")
 

@@ -30,7 +30,7 @@ __all__ = [
     "two_mass",
 ]
 
-RECOMMENDED = "relocate-friction"
+RECOMMENDED = "glr"
 """The registered estimator that the suite recommends for a real axis."""
 
 # numba and scipy take most of a second to import, so what needs them is loaded when it is used

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.estimators.knob import Declared, Knob, make_knob, options_of
 from flexaxis.estimators.tuned import Tuning, at_equal_noise
 
 if TYPE_CHECKING:
@@ -29,11 +30,11 @@ class Entry:
         another model with its own. ``P0`` is P(0) of the methods that have one: as given, else by
         the paper's recipe on ``torque``, the (N,) torque of a nominal run; the others take and
         leave it.
-    knob : str or None
-        The option that trades tracking speed against variance.
+    knob : str, path or None
+        What trades tracking speed against variance, as for `flexaxis.estimators.knob.make_knob`.
     default : float or None
-        Of the knob, on an axis for which it was not tuned; a forgetting factor for 5 ms, as
-        which it stands for a time constant.
+        Of the one option that is the knob, on an axis for which it was not tuned; a forgetting
+        factor for 5 ms, as which it stands for a time constant.
     rank : float
         Place in lists, and when looks are given out for a page.
     laws : bool
@@ -44,7 +45,7 @@ class Entry:
     name: str
     summary: str
     factory: Callable[..., "Estimator"]
-    knob: str | None = None
+    knob: Declared | None = None
     default: float | None = None
     rank: float = 100.0
     laws: bool = False
@@ -52,17 +53,35 @@ class Entry:
     @property
     def options(self) -> Mapping[str, Any]:
         """Names of the options with their defaults on the nominal axis, as the factory has them."""
-        signature = inspect.signature(self.factory).parameters.values()
-        found = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
-        options = {name: value for name, value in found.items() if name not in GIVEN}
-        if self.knob is not None and options.get(self.knob) is None:
-            options[self.knob] = self.tuning.value if self.tuning else self.default or 0.0
-        return options
+        found, tuning = self._own, self.tuning
+        if isinstance(self.knob, str):
+            (name,) = options_of(self.knob)
+            if found.get(name) is None:
+                found[name] = tuning.value if tuning else self.default or 0.0
+        elif self.knob is not None and tuning:
+            found |= make_knob(self.knob, found, usual=tuning.value).turned(1.0) or {}
+        return found
+
+    @property
+    def turning(self) -> Knob | None:
+        """Its knob, which stands where it was tuned to."""
+        if self.knob is None:
+            return None
+        usual = self.tuning.value if self.tuning else 1.0
+        return make_knob(self.knob, self.options, usual=usual)
 
     @property
     def tuning(self) -> Tuning | None:
         """What its knob is on the axis that it was tuned for, if that is its default there."""
-        left_open = inspect.signature(self.factory).parameters.get(self.knob or "")
-        if left_open is None or left_open.default is not None:
+        if self.knob is None:
             return None
-        return at_equal_noise(self.name)
+        own = self._own
+        left_open = all(name in own and own[name] is None for name in options_of(self.knob))
+        return at_equal_noise(self.name) if left_open else None
+
+    @property
+    def _own(self) -> dict[str, Any]:
+        """The options with their defaults, as the factory's signature has them."""
+        signature = inspect.signature(self.factory).parameters.values()
+        found = {p.name: p.default for p in signature if p.kind is p.KEYWORD_ONLY}
+        return {name: value for name, value in found.items() if name not in GIVEN}

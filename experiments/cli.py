@@ -47,6 +47,10 @@ exit status:
   130 Ctrl-C or SIGTERM
 """
 TRACEBACK = "--traceback"
+GONE = {
+    "speed": "is now a script beside the docs: python docs/speed.py; docs/speed.md has its tables",
+}
+"""Commands that are no more, and what to do."""
 LONGEST = 1000  # characters of a line of error; what somebody gave may be longer
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
@@ -114,6 +118,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         del os.environ["COLUMNS"]
     without_its_style()
     words = list(sys.argv[1:] if argv is None else argv)
+    if gone := GONE.get(next((word for word in words if not word.startswith("-")), "")):
+        say(f"the command {words[0]} {gone}")
+        return WRONG_USE
     alone = argv is None  # nobody goes on after this command
     top = parser()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
@@ -146,16 +153,17 @@ def _told(out: Stream, status: int) -> int:
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
+    from flexaxis.experiments.running.errors import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
-    told = ""
+    told, status = "", WRONG_USE
     try:
         check_words(args.parser, args)
         return int(args.main(args) or FINE)
     except (FlexaxisError, EstimatorError) as error:
         if isinstance(error, EstimatorCrash) or worker_died(error):
             return _crashed(args, error, str(error))
-        told = str(error)
+        told, status = str(error), CRASH if isinstance(error, NotRun) else WRONG_USE
     except KeyboardInterrupt as error:
         return _ended(args, INTERRUPTED, "; ".join(["interrupted", *map(str, error.args)]))
     except OSError as error:
@@ -164,7 +172,7 @@ def _guarded(args: argparse.Namespace) -> int:
         told = f"{error.filename}: {error.strerror}"  # what was given is no path at all
     except BaseException as error:  # SystemExit: of a user's code, for none is ours
         return _crashed(args, error, _unexpected(args, error))
-    return _ended(args, WRONG_USE, told)
+    return _ended(args, status, told)
 
 
 def _ended(args: argparse.Namespace, status: int, text: str) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +32,7 @@ class Truth:
 
 
 def closed_loop(
-    scenario: Scenario,
+    scenarios: Sequence[Scenario],
     reference: Array,
     white: White,
     *,
@@ -43,7 +43,8 @@ def closed_loop(
 
     Parameters
     ----------
-    scenario : Scenario
+    scenarios : sequence of Scenario
+        One a run, which differ in their faults and pauses alone.
     reference : ndarray (N, R)
         Wanted motor angle [rad].
     white : callable
@@ -59,14 +60,18 @@ def closed_loop(
         If the engine warns or a state is not finite.
     """
     with QUIET:
-        return _run(scenario, reference, white, threads, progress)
+        return _run(scenarios, reference, white, threads, progress)
 
 
 def _run(
-    scenario: Scenario, reference: Array, white: White, threads: int, progress: Progress | None
+    scenarios: Sequence[Scenario],
+    reference: Array,
+    white: White,
+    threads: int,
+    progress: Progress | None,
 ) -> Truth:
     samples, runs = reference.shape
-    changes = Changes(scenario)
+    scenario, changes = scenarios[0], Changes(scenarios)
     drive = _Drive(scenario, runs, threads)
     sensors = scenario.sensors.values() if scenario.feedback == "measured" else ()
     read = reading(sensors, "angle", white, period=scenario.period)
@@ -86,27 +91,30 @@ def _run(
 
 
 class Changes:
-    """What changes the plant in the course of a run."""
+    """What changes the plant in the course of its runs, of a scenario each."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        truth, linear = scenario.true_parameters(), len(PARAMETER_NAMES)
-        self._parameters, self._laws = truth[:, :linear], truth[:, linear:]
-        self._moves = _changing(self._parameters)
-        self._names, self._turns = scenario.parameter_names[linear:], _changing(self._laws)
+    def __init__(self, scenarios: Sequence[Scenario]) -> None:
+        known = {s.hash: s.true_parameters() for s in scenarios}
+        linear, self._whose = len(PARAMETER_NAMES), [[*known].index(s.hash) for s in scenarios]
+        truth = np.stack([*known.values()], axis=1)  # (N, scenarios, P)
+        self._parameters, self._laws = truth[..., :linear], truth[..., linear:]
+        self._moves, self._turns = _changing(self._parameters), _changing(self._laws)
+        self._names = scenarios[0].parameter_names[linear:]
 
     def make(self, plant: Plant, k: int) -> None:
         """Give the plant the parameters that act from sample k on, where they are new."""
         if k in self._moves:
-            plant.set_parameters(np.tile(self._parameters[k], (len(plant.angles), 1)))
+            plant.set_parameters(self._parameters[k, self._whose])
         if k in self._turns:
-            for name, before, now in zip(self._names, *self._laws[k - 1 : k + 1], strict=True):
-                if before != now:
-                    plant.set_law(name, now)
+            for i, name in enumerate(self._names):
+                before, now = self._laws[k - 1 : k + 1, :, i]
+                if (before != now).any():
+                    plant.set_law(name, now[self._whose])
 
 
 def _changing(values: Array) -> set[int]:
-    """Return the samples in which one of the values (N, P) is no longer what it was."""
-    return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=1)) + 1}
+    """Return the samples in which one of the values (N, …) is no longer what it was."""
+    return {int(k) for k in np.flatnonzero(np.diff(values, axis=0).any(axis=(1, 2))) + 1}
 
 
 class _Drive:

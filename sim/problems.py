@@ -78,6 +78,28 @@ def conflicts(content: Mapping[str, Any]) -> Iterator[Problem]:
     excitation = content.get("excitation")
     if isinstance(excitation, Mapping):
         yield from _pause_problems(excitation.get("pause"), duration)
+    yield from _spread_problems(content, duration, period)
+
+
+def _spread_problems(
+    content: Mapping[str, Any], duration: float | None, period: float
+) -> Iterator[Problem]:
+    """Yield how far an onset may be drawn from where it is written, if it leaves the run."""
+    spread = as_number(content.get("onset_spread"))
+    times = [as_number(change.get("at")) for place, change in _changes(content)
+             if place.startswith("fault")]  # fmt: skip
+    pauses = [as_number(t) for pair in _items(as_table(content.get("excitation")).get("pause"))
+              for t in _items(pair)]  # fmt: skip
+    known = [time for time in (*times, *pauses) if time is not None]
+    if spread is None or duration is None or not known:
+        return
+    most = min(min(known) - period, duration - period - max(known))
+    if spread > most:
+        yield (
+            "onset_spread",
+            f"must be {max(most, 0):g} s at most, so that its changes, from {min(known):g} to "
+            f"{max(known):g} s, stay within the run of {duration:g} s; it is {spread:g}",
+        )
 
 
 def estimated_problems(

@@ -55,6 +55,8 @@ def read_toml(path: Path, refuse: Refusal) -> dict[str, Any]:
 
 def read_text(path: Path, refuse: Refusal) -> str:
     """Return the text of a file; errors as from `read_toml`."""
+    if path.is_fifo() and not path.is_relative_to("/dev"):  # that of a shell's <(…) has a writer
+        raise refuse(f"{path}: a pipe, which may wait for ever: write it to a file, and give that")
     try:
         with path.open(encoding="utf-8-sig") as file:  # some editors begin with a mark
             text = file.read(LARGEST + 1)

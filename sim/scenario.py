@@ -23,6 +23,7 @@ from flexaxis.sim.excitation import Excitation, Multisine
 from flexaxis.sim.faults import Fault
 from flexaxis.sim.keys import set_keys, suffix
 from flexaxis.sim.law_parameters import law_values
+from flexaxis.sim.onsets import drawn
 from flexaxis.sim.parameters import DATA_SHEET, DEFAULT_IDENTIFY, AxisParameters, preset
 from flexaxis.sim.problems import conflicts, explain
 from flexaxis.sim.reading import read_text, toml_tables
@@ -79,6 +80,8 @@ class Scenario(Config):
         Tables of their own.
     filter, friction, lugre, cogging, backlash, stiffening, saturation, optional
         What the axis has beyond the linear model, a table each, and so the laws of `sim.friction`.
+    onset_spread : float, optional
+        By how much faults and pauses come earlier or later at most, drawn by seed [s] (`drawn`).
     nuisance : tuple of Fault, optional
         Changes of the truth that are no faults: no event, and every alarm a false one.
     """
@@ -118,6 +121,7 @@ class Scenario(Config):
     saturation: beyond.SaturationConfig | None = None
     excitation: Excitation = Multisine()
     fault: Annotated[tuple[Fault, ...], Tuple] = ()
+    onset_spread: Annotated[float, Field(gt=0)] | None = None
     nuisance: Annotated[tuple[Fault, ...], Tuple, Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
@@ -126,6 +130,10 @@ class Scenario(Config):
         if problems:
             raise ValueError("\n".join(problems))
         return self
+
+    def drawn(self, seed: int) -> Scenario:
+        """Return the scenario as it is in the run of a seed, by `flexaxis.sim.onsets.drawn`."""
+        return self if self.onset_spread is None else drawn(self, seed)
 
     @property
     def samples(self) -> int:

@@ -57,19 +57,22 @@ def simulate(
         If the engine warns or a state is not finite; names scenario, seed and time.
     """
     seeds = _checked(seeds)
-    grid = scenario.grid
+    grid, runs = scenario.grid, [scenario.drawn(seed) for seed in seeds]
     reference = np.column_stack(
-        [scenario.excitation.reference(grid, _stream(scenario, s, "excitation")) for s in seeds]
+        [
+            run.excitation.reference(grid, _stream(scenario, seed, "excitation"))
+            for run, seed in zip(runs, seeds, strict=True)
+        ]
     )
     white = partial(_white, scenario, seeds, repeat)
     try:
-        truth = closed_loop(scenario, reference, white, threads=threads, progress=progress)
+        truth = closed_loop(runs, reference, white, threads=threads, progress=progress)
     except SimulationError as error:
         raise _named(error, scenario, seeds) from None
     sensors = scenario.sensors.values()
     angle = reading(sensors, "angle", white, period=grid.period)(truth.angles[:, :, 0])
     speed = reading(sensors, "speed", white, period=grid.period)(truth.speed)
-    return _records(scenario, seeds, truth, angle, speed)
+    return _records(scenario, runs, seeds, truth, angle, speed)
 
 
 def _checked(seeds: Sequence[int]) -> list[int]:
@@ -99,12 +102,18 @@ def _named(error: SimulationError, scenario: Scenario, seeds: list[int]) -> Simu
     return SimulationError(message, run=error.run, time=error.time, reason=error.reason)
 
 
-def _records(
-    scenario: Scenario, seeds: list[int], truth: Truth, angle: Array, speed: Array
+def _records(  # noqa: PLR0917
+    scenario: Scenario,
+    runs: list[Scenario],
+    seeds: list[int],
+    truth: Truth,
+    angle: Array,
+    speed: Array,
 ) -> list[Record]:
     increment = angle_increment(angle, period=scenario.period)
-    parameters = scenario.true_parameters()
-    parameters.flags.writeable = False  # all records of the batch share it
+    parameters = {run.hash: run.true_parameters() for run in runs}
+    for shared in parameters.values():  # by all records of the batch to which it happens at once
+        shared.flags.writeable = False
     return [
         Record(
             time=scenario.times,
@@ -116,9 +125,9 @@ def _records(
             true_angle_m=truth.angles[:, run, 0].copy(),
             true_angle_g=truth.angles[:, run, 1].copy(),
             true_angle_a=truth.angles[:, run, 2].copy(),
-            true_parameters=parameters,
+            true_parameters=parameters[runs[run].hash],
             parameter_names=scenario.parameter_names,
-            scenario=scenario.resolved(),
+            scenario=runs[run].resolved(),
             hash=scenario.hash,
             seed=seed,
             burn_in=scenario.burn_in,

@@ -13,7 +13,7 @@ MAY_IMPORT = {
     "experiments": {"models_mjcf", "sim", "estimators"},
 }
 # Usable alone on a robot's log: nothing but these.
-ESTIMATORS_NEED = {"numpy", "scipy", "numba", "llvmlite"}
+ESTIMATORS_NEED = {"numpy", "scipy", "numba"}
 # For whoever has more installed: imported inside a function, with a clear error where it lacks.
 ESTIMATORS_MAY_USE = {
     "estimators/models/statespace.py": {"control"},
@@ -22,8 +22,7 @@ ESTIMATORS_MAY_USE = {
 KNOW_MUJOCO = {
     "sim/plant.py",
     "sim/passive.py",
-    "experiments/reporting/view.py",
-    "experiments/speed/plants.py",
+    "experiments/demo/view.py",
 }
 FILES = sorted(f for folder in MAY_IMPORT for f in (ROOT / folder).rglob("*.py"))
 
@@ -77,7 +76,7 @@ WAY = (
     ("results",),
     ("reporting",),
     ("studies",),
-    ("gate", "paper", "logs", "demo", "speed"),
+    ("gate", "paper", "logs", "demo"),
     ("conformance",),
     ("board",),
     ("commands", "front"),
@@ -86,7 +85,15 @@ WAY = (
 
 # The way through estimators/: what an axis is, how it is sampled, what recursions share, what looks
 # at whole records, the methods, and the one that is made of many parts.
-ROOMS = (("models",), ("sampling",), ("recursion",), ("offline",), ("methods",), ("relocate",))
+ROOMS = (
+    ("models",),
+    ("sampling",),
+    ("recursion",),
+    ("offline",),
+    ("glr",),
+    ("methods",),
+    ("relocate",),
+)
 
 
 @pytest.mark.parametrize(("folder", "way"), [("experiments", WAY), ("estimators", ROOMS)])

@@ -78,9 +78,11 @@ def test_a_comment_needs_a_request_of_entries_only():
 
 def test_nothing_is_run_where_code_cannot_be_shut_in():
     runs = [step.get("run", "") for step in steps(read(CHECK))]
-    first = next(k for k, run in enumerate(runs) if "board_cage.py" in run)
+    first = next(k for k, run in enumerate(runs) if "install --yes bubblewrap" in run)
     assert first < next(k for k, run in enumerate(runs) if "--run-code" in run)
     assert not any("|| true" in run for run in runs[: first + 1])
+    assert not any("--unconfined" in run for run in runs)
+    assert not any("--unconfined" in run for run in runs)
     assert "--no-renames" in "".join(runs) and "--diff-filter" not in "".join(runs)
 
 
@@ -96,7 +98,7 @@ def folders(names, home):
 def test_folders_of_entries_are_found(tmp_path):
     for name in ("mine", "two"):
         (tmp_path / "entries" / name).mkdir(parents=True)
-    names = ["entries/mine/entry.json", "entries/mine/run/scores.jsonl", "entries/two/x\ny"]
+    names = ["entries/mine/entry.json", "entries/mine/rows.jsonl", "entries/two/x\ny"]
     assert folders(names, tmp_path) == (0, ["entries/mine", "entries/two"], "")
     code, found, said = folders([*names, "entries/gone/entry.json"], tmp_path)
     assert (code, found) == (0, ["entries/mine", "entries/two"]) and "gone: removed" in said

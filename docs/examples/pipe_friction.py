@@ -1,25 +1,30 @@
 """A flexaxis estimator as a program of its own: `pipe:python docs/examples/pipe_friction.py`.
 
 It estimates the motor friction f_m with a predictor of the axis and its sensitivity to f_m. It
-knows nothing of flexaxis but the lines of JSON; pipe_friction.m is the same in GNU Octave.
+knows nothing of flexaxis but the blocks of numbers; `flexaxis new` writes the same in C and Octave.
 """
 
-import json
+import struct
 import sys
 
 import numpy as np
 from scipy.linalg import expm
 
-
-def answer(content):
-    """Send one line; without the flush it would wait in a buffer for ever."""
-    print(json.dumps(content), flush=True)
+take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
 
 
-# The first line says what there is to know; the answer says what is estimated, from which output.
-header = json.loads(sys.stdin.readline())
-T, n = header["period"], header["nominal"]
-answer({"names": ["f_m"], "output": "speed"})
+def name():
+    """Read a name: 32 bytes, with zeros behind it."""
+    return take(32).rstrip(b"\0").decode()
+
+
+# The header says what there is to know; the answer says what is estimated, from which output.
+take(16)  # FLEXAXIS, version, order of the bytes
+T, output, values, names = struct.unpack("<dIII", take(20))
+n = {name(): struct.unpack("<d", take(8))[0] for _ in range(values)}
+take(32 * names)  # what is asked for
+give(struct.pack("<8sIIII32s", b"FLEXAXIS", 1, 0x01020304, 1, 0, b"f_m"))
+sys.stdout.flush()  # else it would wait in a buffer for ever
 
 # x = [twist motor-gear, twist gear-arm, speeds of motor, gear and arm]
 r = n["r"]
@@ -40,16 +45,18 @@ low, high = 0.1 * theta, 10 * theta
 P = 1e-3 * (1 - forgetting)
 X = np.zeros(11)  # sensitivity of x, x, and the input that is held
 
-for line in sys.stdin:
-    sample = json.loads(line)
-    M = np.zeros((11, 11))
-    M[:5, :5] = M[5:10, 5:10] = A + theta * dA
-    M[:5, 5:10], M[5:10, 10] = dA, B
-    X = expm(M * T) @ X
-    X[10] = sample["u"]  # acts from now on
-    if sample["y"] is not None:  # it is null in a gap
-        psi = X[2]
-        gain = P * psi / (1 + psi * P * psi)
-        theta = min(max(theta + gain * (sample["y"] - X[7]), low), high)
-        P = (1 - gain * psi) * P / forgetting
-    answer({"theta": [theta]})
+while count := take(8):
+    samples = np.frombuffer(take(16 * struct.unpack("<Q", count)[0]), "<f8").reshape(-1, 2)
+    for u, y in samples:
+        M = np.zeros((11, 11))
+        M[:5, :5] = M[5:10, 5:10] = A + theta * dA
+        M[:5, 5:10], M[5:10, 10] = dA, B
+        X = expm(M * T) @ X
+        X[10] = u  # acts from now on
+        if not np.isnan(y):  # as in a gap
+            psi = X[2]
+            gain = P * psi / (1 + psi * P * psi)
+            theta = min(max(theta + gain * (y - X[7]), low), high)
+            P = (1 - gain * psi) * P / forgetting
+        give(struct.pack("<d", theta))
+    sys.stdout.flush()

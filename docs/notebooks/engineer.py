@@ -20,6 +20,7 @@
 
 # %%
 import json
+import sqlite3
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -95,10 +96,13 @@ table.style.set_uuid("axis").format(
 # torque of that log alone, the prediction also the motion up to the sample before.
 
 # %%
-from flexaxis.experiments.logs.validate import validate, validation_figure
+import flexaxis as fx
+from flexaxis.experiments.logs.log_charts import validation_chart
+from flexaxis.experiments.logs.validate import validate
 
 another = import_any(Path("days/2026-01-05.csv"), {}).record
-validation_figure(validate(another, found.axis, found.fits))
+tried = validate(another, found.axis)
+_ = fx.LogResult([], tried, [validation_chart(tried)]).plot()
 
 # %% [markdown]
 # ## The trend
@@ -115,7 +119,10 @@ validation_figure(validate(another, found.axis, found.fits))
 
 # %%
 told = json.loads(Path("trend/trend.json").read_text())
-rows = [json.loads(line) for line in Path("trend/rows.jsonl").read_text().splitlines()]
+rows = [
+    json.loads(line)
+    for (line,) in sqlite3.connect("trend/rows.sqlite").execute("SELECT line FROM lines")
+]
 rows.sort(key=lambda row: row["log"])
 f_c = np.array([row["estimates"]["f_c"]["value"] for row in rows])
 sd = np.array([row["estimates"]["f_c"]["sd"] for row in rows])

@@ -140,7 +140,7 @@ seen[["detection.missed", "detection.false_alarms", "detection.isolated"]].mean(
 
 # %% [markdown]
 # Two seeds make a figure to look at, not one for a paper: take 60, keep the rows (`folder="results/friction"`), and
-# go on where a run was stopped (`resume=True`). Before two estimators are ranked by such a figure, turn both to equal
+# go on where a run was stopped (`folder=`). Before two estimators are ranked by such a figure, turn both to equal
 # noise: [developer.ipynb](developer.ipynb).
 #
 # - B. Armstrong-Hélouvry, P. Dupont and C. Canudas de Wit, *A survey of models, analysis tools and compensation methods for the

@@ -14,13 +14,13 @@ FRONT = {
     "Estimate and score": ("estimate", "score", "Estimate"),
     "Many runs": ("benchmark", "study", "Results"),
     "Judge": ("compare", "check", "Comparison"),
+    "Logs of an axis": ("import_log", "identify", "track", "trend", "LogResult"),
     "What there is": ("scenarios",),
 }
 """What `import flexaxis as fx` gives, in the order in which it is read; tested to be all of it."""
 
 ELSEWHERE = {
     "flexaxis.estimators.protocol": ("Estimator", "StepError", "run_estimator"),
-    "flexaxis.estimators.side_by_side": ("run_together", "worth_together"),
     "flexaxis.estimators.entry": ("Entry",),
     "flexaxis.estimators.registry": ("entry",),
 }

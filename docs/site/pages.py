@@ -58,7 +58,14 @@ SECTIONS = (
     ),
     Section(
         "Teach and learn",
-        ("docs/model.md", "docs/labs/README.md", "docs/demo.md", "docs/notebooks/teacher.ipynb"),
+        (
+            "docs/model.md",
+            "docs/labs/README.md",
+            "docs/labs/handout.md",
+            "docs/labs/answers.md",
+            "docs/demo.md",
+            "docs/notebooks/teacher.ipynb",
+        ),
     ),
     Section(
         "Reference",
@@ -71,6 +78,7 @@ SECTIONS = (
             "made/api",
             "docs/json.md",
             "docs/speed.md",
+            "docs/glr.md",
         ),
     ),
     Section(

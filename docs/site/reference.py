@@ -18,7 +18,8 @@ from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
 from flexaxis.experiments.cli import GROUPS, commands, parser
-from flexaxis.experiments.scoring.table import SCORES, Score
+from flexaxis.experiments.scoring.score import Score
+from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.sim.scenario import Scenario
 
 FENCE = "`" * 5
@@ -133,8 +134,8 @@ def estimator_page() -> str:
     ]
     for entry in REGISTRY.values():
         words = [f"## {entry.name}", entry.summary]
-        if entry.knob:
-            words += [f"Its knob, which buys speed with noise: `{entry.knob}`."]
+        if knob := entry.turning:
+            words += [f"Its knob, which buys speed with noise: `{knob.label}`."]
         if entry.tuning:
             words += [f"By default tuned for the axis `{entry.tuning.axis}`."]
         if entry.laws:

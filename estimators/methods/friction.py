@@ -173,7 +173,7 @@ ENTRIES = (
         "rpem-friction",
         "the paper's method with a forgetting factor, on a model with dry friction and play",
         rpem_friction,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=5.2,
         laws=True,

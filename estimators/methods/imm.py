@@ -27,10 +27,11 @@ from flexaxis.estimators.recursion.modes import listen, mix, weigh
 from flexaxis.estimators.recursion.records import Record, joined, record
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
 from flexaxis.estimators.sampling.pattern import Pattern, split
+from flexaxis.estimators.tuned import tuned
 
 Array = NDArray[np.float64]
 
-WALK = 0.0015  # 1/√s, of θ/θ(0), where no tuning is known
+WALK, RATE, JUMP = 0.0015, 1e-3, 0.1581  # 1/√s, 1/s and of θ/θ(0), where no tuning is known
 
 
 def joint_imm(
@@ -197,8 +198,8 @@ def imm(
     walk: float | None = None,
     noise: float | None = None,
     spread: float = 0.2,
-    jump: float = 0.1581,
-    rate: float = 1e-3,
+    jump: float | None = None,
+    rate: float | None = None,
     hold: float = 0.05,
 ) -> CompiledFilter:
     """
@@ -214,6 +215,13 @@ def imm(
         How often a jump comes [1/s], and how long it lasts on average [s].
     """
     model = model_of(nominal)
+    above_zero("period", period, "the sampling period in seconds")
+    position = tuned("imm", model, period, identify)
+    usual = {"walk": WALK, "rate": RATE, "jump": JUMP} if position is None else along(position)
+    walk, rate, jump = (
+        usual[name] if given is None else given
+        for name, given in (("walk", walk), ("rate", rate), ("jump", jump))
+    )
     prior, drift = random_walk("imm", WALK, model, identify, period, walk=walk, spread=spread)
     above_zero("rate", rate, "how often a jump comes, in 1/s")
     above_zero("jump", jump, "the standard deviation of a jump, relative to θ(0)")
@@ -232,13 +240,21 @@ def imm(
     )
 
 
+def along(position: float) -> dict[str, float]:
+    """Return the options on the way from quiet to quick, 1 at the usual walk.
+
+    Jumps that are expected often are what makes it noisy: at one in 1000 s no walk is slow enough
+    for the noise of the paper's method.
+    """
+    return {"walk": WALK * position, "rate": 1e-6, "jump": 0.3}
+
+
 ENTRIES = (
     Entry(
         "imm",
         "interacting multiple models: joint Kalman filters, a quiet one and one for each jump",
         imm,
-        knob="walk",
-        default=WALK,
+        knob=along,
         rank=9,
     ),
 )

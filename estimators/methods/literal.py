@@ -197,7 +197,7 @@ ENTRIES = (
         "literal-rpem",
         "rpem-forgetting with a matrix exponential in every sample: slow, the oracle",
         literal_forgetting,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=6,
     ),

@@ -226,7 +226,7 @@ ENTRIES = (
         "moving-horizon",
         "nonlinear least squares over a moving window, with an arrival cost",
         horizon,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=10,
     ),

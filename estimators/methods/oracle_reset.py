@@ -122,7 +122,7 @@ ENTRIES = (
         "oracle-reset",
         "a control that is told when a fault happens, and begins anew there",
         oracle_reset,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=98,
     ),

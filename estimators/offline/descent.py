@@ -1,7 +1,6 @@
 """What a record leaves open to a model, as a least-squares problem, and the way to its bottom."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +66,6 @@ class Problem:
         Whether to model the noise; without, this is plain output error.
     highpass : float or None
         Corner [Hz] below which residuals do not count.
-    tell : callable
-        Told now and then that a step was taken.
     """
 
     course: Course
@@ -79,7 +76,6 @@ class Problem:
     held: Flags
     whiten: bool = True
     highpass: float | None = None
-    tell: Callable[[], None] = field(default=lambda: None)
 
     def residual(self, z: Array, *, coarse: bool = False) -> tuple[Array, Array]:
         """Return y − ŷ (N,) and the derivatives (q, N) of ŷ."""
@@ -102,7 +98,6 @@ class Problem:
         if self.course.fastest(z[: self.course.p]) > FASTEST:
             return nowhere
         residual, slopes = self.residual(z, coarse=coarse)
-        self.tell()
         if not np.isfinite(residual).all() or not np.isfinite(slopes).all():
             return nowhere
         return self.weighed(replace(nowhere, residual=residual, slopes=slopes), colour)
@@ -127,9 +122,13 @@ class Problem:
         gain = float(at.g @ self._step(at, 0.0))
         return float(np.sqrt(max(gain, 0.0) * at.samples / at.square))
 
-    def start(self, theta: Array, delay: float) -> Array:
-        """Return z at parameters and a delay, the rest by a few linear steps at first."""
+    def start(self, theta: Array, delay: float, state: Array | None = None) -> Array:
+        """Return z at parameters, a delay and a state, the rest by a few linear steps at first."""
         z = np.r_[theta, np.zeros(self.course.q - len(theta) - 1), delay]
+        if state is not None:
+            first = self.course.p + self.course.m
+            z[first : first + len(state)] = state
+        z = np.clip(z, self.lower, self.upper)
         rest = np.ones(self.course.q, bool)
         rest[len(theta) : -1] = False
         nuisance = replace(self, held=self.held | rest)

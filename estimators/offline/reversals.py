@@ -18,7 +18,7 @@ GRID = np.r_[1e-6, 1e-4, 1e-2, np.linspace(0.1, 1.0, 10)]  # of a part, where ev
 
 
 @compiled
-def follow(dry, X, torque, slope, offset, begin):  # noqa: PLR0917
+def follow(dry, X, torque, slopes, offset, begin, first):  # noqa: PLR0917
     """
     Return output and derivatives (rows, N) along a record; X is lost.
 
@@ -27,9 +27,11 @@ def follow(dry, X, torque, slope, offset, begin):  # noqa: PLR0917
     dry : flexaxis.estimators.offline.dry.Dry
     X : (rows, n+1) array
         State and derivatives at first; those by θ, then others.
-    torque, slope : (N,) arrays
-        The torque, and what of it the last row is by, at the place ``offset`` of the state.
-    offset, begin : int
+    torque : (N,) array
+    slopes : (m+1, N) array
+        What of the torque rows from ``first`` on are by, and the last one, at the place ``offset``
+        of the state.
+    offset, begin, first : int
     """
     lanes, size = X.shape
     rows, v = np.zeros((lanes, len(torque))), dry.speed
@@ -39,7 +41,9 @@ def follow(dry, X, torque, slope, offset, begin):  # noqa: PLR0917
     for k in range(begin, len(torque) - 1):
         for i in dry.cleared:
             X[:, i] = 0.0
-        X[-1, offset] = slope[k]
+        for j in range(len(slopes) - 1):
+            X[first + j, offset] = slopes[j, k]
+        X[-1, offset] = slopes[-1, k]
         X[:, size - 1] = 0.0
         X[0, size - 1] = torque[k]
         push(dry, X, way)

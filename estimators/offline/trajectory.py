@@ -1,7 +1,7 @@
 """A model along a record, with derivatives by parameters, initial state, offset and delay."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ class Course:
     """
     What a model makes of a torque, as a function of everything that a record leaves open.
 
-    The unknowns are z = [θ, initial states, offset of the torque, delay of the torque].
+    The unknowns are z = [θ, gains, initial states, offset of the torque, delay of the torque].
 
     Attributes
     ----------
@@ -71,6 +71,9 @@ class Course:
         Sample of the initial state; before it the output is zero.
     dry : bool
         Whether the law is Coulomb friction, of which reversals are met exactly.
+    beside : (m, N) array
+        What acts beside the torque in proportion to a gain each, such as the sine of a measured
+        angle.
     """
 
     model: Parametrization
@@ -80,6 +83,7 @@ class Course:
     smooth: bool
     begin: int = 0
     dry: bool = False
+    beside: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def p(self) -> int:
@@ -87,9 +91,14 @@ class Course:
         return len(self.model.names)
 
     @property
+    def m(self) -> int:
+        """Number of gains."""
+        return len(self.beside)
+
+    @property
     def q(self) -> int:
         """Number of unknowns."""
-        return self.p + len(self.free) + 1
+        return self.p + self.m + len(self.free) + 1
 
     @property
     def coarsens(self) -> bool:
@@ -114,18 +123,21 @@ class Course:
             Whether laws may be solved at less places of a sample, in a search that goes on;
             Coulomb friction alone is solved exactly in any case.
         """
-        p, theta = self.p, z[: self.p]
+        p, m, theta = self.p, self.m, z[: self.p]
         samples = z[-1] / self.period
         torque = delayed(self.u, samples, smooth=self.smooth)
-        slope = delay_slope(self.u, samples, smooth=self.smooth) / self.period
-        further = len(self.free) + 1
+        slopes = np.zeros((m + 1, len(torque)))
+        slopes[-1] = delay_slope(self.u, samples, smooth=self.smooth) / self.period
+        if m:
+            slopes[:m] = self.beside
+            torque = torque + z[p : p + m] @ self.beside
+        further = m + len(self.free) + 1
         X = np.zeros((1 + p + further, self.model.n + 1))
-        X[0, list(self.free)] = z[p:-1]
-        X[np.arange(1 + p, p + further), list(self.free)] = 1.0
+        X[0, list(self.free)] = z[p + m : -1]
+        X[np.arange(1 + p + m, p + further), list(self.free)] = 1.0
+        places = self.free[-1], self.begin, 1 + p
         if self.dry:
-            rows = follow(
-                dry(self.model, theta, self.period), X, torque, slope, self.free[-1], self.begin
-            )
+            rows = follow(dry(self.model, theta, self.period), X, torque, slopes, *places)
             return rows[0], rows[1:]
         active = np.arange(p)
         ready = prepare(self._planned(theta, 1), theta, active, further)
@@ -133,7 +145,7 @@ class Course:
         if self.model.laws is not None:
             often = self._planned(theta, COARSE if coarse else FINE)
             reversing = prepare(often, theta, active, further)
-        rows = _along(ready, reversing, X, torque, slope, self.free[-1], self.begin)
+        rows = _along(ready, reversing, X, torque, slopes, *places)
         return rows[0], rows[1:]
 
     def _planned(self, theta: Array, steps: int) -> Terms:
@@ -157,6 +169,7 @@ def course(
     smooth: bool = False,
     resting: bool = True,
     begin: int = 0,
+    beside: Array | None = None,
 ) -> Course:
     """
     Return the course of a model along a torque.
@@ -178,13 +191,16 @@ def course(
         Whether the axis is known to be at rest at the first sample.
     begin : int
         Sample of the initial state.
+    beside : (m, N) array, optional
+        What acts beside the torque, see `Course`.
     """
     grown = with_offset(model)
     chosen = (increment(grown, period) if output == "increment" else grown).parametrize(names)
     moving = [] if resting else [*range(len(model.states)), *_own(chosen)]
     free = (*moving, len(model.states))
     torque, alone = np.ascontiguousarray(u, float), is_dry(chosen, period)
-    return Course(chosen, free, torque, period, smooth, begin, alone)
+    more = np.zeros((0, len(torque))) if beside is None else beside
+    return Course(chosen, free, torque, period, smooth, begin, alone, more)
 
 
 def _own(model: Parametrization) -> list[int]:
@@ -193,9 +209,11 @@ def _own(model: Parametrization) -> list[int]:
 
 
 @compiled
-def _along(ready, reversing, X, u, slope, offset, begin):  # noqa: PLR0917
+def _along(ready, reversing, X, u, slopes, offset, begin, first):  # noqa: PLR0917
     """
-    Return output and derivatives (rows, N); the last row is by the delay; X is lost.
+    Return output and derivatives (rows, N); X is lost.
+
+    Rows from ``first`` on are by what acts beside the torque, the last one by the delay.
 
     Away from its reversals friction is smooth, and a step of a sample is enough; where it reverses
     the error is what friction does in a step, so that these are many.
@@ -204,7 +222,9 @@ def _along(ready, reversing, X, u, slope, offset, begin):  # noqa: PLR0917
     laws = _number(ready.laws)
     peak, last = np.zeros(laws), np.zeros(laws)
     for k in range(begin, len(u) - 1):
-        X[-1, offset] = slope[k]
+        for j in range(len(slopes) - 1):
+            X[first + j, offset] = slopes[j, k]
+        X[-1, offset] = slopes[-1, k]
         travel(ready, X, moved, u[k])
         if turns(ready.laws, X, moved, peak, last):
             travel(reversing, X, moved, u[k])

@@ -91,6 +91,21 @@ def as_told(tuning, state, estimates):
 
 
 @inlined
+def draw_estimates(tuning, state, P, theta, estimates):
+    """Write estimates (q,) given what was told, from θ (p,) and its covariance, as `as_told`."""
+    union, given, given_P = tuning["union"], state["given"], state["given_P"]
+    for a in range(len(union)):
+        given[a] = theta[union[a]]
+        for b in range(a + 1):
+            given_P[a, b] = given_P[b, a] = P[union[a], union[b]]
+    state["given_between"][:] = 0.0
+    for g in range(len(state["told_share"])):
+        state["told_share"][g] = draw(tuning, state, g)
+    for i in range(len(estimates)):
+        estimates[i] = given[i]
+
+
+@inlined
 def draw(tuning, state, g):
     """Draw what is thought towards one group as it was told, and return how far."""
     members, told, L = tuning["members"], tuning["told"], state["factor"]

@@ -70,4 +70,4 @@ def _loop(pattern: Pattern, rule: Compiled) -> Compiled:
         publish(state, k, estimates, trace)
         return state["anew"] > tuning["heeds"]
 
-    return sample_loop(pattern, forget, rule.name)
+    return sample_loop(pattern, forget, rule.function.__name__)

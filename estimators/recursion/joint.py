@@ -49,8 +49,21 @@ def _semidefinite(name: str, value: ArrayLike, n: int) -> Array:
     return (matrix + matrix.T) / 2
 
 
-def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Record, Record]:
-    """Return tuning and start of the filter; ``covariance`` is that of x(0) (n, n)."""
+def ekf_records(
+    design: Design, pattern: Pattern, covariance: Array, noise: tuple[Record, Record] | None = None
+) -> tuple[Record, Record]:
+    """
+    Return tuning and start of the filter.
+
+    Parameters
+    ----------
+    design : Design
+    pattern : Pattern
+    covariance : (n, n) array
+        Of x(0).
+    noise : tuple of Record, optional
+        As `flexaxis.estimators.recursion.level.level` gives it.
+    """
     p, n, m = len(design.theta0), pattern.states, pattern.p
     tuning, start = on_lanes(design, pattern)
     blocks, P = design.model.blocks(design.theta0), np.zeros((m, padded(m)))
@@ -70,7 +83,7 @@ def ekf_records(design: Design, pattern: Pattern, covariance: Array) -> tuple[Re
         gain=np.zeros(m),  # K √S
         spread=0.0,  # hᵀPh
     )
-    known, level_start = level(design)
+    known, level_start = noise or level(design)
     return joined(tuning, limits, known), joined(start, work, level_start)
 
 

@@ -40,9 +40,22 @@ FINEST = 1e-6  # of y, below which its noise is that of the arithmetic
 MOVING = 0.5  # ŷ over its noise from which on a sample counts for R: an encoder at rest is exact
 
 
-def level(design: Design) -> tuple[Record, Record]:
-    """Return what `judge` needs of tuning and state; σ is learnt where the design has none."""
-    tuning = record(known=float(design.noise > 0), memory=max(MEMORY / design.period, KNOWN))
+def level(design: Design, *, rests: bool = False) -> tuple[Record, Record]:
+    """
+    Return what `judge` needs of tuning and state; σ is learnt where the design has none.
+
+    Parameters
+    ----------
+    design : Design
+    rests : bool
+        Whether an axis at rest tells of its noise as well, wherever the reading is not the one
+        before, which only an encoder's is.
+    """
+    tuning = record(
+        known=float(design.noise > 0),
+        memory=max(MEMORY / design.period, KNOWN),
+        rests=float(rests),
+    )
     state = record(
         prediction=np.nan,
         innovation=np.nan,
@@ -70,6 +83,7 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     S = spread + noise
     state["prediction"], state["innovation"] = prediction, np.nan
     state["innovation_variance"] = S if noise > 0.0 else np.nan
+    fresh = y != state["reading"]
     judged = state["samples"] >= KNOWN or tuning["known"] > 0.0
     if not valid:
         state["reading"] = np.nan
@@ -81,7 +95,8 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
     e = y - prediction
     state["innovation"] = e
     if noise <= 0.0:
-        if prediction == 0.0:
+        nothing = not fresh or e**2 + spread == 0.0 if tuning["rests"] > 0.0 else prediction == 0.0
+        if nothing:
             return np.nan
         begin(state, e**2 + spread)
         return y
@@ -94,7 +109,8 @@ def judge(tuning, state, y, valid, prediction, spread):  # noqa: PLR0917
         e = limit if e > 0.0 else -limit
     rough = roughness(state["past"], e)
     state["run"] += 1.0
-    if tuning["known"] == 0.0 and prediction**2 > MOVING**2 * noise:
+    moves = fresh if tuning["rests"] > 0.0 else prediction**2 > MOVING**2 * noise
+    if tuning["known"] == 0.0 and moves:
         learn(tuning, state, spread, e**2, rough if state["run"] > 3.0 else np.nan)
         state["noise"] = max(state["noise"], (FINEST * prediction) ** 2)
     return prediction + e

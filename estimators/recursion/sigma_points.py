@@ -11,17 +11,16 @@ import numpy as np
 
 from flexaxis.estimators.recursion.joint import project
 from flexaxis.estimators.recursion.level import judge, show
-from flexaxis.estimators.recursion.square_root import bound_root
+from flexaxis.estimators.recursion.square_root import bound_root, triangularize
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
+from flexaxis.estimators.sampling.kernel import convey, place
 from flexaxis.estimators.sampling.pattern import Pattern
-from flexaxis.estimators.sampling.points import convey, place
-from flexaxis.estimators.sampling.symmetric import triangularize_columns
 
 
 @remembered
 def ukf_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
-    flat = pattern.flat()
+    entries, series = place(pattern), convey(pattern)
 
     def run(tunings, states, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, state = tunings[0], states[0]
@@ -29,9 +28,8 @@ def ukf_loop(pattern: Pattern) -> Compiled:
             correct(tuning, state, y[k], valid[k])
             draw(tuning, state)
             drive(tuning, state, u[k])
-            place(flat, tuning["coefficients"], state["theta"], state["M"])
-            convey(
-                flat,
+            entries(tuning["coefficients"], state["theta"], state["M"])
+            series(
                 state["M"],
                 state["X"],
                 state["inputs"],
@@ -59,7 +57,7 @@ def correct(tuning, state, y, valid):
         for j in range(state["X"].shape[1]):
             A[0, j] = 0.0
     A[0, 1 + m + 2 * p] = np.sqrt(state["noise"])
-    triangularize_columns(A, R)
+    triangularize(A.copy(), R)  # √W stays in it
     for i in range(m):
         for j in range(i, m):
             S[i, j] = R[1 + i, 1 + j]

@@ -3,40 +3,44 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.sampling.compiler import inlined
-from flexaxis.estimators.sampling.symmetric import NOTHING
+from flexaxis.estimators.sampling.compiler import fused, inlined
+
+NOTHING = 1e-290  # a square of which the inverse, nearly, is no number: a column of it is none
 
 
-@inlined
-def triangularize(A, rows, columns):
+@fused
+def triangularize(A, R):
     """
-    Make A (rows, columns), rows ≥ columns, upper triangular without a change of AᵀA (Householder).
+    Write the transposed Cholesky factor R, upper triangular, of A Aᵀ (Householder); A is lost.
 
-    The diagonal becomes non-negative, so that the result is the transposed Cholesky factor of AᵀA.
-    What lies below the diagonal is left undefined. G. H. Golub and C. F. Van Loan, *Matrix
-    Computations*, section 5.2.
+    G. H. Golub and C. F. Van Loan, *Matrix Computations*, section 5.2.
+
+    Parameters
+    ----------
+    A : (c, r) array
+        Columns of what is triangularised, as rows, r ≥ c.
+    R : (c, c) array
+        What is below the diagonal is left as it is.
     """
+    columns, rows = A.shape
     for j in range(columns):
         square = 0.0
         for i in range(j, rows):
-            square += A[i, j] ** 2
-        if square <= NOTHING:
-            continue
+            square += A[j, i] ** 2
         norm = np.sqrt(square)
         alpha = -norm if A[j, j] > 0.0 else norm
+        sign = -1.0 if alpha < 0.0 else 1.0
         A[j, j] -= alpha
-        scale = 1.0 / (alpha * A[j, j])  # −2/vᵀv, with v what lies in column j now
+        scale = 1.0 / (alpha * A[j, j]) if square > NOTHING else 0.0  # −2/vᵀv, with v this column
+        R[j, j] = norm
         for m in range(j + 1, columns):
             total = 0.0
             for i in range(j, rows):
-                total += A[i, j] * A[i, m]
+                total += A[j, i] * A[m, i]
             total *= scale
             for i in range(j, rows):
-                A[i, m] += total * A[i, j]
-        A[j, j] = alpha
-        if alpha < 0.0:
-            for m in range(j, columns):
-                A[j, m] = -A[j, m]
+                A[m, i] += total * A[j, i]
+            R[j, m] = sign * A[m, j]
 
 
 @inlined

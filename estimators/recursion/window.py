@@ -12,14 +12,14 @@ from flexaxis.estimators.recursion.level import FINEST, KNOWN, MOVING, ODD
 from flexaxis.estimators.recursion.square_root import bound_root, cholesky, forward, triangularize
 from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined, remembered
 from flexaxis.estimators.sampling.dense import ahead, gather
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.sampling.kernel import advance, evaluate
 from flexaxis.estimators.sampling.pattern import Pattern
 
 
 @remembered
 def sampler(pattern: Pattern) -> Compiled:
     """Return what samples models of this pattern."""
-    flat = pattern.flat()
+    entries, series_of = evaluate(pattern), advance(pattern)
 
     @compiled
     def resample(series, state):
@@ -27,11 +27,11 @@ def sampler(pattern: Pattern) -> Compiled:
         X, theta = state.unit, state.theta
         for i in range(len(theta)):
             theta[i] = state.xi[i]
-        evaluate(flat, series.coefficients, theta, state.M)
+        entries(series.coefficients, theta, state.M)
         for column in range(len(X)):
             _begin(X, column, len(theta))
             u = 1.0 if column == len(X) - 1 else 0.0
-            advance(flat, state.M, X, u, series.weights, series.order, series.substeps)
+            series_of(state.M, X, u, series.weights, series.order, series.substeps)
             for i in range(len(X)):
                 for a in range(1 + len(theta)):
                     state.D[i, column, a] = X[i, a]
@@ -40,8 +40,9 @@ def sampler(pattern: Pattern) -> Compiled:
 
 
 @remembered
-def follower(sizes: tuple[int, int]) -> Compiled:
+def follower(n: int, p: int) -> Compiled:
     """Return what follows the window, for so many states and parameters."""
+    over, add = ahead(n, p), gather(n, p)
 
     @compiled
     def follow(setting, state, stop):
@@ -50,13 +51,13 @@ def follower(sizes: tuple[int, int]) -> Compiled:
         square, count, least = 0.0, 0, MOVING**2 * state.level[0]
         _start(state)
         for k in range(stop):
-            ahead(sizes, state.D, X, state.u[k])
+            over(state.D, X, state.u[k])
             if state.present[k]:
                 residual = state.y[k] - X[n, 0]
                 if X[n, 0] ** 2 > least:
                     square += residual**2 + (FINEST * X[n, 0]) ** 2
                     count += 1
-                gather(sizes, X, residual, H, g)
+                add(X, residual, H, g)
         enough = count >= KNOWN or (count > 0 and state.taken[0] < len(state.u))
         if enough and stop == state.taken[1] and not setting.known:
             state.level[0] = square / count
@@ -67,7 +68,7 @@ def follower(sizes: tuple[int, int]) -> Compiled:
 @remembered
 def solver(pattern: Pattern) -> Compiled:
     """Return what does a window, for models of this pattern."""
-    resample, follow = sampler(pattern), follower((pattern.n, pattern.p))
+    resample, follow = sampler(pattern), follower(pattern.n, pattern.p)
 
     @compiled
     def solve(series, setting, state):
@@ -98,7 +99,7 @@ def solver(pattern: Pattern) -> Compiled:
 @remembered
 def horizon_loop(pattern: Pattern) -> Compiled:
     """Return the compiled loop for models of this pattern."""
-    sizes, resample, solve = (pattern.n, pattern.p), sampler(pattern), solver(pattern)
+    over, resample, solve = ahead(pattern.n, pattern.p), sampler(pattern), solver(pattern)
 
     def run(tuning, state, u, y, valid, estimates, trace):  # noqa: PLR0917
         series, setting = tuning
@@ -107,7 +108,7 @@ def horizon_loop(pattern: Pattern) -> Compiled:
                 resample(series, state)
                 _judge(state, y[k], valid[k])
             else:
-                ahead(sizes, state.D, state.X, state.held[0])
+                over(state.D, state.X, state.held[0])
                 j = state.taken[1]
                 state.u[j], state.y[j] = state.held[0], _judge(state, y[k], valid[k])
                 state.present[j] = not np.isnan(state.y[j])
@@ -246,17 +247,18 @@ def _move(setting, state, half):
         state.mean[i] = half[i, m] if i < p else X[i - p, 0]
         for j in range(m):
             if i < p:
-                array[j, i] = growth * half[j, i]
+                array[i, j] = growth * half[j, i]
             else:
                 state.mean[i] += X[i - p, 1 + j] * (half[j, m] - state.xi[j])
                 for k in range(m):
-                    array[j, i] += growth * half[j, k] * X[i - p, 1 + k]
-    triangularize(array, m, m)
+                    array[i, j] += growth * half[j, k] * X[i - p, 1 + k]
+    triangularize(array, state.root)
     for i in range(m):
         if i >= p:
             state.xi[i] = X[i - p, 0]
         for j in range(m):
-            state.root[i, j] = array[i, j] if j >= i else 0.0
+            if j < i:
+                state.root[i, j] = 0.0
     if state.level[0] > 0.0:
         bound_root(state.root, setting.ceiling, state.level[0])
     state.taken[1] -= every

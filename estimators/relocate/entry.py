@@ -166,7 +166,7 @@ ENTRIES = (
         "relocate",
         "detects a jump, rewinds to it and refits whichever physical parameter explains it",
         relocate,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=30,
     ),

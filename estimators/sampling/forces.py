@@ -10,7 +10,7 @@ Laws and roles: `flexaxis.estimators.models.laws`.
 import numpy as np
 
 from flexaxis.estimators.models.laws import KINDS, MOST_ROLES
-from flexaxis.estimators.sampling.compiler import inlined, optimized
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
 WIDTH = ROLE + 2 * MOST_ROLES
@@ -23,7 +23,7 @@ NEAR = 1e-4  # of v/v_0: below it x/tanh x is its series to round-off
 LEAST = 1e-300  # [N m] a bristle's level, so that none divides by zero
 
 
-@optimized
+@compiled
 def force(kind, w, s, h, value, local):  # noqa: PLR0917
     """
     Write the torque of a law and its derivatives.

@@ -1,19 +1,15 @@
 """
 Values and their derivatives side by side, and how they go through a model and over a sample.
 
-A row of lanes [a, ∂a/∂θ_1, …, ∂a/∂θ_p] follows the product rule,
-``a·v = [a a … a]·v + [0 ∂a]·[v v … v]``, two vector instructions for the product and all of its
-derivatives. `fill` and `step` do the whole of eq. (17)–(23) in such rows, for any model. `evaluate`
-and `advance` are the same for a pattern that is known to the compiler: its twins of them, in
-`flexaxis.estimators.sampling.overloads`, emit straight-line code for the places where the matrices
-are not zero.
+A row of lanes [a, ∂a/∂θ_1, …, ∂a/∂θ_p] follows the product rule, a·v for the value and a·∂v + ∂a·v
+for each derivative. `fill` and `step` do the whole of eq. (17)–(23) in such rows, for any model and
+any of its parameters; `flexaxis.estimators.sampling.kernel` writes the same out for a pattern.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.sampling.compiler import compiled
-from flexaxis.estimators.sampling.pattern import unflatten
 
 Array = NDArray[np.float64]
 
@@ -112,40 +108,3 @@ def step(row, column, reset, M, X, u, weights, order, substeps):  # noqa: PLR091
                     X[i, a] += weights[k] * W[i, a]
                     V[i, a] = W[i, a]
             V[n, 0] = 0.0
-
-
-def evaluate(flat: tuple[int, ...], coefficients: Array, theta: Array, M: Array) -> None:
-    """
-    Write the entries that depend on θ, with their derivatives, as `fill` does.
-
-    Parameters
-    ----------
-    flat : tuple of int
-        The model's pattern, flat.
-    coefficients : (terms,) array
-    theta : (p,) array
-    M : (entries, lanes) array
-    """
-    pattern = unflatten(flat)
-    terms = np.array(pattern.terms, int).reshape(-1, 1 + pattern.p)
-    active = np.arange(pattern.p)
-    fill.function(terms[:, 0], terms[:, 1:], coefficients, theta, active, M)
-
-
-def advance(  # noqa: PLR0917
-    flat: tuple[int, ...], M: Array, X: Array, u: float, weights: Array, order: int, substeps: int
-) -> None:
-    """
-    Propagate x, its sensitivities and the output over one sample, as `step` does.
-
-    Parameters
-    ----------
-    flat : tuple of int
-        The model's pattern, flat.
-    M, X, u, weights, order, substeps
-        As for `step`.
-    """
-    pattern = unflatten(flat)
-    row, column, _ = np.array(pattern.entries, int).T
-    reset = np.array(pattern.reset, int)
-    step.function(row, column, reset, M, X, u, weights, order, substeps)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators.sampling.compiler import Compiled, inlined, remembered
-from flexaxis.estimators.sampling.lanes import advance, evaluate
+from flexaxis.estimators.sampling.kernel import advance, evaluate
 from flexaxis.estimators.sampling.pattern import Pattern
 from flexaxis.estimators.sampling.reaction import assign, couple, drives, react
 
@@ -26,13 +26,12 @@ def over_sample(pattern: Pattern) -> Compiled:
 
 
 def _linear(pattern: Pattern) -> Compiled:
-    flat = pattern.flat()
+    entries, series = evaluate(pattern), advance(pattern)
 
     @inlined
     def over(tuning, state, u):
-        evaluate(flat, tuning["coefficients"], state["theta"], state["M"])
-        advance(
-            flat,
+        entries(tuning["coefficients"], state["theta"], state["M"])
+        series(
             state["M"],
             state["X"],
             u,
@@ -46,7 +45,8 @@ def _linear(pattern: Pattern) -> Compiled:
 
 def _with_laws(pattern: Pattern) -> Compiled:
     # of the several steps of a sample the first only is preceded by a reset
-    flat, reset = pattern._replace(reset=()).flat(), np.array(pattern.reset, np.int64)
+    entries, series = evaluate(pattern), advance(pattern._replace(reset=()))
+    reset = np.array(pattern.reset, np.int64)
     first, n = pattern.states, pattern.n
 
     @inlined
@@ -74,12 +74,12 @@ def _with_laws(pattern: Pattern) -> Compiled:
             state["torque"],
             state["reach"],
         )
-        evaluate(flat, tuning["coefficients"], state["theta"], M)
+        entries(tuning["coefficients"], state["theta"], M)
         assign(laws[3], laws[4], state["theta"], work[3])
         for i in range(len(response)):
             clear(unit, 0, n + 1)
             unit[first + i, 0] = 1.0
-            advance(flat, M, unit, 0.0, weights, order, substeps)
+            series(M, unit, 0.0, weights, order, substeps)
             clear(unit, first, n)
             copy(unit, response[i])
         couple(laws[2], response, work[5])
@@ -88,7 +88,7 @@ def _with_laws(pattern: Pattern) -> Compiled:
         for _ in range(tuning["law_steps"]):
             clear(X, first, n)
             drives(laws[2], X, u, work[8])
-            advance(flat, M, X, u, weights, order, substeps)
+            series(M, X, u, weights, order, substeps)
             react(laws, tuning["law_h"], response, u, X, work)
 
     return over

@@ -43,25 +43,6 @@ class Pattern(NamedTuple):
         """Width of a row of lanes: a value and p derivatives, padded to whole registers."""
         return 2 if self.p == 1 else -4 * (-(1 + self.p) // 4)
 
-    def flat(self) -> tuple[int, ...]:
-        """Return all of it as one tuple of integers, which numba takes as constants."""
-        sizes = (self.n, self.p, len(self.reset), len(self.entries), self.laws)
-        return sizes + sum((self.reset, *self.entries, *self.terms), ())
-
-
-def unflatten(flat: tuple[int, ...]) -> Pattern:
-    """Undo `Pattern.flat`."""
-    n, p, resets, entries, laws = flat[:5]
-    reset, places, terms = np.split(flat[5:], [resets, resets + 3 * entries])
-    return Pattern(
-        n=n,
-        p=p,
-        reset=tuple(reset.tolist()),
-        entries=tuple(map(tuple, places.reshape(-1, 3).tolist())),
-        terms=tuple(map(tuple, terms.reshape(-1, 1 + p).tolist())),
-        laws=laws,
-    )
-
 
 def split(model: Parametrization) -> tuple[Pattern, NDArray[np.float64]]:
     """

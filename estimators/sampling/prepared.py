@@ -85,13 +85,12 @@ def prepare(terms, theta, active, further=0):
     return Prepared(D, ready(terms.laws, terms.n, theta, active, D, further))
 
 
-def ready(laws, n, theta, active, D, further):  # type: ignore[no-untyped-def] # noqa: PLR0917
-    """
-    Return laws at θ, None for none; compiled code decides that by the type.
-
-    As a branch it would return one or the other, which is a third type.
-    """
-    return None if laws is None else laws_ready(laws, n, theta, active, D, further)
+@compiled
+def ready(laws, n, theta, active, D, further):  # noqa: PLR0917
+    """Return laws at θ, None for none, which the compiler knows from the type."""
+    if laws is None:
+        return None
+    return laws_ready(laws, n, theta, active, D, further)
 
 
 @compiled

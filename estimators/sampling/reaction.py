@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.laws import MOST_ROLES
-from flexaxis.estimators.sampling.compiler import inlined, optimized
+from flexaxis.estimators.sampling.compiler import compiled, inlined
 from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, WIDTH, F, S, force
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ def room(L: int, lanes: int) -> dict[str, Array]:
     }
 
 
-@optimized
+@compiled
 def drives(drive, X, u, w):
     """Write the drives w (L, lanes) of states and derivatives X (≥ n, lanes), and of the input."""
     n = drive.shape[1] - 1
@@ -59,7 +59,7 @@ def drives(drive, X, u, w):
                     w[i, a] += drive[i, j] * X[j, a]
 
 
-@optimized
+@compiled
 def assign(value, parameter, theta, roles):
     """Write the parameters (L, R) of laws by role, at θ."""
     for i in range(len(roles)):
@@ -68,7 +68,7 @@ def assign(value, parameter, theta, roles):
             roles[i, r] = value[i, r] * theta[j] if j >= 0 else value[i, r]
 
 
-@optimized
+@compiled
 def couple(drive, response, gain):
     """Write G = ½ D Γ_F."""
     for i in range(len(gain)):
@@ -78,7 +78,7 @@ def couple(drive, response, gain):
                 gain[i, j] += 0.5 * drive[i, m] * response[j, m, 0]
 
 
-@optimized
+@compiled
 def react(laws, h, response, u, X, work):  # noqa: PLR0917
     """
     Add to a step what laws do in it, with derivatives.
@@ -165,7 +165,7 @@ def add(row, factor, other):
             row[a] += factor * other[a]
 
 
-@optimized
+@compiled
 def search(kind, memory, h, X, work):
     """
     Solve w̄ = c + G F(w̄) by Newton's method, from the torques of the step before.

@@ -1,22 +1,15 @@
 """
-Covariances in rows of vector registers: over a sample, through a measurement, mixed, and roots.
+Covariances of ξ = [θ; x], compiled: over a sample, through a measurement, and mixed.
 
-P is that of ξ = [θ; x], p parameters and n states, m = p + n of them: (m, w) with w from `padded`;
-what pads a row is zero. In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its
-block θθ only gains W. X (> n, ≥ 1+m) has G behind its first lane, rows of no account below it, and
-in its last row h, the derivative of the output. What is symmetric stays so to the last bit.
-
-These functions say what is done; `flexaxis.estimators.sampling.symmetric_code` has their twins for
-the compiler, straight-line code for sizes that it takes from the shapes of X, of W and of what is
-of length m.
+P is (m, w) for p parameters and n states, m = p + n, with w from `padded`; what pads a row is zero.
+In a sample θ stays and x moves, ξ⁺ = F ξ with F = [I 0; G], so that its block θθ only gains W.
+X (> n, ≥ 1+m) has G behind its first lane, rows of no account below it, and in its last row h, the
+derivative of the output. What is symmetric is computed once and stays so to the last bit.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-NOTHING = 1e-290  # a square of which the inverse, nearly, is no number: a column of it is none
+from flexaxis.estimators.sampling.compiler import fused
 
 
 def padded(m: int) -> int:
@@ -24,7 +17,8 @@ def padded(m: int) -> int:
     return -4 * (-m // 4)
 
 
-def look(X: Array, P: Array, Ph: Array) -> float:
+@fused
+def look(X, P, Ph):
     """
     Write P h, and return hᵀPh.
 
@@ -34,14 +28,19 @@ def look(X: Array, P: Array, Ph: Array) -> float:
         As above.
     Ph : (m,) array
     """
-    h = X[-1, 1 : 1 + len(Ph)]
-    Ph[:] = P[:, : len(Ph)] @ h
-    return float(h @ Ph)
+    m, spread = len(Ph), 0.0
+    for a in range(m):
+        Ph[a] = P[0, a] * X[-1, 1]
+    for q in range(1, m):
+        for a in range(m):
+            Ph[a] += P[q, a] * X[-1, 1 + q]
+    for a in range(m):
+        spread += Ph[a] * X[-1, 1 + a]
+    return spread
 
 
-def carry(  # noqa: PLR0917
-    X: Array, Ph: Array, root: float, W: Array, P: Array, gain: Array
-) -> None:
+@fused
+def carry(X, Ph, root, W, P, gain):  # noqa: PLR0917
     """
     Take P over a sample and through its measurement: P ← F P Fᵀ + W − k kᵀ, k = F P h·root.
 
@@ -57,15 +56,39 @@ def carry(  # noqa: PLR0917
         k, written.
     """
     m, p = len(gain), len(W)
-    F = np.eye(m)
-    F[p:] = X[: m - p, 1 : 1 + m]
-    gain[:] = F @ Ph * root
-    moved = F @ P[:, :m] @ F.T
-    moved[:p, :p] += W
-    P[:, :m] = np.tril(moved) + np.tril(moved, -1).T - np.outer(gain, gain)
+    G, GP = np.empty((m - p, m)), np.empty((m - p, m))
+    for i in range(m - p):
+        for b in range(m):
+            G[i, b] = X[i, 1 + b]
+            GP[i, b] = X[i, 1] * P[0, b]
+        for q in range(1, m):  # whole rows at a time: their elements go side by side
+            for b in range(m):
+                GP[i, b] += X[i, 1 + q] * P[q, b]
+        gain[p + i] = root * dot(GP[i], X[-1, 1:])
+    for a in range(p):
+        gain[a] = root * Ph[a]
+        for b in range(a + 1):
+            P[a, b] = P[b, a] = P[a, b] + W[a, b] - gain[a] * gain[b]
+    for i in range(m - p):
+        a = p + i
+        for b in range(p):
+            P[a, b] = P[b, a] = GP[i, b] - gain[a] * gain[b]
+        for j in range(i + 1):
+            b = p + j
+            P[a, b] = P[b, a] = dot(GP[i], G[j]) - gain[a] * gain[b]
 
 
-def merge(share: float, P: Array, other: Array, apart: Array) -> None:
+@fused
+def dot(a, b):
+    """Return Σ a·b over the length of a."""
+    total = 0.0
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return total
+
+
+@fused
+def merge(share, P, other, apart):
     """
     P ← (1−s) P + s P' + s (1−s) d dᵀ, the covariance of a mixture of two.
 
@@ -77,24 +100,9 @@ def merge(share: float, P: Array, other: Array, apart: Array) -> None:
     apart : (m,) array
         d, the difference of their means.
     """
-    e = np.zeros(P.shape[1])
-    e[: len(apart)] = np.sqrt(share * (1 - share)) * apart
-    P[:] = (1 - share) * P + share * other + np.outer(e[: len(P)], e)
-
-
-def triangularize_columns(A: Array, R: Array) -> None:
-    """
-    Write the transposed Cholesky factor R, upper triangular, of A Aᵀ (Householder).
-
-    As `flexaxis.estimators.recursion.square_root.triangularize` does of Aᵀ.
-
-    Parameters
-    ----------
-    A : (c, r) array
-        Columns of what is triangularised, as rows; r a multiple of four.
-    R : (c, c) array
-        What is below the diagonal is left as it is.
-    """
-    root = np.linalg.qr(A.T)[1]
-    above = np.triu_indices(len(R))
-    R[above] = (root * np.where(np.diag(root) < 0, -1.0, 1.0)[:, None])[above]
+    rest = 1.0 - share
+    root = np.sqrt(share * rest)
+    for a in range(len(apart)):
+        for b in range(len(apart)):
+            mine = rest * P[a, b] + share * other[a, b]
+            P[a, b] = mine + (root * apart[a]) * (root * apart[b])

@@ -1,33 +1,143 @@
-"""An entry as files: what is in it, and whether it is as it was written. Nothing of it is run."""
+"""An entry as files: what it says of itself, and whether it is as it was written.
+
+It holds no number that its keeper computes himself: its own rows, about whom and what it is, and
+its code. Nothing of it is run here.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from flexaxis.experiments.board.about import ASKED, About, checked
-from flexaxis.experiments.board.errors import EntryError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from flexaxis.experiments.board.suite import REPORTING, EntryError
 from flexaxis.experiments.running.files import dumps, write_json
-from flexaxis.sim.reading import json_value, read_text, shown
+from flexaxis.experiments.scoring.tracks import NUISANCE, track_of
+from flexaxis.experiments.studies.knobs import setting
+from flexaxis.experiments.studies.sweep import TURNS
+from flexaxis.sim.errors import did_you_mean
+from flexaxis.sim.reading import json_value, read_text, read_toml, shown
+from flexaxis.sim.scenario import Scenario
 
-ENTRY, SUMMARY, RUN = "entry.json", "summary.json", "run"
-FORM = 1
-MOST_FILES, MOST_BYTES = 200, 64_000_000
+ENTRY, ROWS, CODE = "entry.json", "rows.jsonl", "code"
+MOST_FILES, MOST_BYTES = 200, 32_000_000
 """What an entry may hold: a full one has a few files and some ten million bytes."""
 
 _PATH = re.compile(r"(?:[\w.+-]+/){0,6}[\w.+-]+")
-_HASH = re.compile(r"[0-9a-f]{64}")
-_KINDS: Mapping[str, type | tuple[type, ...]] = {
-    "form": int, "about": dict, "estimator": str, "suite": dict, "quick": bool, "left_out": dict,
-    "settings": dict, "environment": dict, "command": str, "files": dict, "digest": str,
-}  # fmt: skip
+_PLAIN = re.compile(r"[A-Za-z0-9_.+-]{1,60}")
+_LICENCE = re.compile(r"[A-Za-z0-9.+() -]{2,60}")
+_CONTACT = re.compile(r"[^\s@<>]+@[^\s@<>]+\.[^\s@<>]+|https://[^\s<>\"']{4,}")
+_SEEDS = re.compile(r"none|[0-9]{1,9}:[0-9]{1,9}(, ?[0-9]{1,9}:[0-9]{1,9})*")
+
+ASKED: Mapping[str, tuple[re.Pattern[str], str]] = {
+    "name": (_PLAIN, "letters of ASCII, digits, . + - _ , such as my-tracker"),
+    "version": (_PLAIN, "such as 1.0"),
+    "licence": (_LICENCE, "an SPDX name, such as MIT or Apache-2.0, or proprietary"),
+    "contact": (_CONTACT, "an address of mail, or one that begins with https://"),
+    "description": (re.compile(r"(?s).{10,600}"), "a sentence or two, 10 to 600 characters"),
+    "install": (re.compile(r".{2,300}"), "the line that installs what it needs"),
+    "tuned_on": (_SEEDS, "the seeds that were looked at while tuning, such as 0:100, or none"),
+}
+"""What an entry is asked to say of itself, and how it is written."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
+class About:
+    """What an entry says of itself, as in `ASKED`; all of it is the entrant's text."""
+
+    name: str
+    version: str
+    licence: str
+    contact: str
+    description: str
+    install: str
+    tuned_on: str
+
+    @property
+    def label(self) -> str:
+        """Name and version; entries of one name are versions of one estimator."""
+        return f"{self.name} {self.version}"
+
+
+def about_from(file: Path | None, given: Mapping[str, Any], usual: Mapping[str, str]) -> About:
+    """Return what a file and options say, the options before the file, else what is usual.
+
+    Raises
+    ------
+    EntryError
+        With a line for everything that is missing or wrong.
+    """
+    table = read_toml(file, EntryError) if file else {}
+    unknown = [f"{file}: {k}: unknown.{did_you_mean(k, ASKED)}" for k in table if k not in ASKED]
+    options = {key: value for key, value in given.items() if value is not None}
+    return checked(dict(usual) | table | options, also=unknown)
+
+
+def checked(table: Mapping[str, Any], *, also: list[str] | None = None) -> About:
+    """Return a table as what an entry says of itself; errors as from `about_from`."""
+    problems = [*(also or ()), *(text for key in ASKED if (text := _problem(key, table.get(key))))]
+    if problems:
+        raise EntryError(*problems)
+    return About(**{field.name: table[field.name].strip() for field in fields(About)})
+
+
+def _problem(key: str, value: Any) -> str:
+    pattern, words = ASKED[key]
+    how = f'--{key.replace("_", "-")} or {key} = "…" in the file of --about: {words}'
+    if value is None:
+        return f"{key}: missing; {how}"
+    if not isinstance(value, str) or not pattern.fullmatch(value.strip()):
+        return f"{key}: {shown(value)} is not what is asked; {how}"
+    if any(ord(c) < 32 and c != "\n" for c in value):
+        return f"{key}: has characters that control a terminal; {how}"
+    if key == "tuned_on" and _reported(value):
+        return (
+            f"tuned_on: {value} has seeds from {REPORTING[0]} on, which are kept for reporting: an "
+            "entry that was tuned on them is not eligible"
+        )
+    return ""
+
+
+def _reported(text: str) -> bool:
+    """Whether ranges of seeds meet those that are kept for reporting."""
+    ranges = [[int(end) for end in each.split(":")] for each in text.split(",") if ":" in each]
+    return any(first < REPORTING.stop and last > REPORTING.start for first, last in ranges)
+
+
+def _turns(turns: list[float]) -> list[float]:
+    if not {*turns} <= {*TURNS} or len({*turns}) != len(turns) or 1.0 not in turns:
+        raise ValueError("turns of a knob that `flexaxis submit` tries, each once, 1 among them")
+    return turns
+
+
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+
+
+class _Form(BaseModel):
+    """What stands in entry.json."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    form: Literal[2]
+    about: dict[str, Any]
+    estimator: str
+    suite: str
+    quick: bool
+    knob: dict[str, dict[_Name, float]]
+    turns: dict[str, Annotated[list[float], AfterValidator(_turns)]]
+    left_out: dict[str, str]
+    environment: dict[str, str]
+    command: str
+    files: Annotated[dict[str, str], Field(max_length=MOST_FILES)]
+    digest: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """An entry that is as it was written.
 
@@ -37,15 +147,17 @@ class Entry:
     about : About
     estimator : str
         As for `--estimator`, seen from the folder.
-    suite : dict
-        ``name, hash, scenarios`` (hash by name), ``seeds``.
+    suite : str
+        Hash of the board that it was made on.
     quick : bool
         Whether it was made for trying, with few seeds.
-    left_out : dict of str to str
+    knob : mapping of str to mapping
+        Its options at each turn of the knob; empty without one.
+    turns : mapping of str to list of float
+        By scenario that was run, the turns.
+    left_out : mapping of str to str
         Why a scenario was not run.
-    settings : dict
-        By scenario, the settings that were run and the turns of the knob.
-    environment : dict of str to str
+    environment : mapping of str to str
     command : str
         The line that made it.
     digest : str
@@ -55,10 +167,11 @@ class Entry:
     folder: Path
     about: About
     estimator: str
-    suite: Mapping[str, Any]
+    suite: str
     quick: bool
+    knob: Mapping[str, Mapping[str, float]]
+    turns: Mapping[str, list[float]]
     left_out: Mapping[str, str]
-    settings: Mapping[str, Mapping[str, float]]
     environment: Mapping[str, str]
     command: str
     digest: str
@@ -69,27 +182,36 @@ class Entry:
         return self.about.label
 
     @property
-    def run(self) -> Path:
-        """The folder of its rows."""
-        return self.folder / RUN
-
-    @property
     def code(self) -> list[Path]:
         """The files of its code, in order."""
-        return sorted(path for path in (self.folder / "code").rglob("*") if path.is_file())
+        return sorted(path for path in (self.folder / CODE).rglob("*") if path.is_file())
+
+    def settings(self, scenario: Scenario) -> dict[str, float]:
+        """Return the settings that were run on a scenario, with the turns of the knob.
+
+        A turn means the same on all scenarios: what is compared at equal noise is one estimator.
+        Where nothing is to be traded off there is one, as entered.
+        """
+        turns = self.turns.get(scenario.name)
+        if turns is None:
+            return {}
+        if not self.knob or track_of(scenario) == NUISANCE:
+            return {self.estimator: 1.0}
+        return {setting(self.estimator, self.knob[str(turn)]): turn for turn in turns}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return its rows; EntryError if a line is no table."""
+        text = read_text(self.folder / ROWS, EntryError)
+        found = [json_value(line, source=ROWS, refuse=EntryError) for line in text.splitlines()]
+        if not all(isinstance(row, dict) for row in found):
+            raise EntryError(f"{self.folder}: {ROWS}: has lines that are no rows")
+        return found
 
 
-def is_entry(folder: Path) -> bool:
-    """Whether a folder holds an entry, as far as its names tell."""
-    return (folder / ENTRY).is_file()
-
-
-def seal(folder: Path, content: Mapping[str, Any]) -> str:
-    """Write entry.json with the digests of all files beside it; return that of the whole."""
-    whole = {"form": FORM, **content, "files": _files(folder)}
-    whole["digest"] = _digest(whole)
-    write_json(folder / ENTRY, whole)
-    return str(whole["digest"])
+def seal(folder: Path, content: Mapping[str, Any]) -> None:
+    """Write entry.json with the digests of all files beside it, and that of the whole."""
+    whole = {"form": 2, **content, "files": {n: _checksum(folder / n) for n in _names(folder)}}
+    write_json(folder / ENTRY, whole | {"digest": _digest(whole)})
 
 
 def read(folder: Path) -> Entry:
@@ -103,99 +225,48 @@ def read(folder: Path) -> Entry:
     """
     text = read_text(folder / ENTRY, EntryError)
     content = json_value(text, source=str(folder / ENTRY), refuse=EntryError)
-    problems = list(_of_form(folder, content))
-    if not problems:
-        problems = list(_of_files(folder, content))
-    if problems:
-        raise EntryError(*(f"{folder}: {problem}" for problem in problems))
-    about = checked({key: content["about"].get(key) for key in ASKED})
-    names = ("estimator", "suite", "quick", "left_out", "settings", "environment", "command")
-    own = {name: content[name] for name in names}
-    return Entry(folder=folder, about=about, digest=content["digest"], **own)
-
-
-def _of_form(folder: Path, content: Any) -> Iterator[str]:
-    if not isinstance(content, dict):
-        yield f"{ENTRY} holds no table"
-        return
-    if content.get("form") != FORM:
-        yield f"{ENTRY} has the form {shown(content.get('form'))}; this reads {FORM}"
-        return
-    for key, kind in _KINDS.items():
-        if not isinstance(content.get(key), kind):
-            yield f"{ENTRY}: {key}: missing or not of its kind"
-    if not (content.keys() <= _KINDS.keys()):
-        yield f"{ENTRY}: unknown keys {', '.join(sorted(map(shown, content.keys() - _KINDS)))}"
     try:
-        checked({key: content["about"].get(key) for key in ASKED})
-    except EntryError as error:
-        yield from error.problems
-    except (KeyError, AttributeError):
-        pass  # said above
-    yield from _of_tables(content)
-
-
-def _of_tables(content: Mapping[str, Any]) -> Iterator[str]:
-    suite = content.get("suite")
-    if isinstance(suite, dict):
-        seeds, hashes = suite.get("seeds"), suite.get("scenarios")
-        if not (isinstance(seeds, list) and all(type(s) is int for s in seeds) and seeds):
-            yield f"{ENTRY}: suite.seeds: a list of numbers is needed"
-        if not (isinstance(hashes, dict) and all(isinstance(h, str) for h in hashes.values())):
-            yield f"{ENTRY}: suite.scenarios: a table of hashes is needed"
-    for key in ("left_out", "environment"):
-        table = content.get(key)
-        if isinstance(table, dict) and not all(isinstance(v, str) for v in table.values()):
-            yield f"{ENTRY}: {key}: a table of texts is needed"
-    for name, line in (content.get("settings") or {}).items():
-        turns = line.values() if isinstance(line, dict) else [None]
-        if not all(isinstance(x, int | float) and 0 < x < 1e6 for x in turns):
-            yield f"{ENTRY}: settings.{shown(name)}: turns of a knob are numbers above 0"
+        form = _Form.model_validate(content)
+    except ValidationError as error:
+        lines = [(".".join(map(str, e["loc"])), e["msg"]) for e in error.errors()[:10]]
+        raise EntryError(*(f"{folder / ENTRY}: {shown(k)}: {msg}" for k, msg in lines)) from error
+    turns = {str(turn) for line in form.turns.values() for turn in line}
+    if form.knob and turns - form.knob.keys():
+        raise EntryError(f"{folder / ENTRY}: knob: lacks turns that were run")
+    if problems := list(_of_files(folder, content)):
+        raise EntryError(*(f"{folder}: {problem}" for problem in problems))
+    own = {f.name: getattr(form, f.name) for f in fields(Entry) if f.name in _Form.model_fields}
+    own["about"] = checked(form.about)
+    return Entry(folder=folder, **own)
 
 
 def _of_files(folder: Path, content: Mapping[str, Any]) -> Iterator[str]:
     if _digest(content) != content["digest"]:
         yield f"{ENTRY} is not as it was written (its digest is another one)"
     wanted = content["files"]
-    if len(wanted) > MOST_FILES:
-        yield f"{len(wanted)} files; {MOST_FILES} are allowed"
+    strange = [path for path in wanted if not _PATH.fullmatch(path) or ".." in path.split("/")]
+    if strange:
+        yield f"{shown(strange[0])} is no name of a file in an entry"
         return
-    problems, size = [], 0
-    for path, about in wanted.items():
-        if not (_PATH.fullmatch(path) and ".." not in path.split("/")):
-            problems.append(f"{shown(path)} is no name of a file in an entry")
-        elif problem := _of_file(folder, path, about):
-            problems.append(f"{path}: {problem}")
-        else:
-            size += about["bytes"]
-    yield from problems
+    for path, checksum in wanted.items():
+        if problem := _of_file(folder, path, checksum):
+            yield f"{path}: {problem}"
+    for path in sorted({*_names(folder)} - wanted.keys()):
+        yield f"{shown(path)} is in the folder, but not among the files of {ENTRY}"
+    size = sum(path.stat().st_size for name in wanted if (path := folder / name).is_file())
     if size > MOST_BYTES:
         yield f"{size} bytes; {MOST_BYTES} are allowed"
-    for path in sorted(set(_names(folder)) - wanted.keys()):
-        yield f"{shown(path)} is in the folder, but not among the files of {ENTRY}"
 
 
-def _of_file(folder: Path, name: str, about: Any) -> str:
+def _of_file(folder: Path, name: str, checksum: str) -> str:
     path = folder / name
-    if not (isinstance(about, dict) and type(about.get("bytes")) is int):
-        return "size and checksum are missing"
     if path.is_symlink() or not path.resolve().is_relative_to(folder.resolve()):
         return "is a link, which an entry may not hold"
     if not path.is_file():
         return "is missing"
-    if path.stat().st_size != about["bytes"] or about["bytes"] > MOST_BYTES:
-        return f"has {path.stat().st_size} bytes, {about['bytes']} were written"
-    if not _HASH.fullmatch(str(about.get("sha256"))) or _checksum(path) != about["sha256"]:
+    if path.stat().st_size > MOST_BYTES or _checksum(path) != checksum:
         return "is not as it was written (its checksum is another one)"
     return ""
-
-
-def _files(folder: Path) -> dict[str, dict[str, Any]]:
-    found = {}
-    for name in _names(folder):
-        path = folder / name
-        found[name] = {"sha256": _checksum(path), "bytes": path.stat().st_size}
-    return found
 
 
 def _names(folder: Path) -> list[str]:

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.board.collect import VERIFIED, Taken, in_order, newest
-from flexaxis.experiments.board.held_out import LogScore
-from flexaxis.experiments.board.standing import MEASURES, standings
+from flexaxis.experiments.board.collection import VERIFIED, Taken, in_order, newest
+from flexaxis.experiments.board.ranking import MEASURES, standings
+from flexaxis.experiments.board.real_logs import LogScore
 from flexaxis.experiments.board.suite import Board
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.page import charted, render

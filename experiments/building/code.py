@@ -12,7 +12,7 @@ from pathlib import Path
 
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.given import is_given, written
-from flexaxis.experiments.building.neighbours import imported_neighbours
+from flexaxis.experiments.building.neighbours import content_of, imported_neighbours
 from flexaxis.experiments.building.specs import piped
 
 SHORT = 12  # hexadecimal digits: enough to tell versions apart, few enough to read
@@ -23,7 +23,8 @@ def digest(estimator: str) -> str | None:
 
     That is the file of ``path.py:Class`` with what it imports from its folder, the file of
     ``module:Class``, and of ``pipe:COMMAND`` every word of the command that is a file here. What
-    the latter two import or call in turn is not looked at.
+    the latter two import or call in turn is not looked at. A file that was imported here is as it
+    was then.
 
     Parameters
     ----------
@@ -34,13 +35,13 @@ def digest(estimator: str) -> str | None:
         return sha256(written(estimator.partition("[")[0].strip())).hexdigest()[:SHORT]
     if not names_code(estimator):
         return None
-    content = b"".join(_content(path) for path in _named(estimator))
+    content = b"".join(content_of(path) for path in _named(estimator))
     return sha256(content).hexdigest()[:SHORT]
 
 
 def _named(estimator: str) -> list[Path]:
-    if program := piped(estimator):
-        return [Path(word) for word in shlex.split(program[1])]
+    if command := piped(estimator):
+        return [Path(word) for word in shlex.split(command)]
     module = estimator.partition("[")[0].rpartition(":")[0]
     if module.endswith(".py"):
         return [Path(module), *imported_neighbours(Path(module).resolve())]
@@ -49,10 +50,6 @@ def _named(estimator: str) -> list[Path]:
     except (ImportError, ValueError):  # it does not exist: said where it is to be built
         return []
     return [Path(found.origin)] if found and found.origin else []
-
-
-def _content(path: Path) -> bytes:
-    return path.read_bytes() if path.is_file() else b""
 
 
 @cache

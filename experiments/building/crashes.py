@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sysconfig
@@ -33,6 +34,21 @@ def crash(text: str, doing: str, error: BaseException) -> EstimatorCrash:
         What it raised.
     """
     return EstimatorCrash(f"{text} crashed {doing}: {described(error)}")
+
+
+_NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EMFILE, errno.ENFILE}
+
+
+def is_its_own(error: BaseException) -> bool:
+    """Whether an error is the estimator's, and not of memory, a disk, or a missing package."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, MemoryError | ModuleNotFoundError):
+            return False
+        if isinstance(cause, OSError) and cause.errno in _NO_ROOM:
+            return False
+        cause = cause.__cause__
+    return True
 
 
 def described(error: BaseException) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.guest import hosted
-from flexaxis.experiments.building.neighbours import PRIVATE, move_to
+from flexaxis.experiments.building.neighbours import PRIVATE, imported_neighbours, move_to, remember
 from flexaxis.sim.errors import did_you_mean
 
 
@@ -34,7 +34,7 @@ def module_of(name: str) -> Any:
         If there is none, or it cannot be imported.
     """
     if not name.endswith(".py"):
-        return imported(name, lambda: importlib.import_module(name))
+        return imported(name, lambda: _by_name(name))
     if not Path(name).is_file():
         raise no_file(Path(name))
     return imported(name, lambda: _file(Path(name).resolve()))
@@ -51,8 +51,17 @@ def imported(name: str, load: Callable[[], Any]) -> Any:
         raise EstimatorError(f"{name} cannot be imported: {told}{_hidden(name, cause)}") from error
 
 
+def _by_name(name: str) -> Any:
+    new = name not in sys.modules
+    module = importlib.import_module(name)
+    if new and module.__file__:
+        remember(Path(module.__file__).resolve())
+    return module
+
+
 @lru_cache
 def _file(path: Path) -> Any:
+    remember(path, *imported_neighbours(path))
     move_to(path.parent)
     name = f"{PRIVATE}{sha256(str(path).encode()).hexdigest()[:12]}_{path.stem}"
     spec = spec_from_file_location(name, path)

@@ -69,6 +69,27 @@ def _top(name: str, file: Path, folder: Path) -> bool:
     return file in {there.with_name(f"{there.name}.py"), there / "__init__.py"}
 
 
+_imported: dict[Path, bytes] = {}
+
+
+def remember(file: Path, *besides: Path) -> None:
+    """Keep what a file holds that is imported now, and files that go with it, if they are new."""
+    for each in (file, *besides):
+        if each.is_file() and (each == file or each not in _imported):
+            _imported[each] = each.read_bytes()
+
+
+def content_of(file: Path) -> bytes:
+    """Return what a file held when it was imported here; else what it holds, nothing if it is none.
+
+    Whoever edits a file while it runs has not run what he wrote.
+    """
+    known = _imported.get(file.resolve())
+    if known is None:
+        return file.read_bytes() if file.is_file() else b""
+    return known
+
+
 def imported_neighbours(file: Path) -> list[Path]:
     """Return the files beside a file that it imports, and those import in turn, in order of name.
 

@@ -1,28 +1,41 @@
-"""Estimators in another process and any language: JSON lines on its stdin and stdout.
+"""Estimators in another process and any language: binary blocks on its stdin and stdout.
 
-docs/pipes.md has the protocol, docs/examples/ a program in Python and one in GNU Octave.
+docs/pipes.md has the protocol to the byte; `flexaxis new my_estimator.c` writes a program with all
+of it.
 """
 
 from __future__ import annotations
 
-import json
 import os
+import select
+import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.programs import PATIENCE, Program
 
-PROTOCOL = 1
-HOW = "answer every line with one line, and flush it"
-BINARY = "a program that reads and writes blocks of numbers is pipe-binary:, not pipe:"
+VERSION = 1
+MAGIC, MARK = b"FLEXAXIS", 0x01020304
+NAME = 32  # bytes of a name, with at least one NUL behind it
+HEAD = struct.Struct("<8sII")  # of both sides: magic, version, mark of the byte order
+ASKED = struct.Struct("<dIII")  # period [s], output, number of nominal values, of names
+ANSWERED = struct.Struct("<II")  # number of names, output
+OUTPUTS = ("speed", "increment")
+COUNT = struct.Struct("<Q")  # samples that follow; 0: the run has ended
+SAMPLE = struct.Struct("<Qdd")  # one sample, its count before it
+ROOM = 32768  # bytes in flight each way: half of what a pipe holds, so that neither side waits
+MOST_NAMES = 64  # of estimates: more is a mistake, or no number at all
+HOW = (
+    "answer n samples by n times p numbers of 8 bytes, and flush them. Lines of JSON, as in "
+    "flexaxis 0.1, are no longer read: docs/pipes.md"
+)
 
 
 class PipeEstimator:
-    """An estimator that is a program: one line of JSON a sample there, one back.
+    """An estimator that is a program: blocks of samples there, blocks of estimates back.
 
     The program is started at once, and ends when this object does.
 
@@ -57,79 +70,132 @@ class PipeEstimator:
         output: str = "speed",
         patience: float = PATIENCE,
     ) -> None:
-        self._lines = _Lines(command, patience)
-        answer = self._lines.ask(
-            {
-                "flexaxis": PROTOCOL,
-                "names": list(identify),
-                "nominal": dict(nominal),
-                "period": period,
-                "output": output,
-            }
-        )
-        self.names = tuple(_field(answer, "names"))
-        self.output = answer.get("output", output)
+        self._program = Program(command, patience, "pipe:./my_estimator")
+        header = _header(nominal, period, identify, output)
+        with self._program.in_time():
+            self._send(header, "the header")
+            self.names, self.output = self._answer()
+        self._theta = np.empty((1, len(self.names)))
 
     def step(self, u: float, y: float | None) -> NDArray[np.float64]:
-        """Send u[k] and y[k] (null in a gap), return θ[k] (p,) of the answer."""
-        answer = self._lines.ask({"u": u, "y": y})
-        # Octave's jsonencode writes NaN as null and a single number without brackets.
-        theta = np.array(_field(answer, "theta"), float, ndmin=1)
-        if theta.shape != (len(self.names),):
-            raise EstimatorError(
-                f"the program answered theta of the shape {theta.shape}; one number for each "
-                f"of {', '.join(self.names)} is needed"
-            )
+        """Send u[k] and y[k] (NaN in a gap), return θ[k] (p,) of the answer."""
+        with self._program.in_time():
+            self._ask(SAMPLE.pack(1, u, np.nan if y is None else y), self._theta)
+        return self._theta[0].copy()
+
+    def run(
+        self, u: ArrayLike, y: ArrayLike, valid: ArrayLike | None = None
+    ) -> NDArray[np.float64]:
+        """Send u and y (N,), return θ (N, p); the same numbers as step by step, in blocks."""
+        u, y = np.asarray(u, float), np.asarray(y, float)
+        if valid is not None:
+            y = np.where(valid, y, np.nan)
+        samples = np.stack([u, y], axis=1).astype("<f8")
+        theta = np.empty((len(u), len(self.names)))
+        block = max(1, ROOM // (8 * max(2, len(self.names))))
+        for start in range(0, len(u), block):
+            some = samples[start : start + block]
+            try:
+                with self._program.in_time():
+                    self._ask(COUNT.pack(len(some)) + some.tobytes(), theta[start : start + block])
+            except EstimatorError as error:
+                error.at_sample = start  # type: ignore[attr-defined]  # for who says where it was
+                raise
         return theta
 
+    def _ask(self, content: bytes, theta: NDArray[np.float64]) -> None:
+        """Send samples and wait for their estimates (n, p)."""
+        if select.select([self._program.back], [], [], 0)[0]:
+            self._unasked(theta.shape[1])
+        self._send(content, "estimates")
+        self._receive(theta.data.cast("B"), "estimates")
+        if not _LITTLE:
+            theta.byteswap(inplace=True)
 
-class _Lines:
-    """A program that is asked one line at a time."""
+    def _unasked(self, p: int) -> None:
+        """Refuse what was said before it was asked for; the end of the program says itself."""
+        more = len(os.read(self._program.back, 1 << 16))
+        if not more:
+            raise self._silent("estimates")
+        raise EstimatorError(
+            f"the program wrote {more} bytes more than were asked for: n samples are answered by "
+            f"n times {p} numbers of 8 bytes. Print nothing else to stdout"
+        )
 
-    def __init__(self, command: str, patience: float) -> None:
-        self.program = Program(command, patience, "pipe:octave-cli -q my.m")
-        self._rest = b""
+    def _answer(self) -> tuple[tuple[str, ...], str]:
+        """Return the names that the program estimates, and the output that it reads."""
+        head = bytearray(HEAD.size)
+        self._receive(memoryview(head), "its header")
+        _check_head(*HEAD.unpack(head))
+        rest = bytearray(ANSWERED.size)
+        self._receive(memoryview(rest), "its header")
+        p, output = ANSWERED.unpack(rest)
+        if not 0 < p <= MOST_NAMES or output >= len(OUTPUTS):
+            raise EstimatorError(
+                f"the program's header has {p} names and output {output}: 1 to {MOST_NAMES} names "
+                "and output 0 (speed) or 1 (increment) are needed, as 32-bit integers"
+            )
+        names = bytearray(NAME * p)
+        self._receive(memoryview(names), f"{p} names of {NAME} bytes")
+        fields = (bytes(names[i : i + NAME]) for i in range(0, len(names), NAME))
+        return tuple(_text(field) for field in fields), OUTPUTS[output]
 
-    def ask(self, content: Mapping[str, Any]) -> dict[str, Any]:
-        """Send a line and return the answer."""
-        with self.program.in_time():
-            there = self.program.send(json.dumps(content).encode() + b"\n")
-            line = self._line() if there else b""
-        if not line:
-            why = self.program.what_happened("an answer", HOW)
-            raise EstimatorError(f"the program {why}; {BINARY}")
-        return _parsed(line)
+    def _send(self, content: bytes, instead: str) -> None:
+        if not self._program.send(content):
+            raise self._silent(instead)
 
-    def _line(self) -> bytes:
-        """Return the next line; what there is at the end; nothing after it."""
-        parts = [self._rest]
-        while b"\n" not in parts[-1]:
-            part = os.read(self.program.back, 65536)
+    def _receive(self, view: memoryview, what: str) -> None:
+        got = 0
+        while got < len(view):
+            part = os.read(self._program.back, len(view) - got)
             if not part:
-                break
-            parts.append(part)
-        line, end, self._rest = b"".join(parts).partition(b"\n")
-        return line + end
+                raise self._silent(f"{what} (it wrote {got} of {len(view)} bytes)")
+            view[got : got + len(part)] = part
+            got += len(part)
+
+    def _silent(self, what: str) -> EstimatorError:
+        return EstimatorError(f"the program {self._program.what_happened(what, HOW)}")
 
 
-def _parsed(line: bytes) -> dict[str, Any]:
-    try:
-        answer = json.loads(line)
-    except (ValueError, RecursionError):
-        answer = None
-    if not isinstance(answer, dict):
+_LITTLE = struct.pack("=I", 1) == struct.pack("<I", 1)
+
+
+def _check_head(magic: bytes, version: int, mark: int) -> None:
+    """Refuse an answer that is none, or none of this kind."""
+    if magic != MAGIC:
         raise EstimatorError(
-            f"the program answered {line[:80].decode(errors='replace').strip()!r}; one JSON "
-            'object on a line is needed, such as {"theta": [1.0, 1.25, 0.05]}. Print nothing else '
-            f"to stdout; {BINARY}"
+            f"the program answered {magic!r}, and an answer begins with {MAGIC!r}: print nothing "
+            "else to stdout; lines of JSON, as in flexaxis 0.1, are no longer read (docs/pipes.md)"
         )
-    return answer
-
-
-def _field(answer: Mapping[str, Any], key: str) -> Any:
-    if key not in answer:
+    if mark == int.from_bytes(MARK.to_bytes(4, "little"), "big"):
         raise EstimatorError(
-            f"the program answered {json.dumps(answer)[:80]}, which has no {key!r}"
+            "the program writes the bytes of a number in the wrong order: the smallest goes first "
+            "(little-endian), in what it reads as well"
         )
-    value = answer[key]
-    return value if isinstance(value, list) else [value]
+    if version != VERSION or mark != MARK:
+        raise EstimatorError(
+            f"the program speaks version {version} (mark {mark:#010x}), flexaxis version "
+            f"{VERSION} (mark {MARK:#010x}): docs/pipes.md has the header to the byte"
+        )
+
+
+def _header(
+    nominal: Mapping[str, float], period: float, identify: Sequence[str], output: str
+) -> bytes:
+    """Return what a program is told before the first sample."""
+    values = {name: x for name, x in nominal.items() if isinstance(x, int | float)}
+    parts = [
+        HEAD.pack(MAGIC, VERSION, MARK),
+        ASKED.pack(period, OUTPUTS.index(output), len(values), len(identify)),
+        *(_field(name) + struct.pack("<d", x) for name, x in values.items()),
+        *map(_field, identify),
+    ]
+    return b"".join(parts)
+
+
+def _field(name: str) -> bytes:
+    return name.encode()[: NAME - 1].ljust(NAME, b"\0")
+
+
+def _text(field: bytes) -> str:
+    return field.partition(b"\0")[0].decode(errors="replace").strip()

@@ -14,9 +14,25 @@ from contextlib import contextmanager
 from typing import IO
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.inherited import held_back
 
 PATIENCE = 30.0  # s that a program may take for an answer, its start included
+
+
+@contextmanager
+def held_back() -> Iterator[None]:
+    """Hold Ctrl-C back while a process may be started, which inherits that.
+
+    A terminal sends it to all, and it is for us alone: else a program or a worker would end in the
+    middle of its work, and that would look like a fault.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class Program:

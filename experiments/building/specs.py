@@ -2,10 +2,9 @@
 
 Forms: a name of the registry, ``path/file.py:Class``, ``package.module:Class``, or the name of
 an entry point in the group `flexaxis.estimators`; each with options in brackets, written as in
-TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND`` or, faster,
-``pipe-binary:COMMAND``, a program in any language. All but the first run the code they name, so
-that text which was not typed on the command line goes through
-`flexaxis.experiments.building.consent` before it comes here.
+TOML: ``rpem-forgetting[forgetting=0.99, regularization=1e-6]``. And ``pipe:COMMAND``, a program in
+any language. All but the first run the code they name, so that text which was not typed on the
+command line goes through `flexaxis.experiments.building.consent` before it comes here.
 """
 
 from __future__ import annotations
@@ -29,7 +28,6 @@ from flexaxis.experiments.building.nominal import Nominal
 from flexaxis.experiments.building.offer import Offer, Torques, offer_of, torque_of
 from flexaxis.experiments.building.offering import Misfit, keywords, offered_to
 from flexaxis.experiments.building.pipe import PipeEstimator
-from flexaxis.experiments.building.pipe_binary import BinaryPipeEstimator
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import ESTIMATED_ONLY, LAW_NAMES
@@ -38,12 +36,8 @@ from flexaxis.sim.reading import shown, toml_tables
 from flexaxis.sim.scenario import Scenario
 
 ENTRY_POINTS = "flexaxis.estimators"
-PIPES: Mapping[str, Callable[..., Estimator]] = {
-    "pipe:": PipeEstimator,
-    "pipe-binary:": BinaryPipeEstimator,
-    "pipe-binary-step:": partial(BinaryPipeEstimator, stepwise=True),
-}
-"""What a program is asked by, from how its command begins."""
+PIPE = "pipe:"
+"""How the command of a program begins."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +57,8 @@ def parse(text: str) -> Spec:
     EstimatorError
         If there is no such estimator or option, or its file cannot be imported.
     """
-    if program := piped(text):  # brackets are part of the command
-        make, command = program
-        return Spec(text, partial(make, command), {})
+    if command := piped(text):  # brackets are part of the command
+        return Spec(text, partial(PipeEstimator, command), {})
     name, _, rest = text.partition("[")
     make = _find(name.strip())
     options = _options(rest, text)
@@ -84,17 +77,15 @@ def parse(text: str) -> Spec:
     return Spec(text, make, options)
 
 
-def piped(text: str) -> tuple[Callable[..., Any], str] | None:
-    """Return what makes an estimator of a program, and its command; None for any other text.
+def piped(text: str) -> str | None:
+    """Return the command of an estimator that is a program; None for any other text.
 
     Examples
     --------
-    >>> piped("pipe-binary:./mine -v")[1]
+    >>> piped("pipe:./mine -v")
     './mine -v'
     """
-    kind, colon, command = text.partition(":")
-    make = PIPES.get(kind + colon)
-    return None if make is None else (make, command)
+    return text.removeprefix(PIPE) if text.startswith(PIPE) else None
 
 
 def written_options(text: str) -> dict[str, Any]:
@@ -287,13 +278,12 @@ def _find(name: str) -> Callable[..., Estimator]:
 
 
 def _refuse_kind(name: str) -> None:
-    """Refuse what begins almost as a program does; no module has a hyphen in its name."""
-    kind, colon, _ = name.partition(":")
+    """Refuse the doors of flexaxis 0.1, and what begins almost as one; no module has a hyphen."""
+    kind, _, command = name.partition(":")
     if kind.startswith("pipe-") and not kind.endswith(".py"):
-        near = did_you_mean(kind + colon, PIPES)
         raise EstimatorError(
-            f"{name}: {kind + colon} is no way to ask a program.{near} There are: "
-            f"{', '.join(PIPES)}"
+            f"{name}: {kind}: is no way to ask a program: there is one, {PIPE}, in binary blocks "
+            f"(docs/pipes.md). Write {PIPE}{command}"
         )
 
 

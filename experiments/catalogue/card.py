@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from flexaxis.experiments.scoring.limits import bounded
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -16,6 +15,7 @@ GROUPS = {
     "sensors": "what lies between axis and log",
     "mismatch": "an axis that the linear model does not describe",
     "nuisance": "changes that are no faults",
+    "ground": "where estimators have failed that do well on all the others",
 }
 """The groups of the catalogue, in the order in which it is read."""
 
@@ -26,13 +26,15 @@ _USUAL = Scenario(name="usual", duration=20.0)
 
 def reference_card(scenario: Scenario) -> dict[str, str]:
     """Return what to know of a scenario before reading its results, by heading."""
+    from flexaxis.experiments.scoring.limits import bounded  # and all that bounds take
+
     names = ", ".join(bounded(scenario, scenario.identify))
     return {
         "tests": scenario.card,
         "group": scenario.group or "none",
         "expected": scenario.difficulty or "unknown",
         "axis": _axis(scenario),
-        "happens": happens(scenario),
+        "happens": "; ".join([happens(scenario), *_drawn(scenario)]),
         "excitation": scenario.excitation.in_words(),
         "unmodelled": "; ".join(_unmodelled(scenario)) or "nothing",
         "sensors": "; ".join(_sensors(scenario)) or "ideal",
@@ -54,10 +56,20 @@ def happens(scenario: Scenario) -> str:
     return "; ".join(words) or "no fault"
 
 
+def in_words_of_spread(spread: float) -> str:
+    """Return how an onset is drawn."""
+    return f"onset drawn by seed, ± {spread:g} s"
+
+
 def in_a_line(scenario: Scenario) -> str:
     """Return what happens in a scenario, and what about it is not as in most."""
     usual = _parts(_USUAL)
-    return "; ".join([happens(scenario), *(p for p in _parts(scenario) if p not in usual)])
+    parts = (part for part in _parts(scenario) if part not in usual)
+    return "; ".join([happens(scenario), *parts, *_drawn(scenario)])
+
+
+def _drawn(scenario: Scenario) -> list[str]:
+    return [] if scenario.onset_spread is None else [in_words_of_spread(scenario.onset_spread)]
 
 
 def _parts(scenario: Scenario) -> list[str]:

@@ -11,17 +11,23 @@ from typing import Any, NamedTuple
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.names import (
+    DRAWN,
+    HASHES,
     HOME,
+    hashes,
     is_path,
     scenario_names,
     suite_names,
+    toml_of,
     tomls,
     unknown_scenario,
 )
 from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 from flexaxis.sim.scenario import Scenario, load_scenario, parse_scenario
 
-_HASHES = "hashes.toml"
+_hashes = cache(hashes)
+SPREAD = 3.0  # s, `onset_spread` of every -v2
+SCORED = 5.0  # s that each of them goes on at least after its last fault, wherever that is drawn
 
 
 @dataclass(frozen=True)
@@ -73,12 +79,21 @@ def find_scenario(name: str) -> Scenario:
         If there is neither such a name nor such a file, the file has errors, or a scenario of the
         catalogue is not what its name is frozen with.
     """
-    known = tomls("scenarios")
-    if name in known:
-        return _frozen(parse_scenario(known[name].read_text(encoding="utf-8"), source=name), name)
+    if (file := toml_of("scenarios", name)) is not None:
+        return _frozen(parse_scenario(file.read_text(encoding="utf-8"), source=name), name)
+    if name.endswith(DRAWN) and name in _hashes():
+        return _frozen(_with_drawn_onset(find_scenario(name.removesuffix(DRAWN) + "-v1")), name)
     if is_path(name):
         return load_scenario(Path(name))
     raise unknown_scenario(name)
+
+
+def _with_drawn_onset(first: Scenario) -> Scenario:
+    """Return the -v2 of a scenario: the same, but for an onset that is drawn for each seed."""
+    last = max(fault.at for fault in first.fault)
+    duration = max(first.duration, last + SPREAD + SCORED)
+    name = first.name.removesuffix("-v1") + DRAWN
+    return first.override({"name": name, "onset_spread": SPREAD, "duration": duration})
 
 
 def _frozen(scenario: Scenario, name: str) -> Scenario:
@@ -90,7 +105,7 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
     if wanted is None:
         raise ScenarioError(
             f"{name}: not frozen yet; when it is as it should be, add the line "
-            f'"{name}" = "{found}" to {HOME / _HASHES}; until then, run it from its path'
+            f'"{name}" = "{found}" to {HOME / HASHES}; until then, run it from its path'
         )
     if wanted != found:
         raise ScenarioError(
@@ -99,11 +114,6 @@ def _frozen(scenario: Scenario, name: str) -> Scenario:
             "None, which is off and changes no hash)"
         )
     return scenario
-
-
-@cache
-def _hashes() -> dict[str, str]:
-    return tomllib.loads((HOME / _HASHES).read_text(encoding="utf-8"))
 
 
 def suite_card(name: str) -> str:
@@ -146,12 +156,14 @@ def _members(table: dict[str, Any]) -> list[str]:
     """Return the scenarios of a suite: all, those of some groups, or those named."""
     if "groups" in table:
         return [name for name, group in _groups().items() if group in table["groups"]]
-    return scenario_names() if table["scenarios"] == "all" else table["scenarios"]
+    return list(_groups()) if table["scenarios"] == "all" else table["scenarios"]
 
 
 @cache
 def _groups() -> dict[str, str | None]:
-    return {name: find_scenario(name).group for name in scenario_names()}
+    """Return the groups of the scenarios, each in its last version."""
+    last = {name.rpartition("-v")[0]: name for name in scenario_names()}
+    return {name: find_scenario(name).group for name in last.values()}
 
 
 def select(names: Sequence[str]) -> Selection:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue import card
 from flexaxis.experiments.catalogue import find as catalogue
+from flexaxis.experiments.catalogue.names import DRAWN, toml_of
 from flexaxis.sim.errors import FlexaxisError, unknown
 
 Line = dict[str, str]
@@ -52,7 +54,12 @@ def estimator_lines(*, find: str = "") -> list[Line]:
     return _found(lines, find)
 
 
+@cache
 def _scenario(name: str) -> Line:
+    if name.endswith(DRAWN) and toml_of("scenarios", name) is None:
+        first = _scenario(name.removesuffix(DRAWN) + "-v1")
+        content = f"{first['content']}; {card.in_words_of_spread(catalogue.SPREAD)}"
+        return first | {"name": name, "content": content}
     scenario = catalogue.find_scenario(name)
     return {
         "name": name,

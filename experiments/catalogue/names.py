@@ -5,6 +5,7 @@ A wrong name is told before anything heavy is imported, so here nothing heavy is
 
 from __future__ import annotations
 
+import tomllib
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -12,6 +13,9 @@ from pathlib import Path
 from flexaxis.sim.errors import ScenarioError, did_you_mean
 
 HOME = files("flexaxis.experiments.catalogue")
+HASHES = "hashes.toml"
+DRAWN = "-v2"
+"""Ends the name of a scenario that is its -v1 with an onset that is drawn."""
 
 
 def tomls(folder: str) -> dict[str, Traversable]:
@@ -20,9 +24,22 @@ def tomls(folder: str) -> dict[str, Traversable]:
     return {f.name.removesuffix(".toml"): f for f in sorted(found, key=lambda f: f.name)}
 
 
+def toml_of(folder: str, name: str) -> Traversable | None:
+    """Return the TOML file of a name in a folder of the catalogue, None where it has none."""
+    found = HOME / folder / f"{name}.toml"
+    return found if name.replace("-", "_").isidentifier() and found.is_file() else None
+
+
+def hashes() -> dict[str, str]:
+    """Return what the names of the catalogue's scenarios are frozen with."""
+    found: dict[str, str] = tomllib.loads((HOME / HASHES).read_text(encoding="utf-8"))
+    return found
+
+
 def scenario_names() -> list[str]:
-    """Return the names of the catalogue's scenarios."""
-    return list(tomls("scenarios"))
+    """Return the names of the catalogue's scenarios: its files, and those whose onset is drawn."""
+    drawn = (name for name in hashes() if name.endswith(DRAWN))
+    return sorted({*tomls("scenarios"), *drawn})
 
 
 def suite_names() -> list[str]:

@@ -1,15 +1,15 @@
 r"""Build a static site from entries: who is ahead on each track, history over versions, all lines.
 
 An ENTRY is a folder that `flexaxis submit` made. Each is checked before it is taken: digests, form,
-the frozen suite, whether its rows give its summary; what fails is told and left out (status 1).
-Nothing of an entry is executed, and its texts are text. What `flexaxis verify ENTRY --run-code -o
-verdicts/NAME.json` found is taken from --verdicts; an entry without a verdict is shown as
-unverified, one that was rejected is left out.
+the frozen suite, its rows; what fails is told and left out (status 1).
+The reference that all are matched to is run here. Nothing of an entry is executed, and its texts
+are text. What `flexaxis verify ENTRY --run-code -o verdicts/NAME.json` found is taken from
+--verdicts; an entry without a verdict is shown as unverified, one that was rejected is left out.
 
 Real axes: --logs gives a folder with records NAME.nc and their axes NAME.toml (`flexaxis
 identify`). An entry follows the first part of a log; its last estimate is judged by how well it
 simulates the part it has not seen. None is shipped. Entries that name code run there only with
---run-code.
+--run-code, and in the sandbox of `verify`.
 
 example:
   flexaxis board entries/relocate entries/ekf --verdicts verdicts -o site
@@ -42,24 +42,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Collect, rank, write."""
-    from flexaxis.experiments.board.collect import collect, read_verdicts
-    from flexaxis.experiments.board.errors import EntryError
-    from flexaxis.experiments.board.held_out import log_scores
+    from flexaxis.experiments.board.collection import collect, read_verdicts
+    from flexaxis.experiments.board.real_logs import log_scores
     from flexaxis.experiments.board.site import PAGE, Shown, write_site
-    from flexaxis.experiments.board.suite import board
+    from flexaxis.experiments.board.suite import EntryError, board
     from flexaxis.experiments.cli import say
+    from flexaxis.experiments.running.cache import default_cache
+    from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
     frozen = board()
     verdicts = read_verdicts(args.verdicts)
-    taken, left = collect(args.entries, frozen, verdicts, quick=args.quick)
+    means = Means(store=default_cache())
+    taken, left = collect(args.entries, frozen, verdicts, quick=args.quick, means=means)
     for problems in left.values():
         for problem in problems:
             say(f"left out: {problem}")
     if not taken:
         raise EntryError("no entry can be taken: nothing is written")
-    logs = log_scores(taken, args.logs, run_code=args.run_code) if args.logs else []
+    entries = [each.entry for each in taken]
+    logs = log_scores(entries, args.logs, run_code=args.run_code) if args.logs else []
     mine = frozen.quick() if args.quick else frozen
     shown = Shown(taken, left, mine, args.quick, command_line(args.words), logs)
     found = write_site(shown, args.output)
@@ -72,7 +75,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    from flexaxis.experiments.board.errors import EntryError
+    from flexaxis.experiments.board.suite import EntryError
 
     for folder in (args.verdicts, args.logs):
         if folder is not None and not folder.is_dir():

@@ -9,7 +9,6 @@ example:
   flexaxis check my_estimator.py:Mine
   flexaxis check my_estimator.py:Mine --long
   flexaxis check 'pipe:octave-cli -q my.m'
-  flexaxis check flexaxis.experiments.conformance.wrong:Cheater        (wrong on purpose)
 """
 
 from __future__ import annotations

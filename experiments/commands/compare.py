@@ -10,7 +10,7 @@ equal std of the parameter that changes, or, where several do, equal excess pred
 noise is equal and lag alone is judged. For any class that names its knob; docs/scores.md.
 
 exit status: 0 no regression; 1 worse; 2 wrong use; 3 undecided, with --strict or where two runs
-or more were newly lost; 70 a crash
+or more were newly lost, or one failed, or rows of the candidate are not there; 70 a crash
 
 example:
   flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
@@ -82,7 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
-    from flexaxis.experiments.gate.pairs import parse_margins
+    from flexaxis.experiments.gate.margins import parse_margins
     from flexaxis.experiments.gate.stored import is_run
     from flexaxis.sim.errors import FlexaxisError
 
@@ -90,13 +90,13 @@ def main(args: argparse.Namespace) -> int:
     if args.comparisons is not None and args.comparisons < 1:
         raise FlexaxisError(f"--comparisons {args.comparisons}: give a whole number, 1 or more")
     if args.self_test:
-        _refuse(args, "the self-test", "max_seeds", "strict", "output", "resume",
+        _refuse(args, "the self-test", "max_seeds", "strict", "output", "overwrite", "resume",
                 "match_std")  # fmt: skip
         return _self_test(args, margins)
     _refuse(args, "a comparison (it is of --self-test)", "comparisons")
     if len(args.names) == 2 and all(map(is_run, args.names)):
         _refuse(args, "finished runs, which are compared as they are", "max_seeds", "jobs",
-                "resume", "match_std")  # fmt: skip
+                "overwrite", "resume", "match_std")  # fmt: skip
         return _stored(args, margins)
     if not (args.base and args.candidate):
         raise FlexaxisError(
@@ -116,35 +116,44 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
+    from flexaxis.experiments.cli import say
     from flexaxis.experiments.gate.comparison_report import write
+    from flexaxis.experiments.gate.equal_noise import work
     from flexaxis.experiments.gate.gate import (
         SUITE,
         Question,
         at_equal_noise,
         compare,
         default_seeds,
+        readable_by_both,
     )
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
-    scenarios = options.leave_out(select(names).scenarios, [args.base, args.candidate])
+    seeds = parse_seeds(args.seeds or str(default_seeds(names)))
+    scenarios, lacking, left_out = readable_by_both(
+        select(names).scenarios, args.base, args.candidate, len(seeds)
+    )
+    for name, reason in left_out.items():
+        say(f"{name} is left out: {reason}")
     sources = {find_scenario(n).name: n for n in names if n not in suite_names()}
     question = Question(
         base=args.base,
         candidate=args.candidate,
         scenarios=scenarios,
-        seeds=parse_seeds(args.seeds or str(default_seeds(names))),
+        seeds=seeds,
         margins=margins,
         max_seeds=args.max_seeds or 0,
+        lacking=lacking,
     )
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
-    most *= 3 if args.match_std else 1  # tuning, and neighbouring turns of the knob
-    command = command_line([word for word in args.words if word != options.RESUME])
+    if args.match_std:
+        most += work(len(scenarios), len(question.seeds), len(question.looks()[-1]))
+    command = command_line(options.repeated(args))
     folder = _output(args)
-    how = {"resume": args.resume, "replace": True, "traced": True, "about": {"command": command}}
+    how = {"overwrite": args.overwrite, "traced": True, "about": {"command": command}}
     with (
         options.working(args, f"at most {most} case{'s'[: most != 1]}", most) as (means, _),
         Bench(scenarios, folder, means, **how) as bench,
@@ -153,7 +162,6 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
             question = at_equal_noise(question, bench)
         found = compare(question, bench)
         path = write(folder, found, scenarios, sources=sources, command=command)
-    completed(folder)
     return _told(args, found, path, sources)
 
 

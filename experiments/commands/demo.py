@@ -6,10 +6,10 @@ the clock and step through it; turn λ, Δ, μ, noise and dry friction; put anot
 race. "What was done" has every fault with what each said and how late, as CSV, and as a LESSON
 that does it all again.
 
-The page needs no network and is seen on this computer only, unless --share. The address that is
-printed is the key to it: it holds a secret, new each time. With --record a lesson is drawn into a
-file instead, without browser and display (`flexaxis demo --print-script` prints the default one,
-to start from).
+The page needs no network and is seen on this computer only; docs/demo.md says how a class sees it.
+The address that is printed is the key to it: it holds a secret, new each time. With --record a
+lesson is drawn into a file instead, without browser and display (`flexaxis demo --print-script`
+prints the default one, to start from).
 
 example:
   flexaxis demo
@@ -57,11 +57,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--port", type=int, metavar="N", help="this one or none (default 8080, or the next free)"
     )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
-    parser.add_argument(
-        "--share",
-        action="store_true",
-        help="let other computers that have the address watch AND press the buttons: no encryption",
-    )
     parser.add_argument("--record", type=Path, metavar="FILE.gif|mp4", help="draw into a file")
     parser.add_argument("--script", type=Path, metavar="LESSON.toml", help="what is recorded")
     add_run_code(parser, "the estimators of LESSON.toml")
@@ -114,7 +109,6 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
     serve(
         session,
         port=args.port,
-        share=args.share,
         browser=not args.no_browser,
         speed=args.speed or (lesson.speed if lesson else 1.0),
         exaggerate=args.exaggerate,

@@ -1,6 +1,6 @@
 """Write the rows of a run or a study as one table; docs/studies.md explains its columns.
 
-Parquet needs pyarrow: pip install "flexaxis[parquet]".
+Parquet needs pyarrow: pip install pyarrow.
 
 example:
   flexaxis export results/friction --parquet friction.parquet
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
 
-HELP = "write the rows of a run or a study as Parquet, CSV or NetCDF"
+HELP = "write the rows of a run or a study as Parquet, CSV, NetCDF or JSON lines"
 GROUP = "look"
 
 
@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR")
     form = parser.add_mutually_exclusive_group(required=True)
-    for name in ("parquet", "csv", "netcdf"):
+    for name in ("parquet", "csv", "netcdf", "jsonl"):
         form.add_argument(f"--{name}", type=Path, metavar="FILE")
     add_json(parser)
 
@@ -38,11 +38,12 @@ def main(args: argparse.Namespace) -> int:
         "parquet": export.export_parquet,
         "csv": export.export_csv,
         "netcdf": export.export_netcdf,
+        "jsonl": export.export_jsonl,
     }
     name = next(name for name in forms if getattr(args, name))
     target = getattr(args, name)
     spare([*inputs(args.folder), args.folder / REPORT], target)
-    count = forms[name](Results.load(args.folder), target)
+    count = forms[name](Results.load(args.folder, whole=True), target)
     if args.json:
         return answer(args, {"rows": count, "file": target})
     print(f"{count} rows")

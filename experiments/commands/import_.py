@@ -1,10 +1,10 @@
 """Make a record of a robot's own log, and report whether it is plausible.
 
-LOG is a table of text, MAT (all versions), HDF5, NetCDF, parquet or a bag of ROS. The report says
-what to doubt before any estimator runs, and what to type against it: time stamps, gaps, clipping,
-resolution, clocks, dead time, offset, drift, dry friction, the band of the excitation, and, with
---model, which parameters that excitation can see. A record that flexaxis wrote is imported already:
-it is looked at as it is, and takes --highpass, --burn-in and --torque-is smooth.
+LOG is a table of text, MAT (all versions), HDF5, NetCDF or parquet. The report says what to doubt
+before any estimator runs, and what to type against it: time stamps and gaps, wrapping, clipping,
+clocks, units, outliers, the kind of torque, dead time and signs, dry friction; and, with --model,
+which parameters that excitation can see. A record that flexaxis wrote is imported already: it is
+looked at as it is, and takes --highpass, --burn-in and --torque-is smooth.
 
 example:
   flexaxis import log.csv --torque current --angle motor_pos --unit angle=deg -o rec.nc
@@ -23,7 +23,7 @@ from flexaxis.experiments.logs.options import add_log_options, tables_of, treatm
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
-    from flexaxis.experiments.logs.doubts.doubt import Doubt
+    from flexaxis.experiments.logs.findings import Finding
     from flexaxis.experiments.logs.visibility import Seen
     from flexaxis.sim.record import Record
 
@@ -78,7 +78,7 @@ def main(args: argparse.Namespace) -> int:
     if not same:
         found.record.save(path)
     write_page(import_page(found, seen, args.log, command_line(args.words)), report)
-    status = int(args.strict and any(check.verdict == "problem" for check in found.checks))
+    status = int(args.strict and any(check.kind == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
         told = {name: vars(one) for name, one in seen.items()}
@@ -106,27 +106,26 @@ def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
         return {}, str(error)
 
 
-def _print(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> None:
+def _print(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> None:
     """Print what was looked at, what spoils the estimates first."""
     from textwrap import fill
 
     from rich.console import Console
 
-    from flexaxis.experiments.logs.doubts.doubt import MARKS
+    from flexaxis.experiments.logs.findings import MARKS, ordered
 
     console = Console()
     style = {"problem": "red", "note": "yellow", "ok": None}
-    order = [*style]
-    for check in sorted(checks, key=lambda check: order.index(check.verdict)):
+    for check in ordered(checks):
         measured = check.measured.strip()
-        lines = [f"{MARKS[check.verdict]} {check.name}: {measured}".rstrip(": ")]
-        if check.verdict == "ok":
+        lines = [f"{MARKS[check.kind]} {check.name}: {measured}".rstrip(": ")]
+        if check.kind == "ok":
             lines[0] += f" ({check.text})" if measured else f": {check.text}"
         else:
             lines += [f"  {check.text}", *([f"  → {check.command}"] if check.command else [])]
         for line in lines:
             text = fill(line, console.width, subsequent_indent="  ", break_long_words=False)
-            console.print(text, style=style[check.verdict], markup=False, highlight=False)
+            console.print(text, style=style[check.kind], markup=False, highlight=False)
     alike: dict[str, list[str]] = {}
     for name, one in seen.items():
         alike.setdefault(one.words, []).append(name)

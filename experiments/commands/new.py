@@ -77,8 +77,8 @@ def _next(path: Path) -> list[str]:
     program = path.with_suffix("") if path.suffix == ".c" else path
     command = {
         ".py": f"{path}:{CLASS}",
-        ".c": f"pipe-binary:{program if program.is_absolute() else f'./{program}'}",
-        ".m": f"'pipe-binary:octave-cli -q {path}'",
+        ".c": f"pipe:{program if program.is_absolute() else f'./{program}'}",
+        ".m": f"'pipe:octave-cli -q {path}'",
     }[path.suffix]
     compiled = [f"cc -O2 -o {program} {path} -lm"] if path.suffix == ".c" else []
     tuned = [f"flexaxis tune {command} --match f_m"] if path.suffix == ".py" else []

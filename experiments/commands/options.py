@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from flexaxis.experiments.building.guest import Remark
     from flexaxis.experiments.running.engine import Means
 
-RESUME = "--resume"
+RESUME, OVERWRITE = "--resume", "--overwrite"
 
 
 def add_jobs(parser: Any, *, what: str = "the scores do") -> None:
@@ -38,10 +38,14 @@ def add_time_limit(parser: argparse.ArgumentParser) -> None:
 
 
 def add_resume(parser: argparse.ArgumentParser) -> None:
-    """Declare --resume."""
-    parser.add_argument(
-        RESUME, action="store_true", help="keep what DIR holds of it, and run what is missing"
+    """Declare --overwrite, and --resume."""
+    removal = parser.add_mutually_exclusive_group()
+    removal.add_argument(
+        OVERWRITE,
+        action="store_true",
+        help="remove what DIR holds first (default: keep it, and run what is missing)",
     )
+    removal.add_argument(RESUME, action="store_true", help="go on with what DIR holds: the default")
 
 
 def add_engine(parser: argparse.ArgumentParser) -> None:
@@ -56,9 +60,14 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_time_limit(parser)
 
 
+def repeated(args: argparse.Namespace) -> list[str]:
+    """Return the words that were typed, without what says what becomes of what is there."""
+    return [word for word in args.words if word not in {RESUME, OVERWRITE}]
+
+
 def whole(args: argparse.Namespace) -> list[str]:
     """Return the words that were typed, without what asks for a part of the work only."""
-    words = [word for word in args.words if word != RESUME]
+    words = repeated(args)
     if "--shard" in words:
         place = words.index("--shard")
         del words[place : place + 2]
@@ -152,6 +161,7 @@ def working(
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
+    from flexaxis.experiments.running.errors import NotRun
     from flexaxis.experiments.running.progress import progress
     from flexaxis.sim.errors import FlexaxisError
 
@@ -170,6 +180,7 @@ def working(
 
         means = Means(
             jobs=1 if elsewhere else workers,
+            apart=True,
             executor=elsewhere,
             in_flight=2 * workers,
             store=default_cache() if cache else None,
@@ -182,7 +193,8 @@ def working(
             raise KeyboardInterrupt(go_on(args, done)) from None
         except FlexaxisError as error:
             if done:
-                raise FlexaxisError(f"{error}\n{go_on(args, done)}") from error
+                kind = NotRun if isinstance(error, NotRun) else FlexaxisError
+                raise kind(f"{error}\n{go_on(args, done)}") from error
             raise
 
 
@@ -201,11 +213,10 @@ def telling(remarks: Sequence[Remark]) -> Iterator[None]:
 
 def go_on(args: argparse.Namespace, done: int) -> str:
     """Return how many cases were just run, and the line that goes on from there."""
-    words = [word for word in args.words if word != RESUME]
     kept = f"{done} case{'s'[: done != 1]} done just now"
     if getattr(args, "self_test", False):  # keeps its rows in memory
         return f"{kept}, and not kept"
-    return f"{kept}; go on with: " + shlex.join(["flexaxis", *words, RESUME])
+    return f"{kept}; go on with: " + shlex.join(["flexaxis", *repeated(args), RESUME])
 
 
 def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
@@ -222,7 +233,7 @@ def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
     from flexaxis.experiments.cli import say
-    from flexaxis.experiments.reporting.failures import in_words
+    from flexaxis.experiments.reporting.terminal import failures_in_words as in_words
 
     for text, count in in_words(failures):
         say(f"{text} (and {count - 1} like it)" if count > 1 else text)

@@ -32,10 +32,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
+    from flexaxis.experiments.running.files import as_written
     from flexaxis.experiments.running.folder import read_study
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.sealed import as_written
     from flexaxis.experiments.studies.report import inputs
 
     path = args.output or args.folder / REPORT
@@ -46,7 +46,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _of_study(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.study_page import write_report
+    from flexaxis.experiments.reporting.study.page import write_report
     from flexaxis.experiments.results.results import Results
 
     results = Results.load(args.folder)
@@ -58,8 +58,8 @@ def _of_study(args: argparse.Namespace, path: Path) -> int:
 
 
 def _of_run(args: argparse.Namespace, path: Path) -> int:
-    from flexaxis.experiments.reporting.run_page import render
-    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.reporting.run.page import render
+    from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.results.pooled import load
     from flexaxis.experiments.running.files import write_text
 
@@ -68,7 +68,7 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     if args.json:
         known = {key: value for key, value in found.summary.items() if key != "command"}
         return answer(args, known | {"made_by": found.summary["command"], "report": path})
-    show(score_table(found.summary["rows"]))
+    show_run(found.summary)
     options.tell_failures(found.summary.get("failures", []))
     print(path)
     return 0

@@ -2,16 +2,16 @@ r"""Run estimators on scenarios over many seeds, score them, and write a report.
 
 SUITE and SCENARIO are names of `flexaxis list`, or paths to TOML files. Without --estimator the
 suite's estimators run (those of `smoke` where only scenarios are named). The folder gets
-scores.jsonl (one row per scenario, estimator, seed and parameter), summary.json, curves.nc and
+scores.sqlite (one row per scenario, estimator, seed and parameter), summary.json, curves.nc and
 report.html. An estimator given as path/file.py:Class, package.module:Class or entry point is code
 that is run.
 
 Simulated records are kept (`flexaxis cache info`), so that another estimator on the same scenarios
-and seeds simulates nothing. Rows are appended as they come: after Ctrl-C, a kill or a full disk,
-and for more estimators or seeds, --resume runs only what is missing. Without it a result that is
-in DIR makes room for the new one; stderr says so where cases go that the new one has not. A case
-that cannot be run is a row that says why, and the others go on; the exit status is then 1, or 70
-if code crashed.
+and seeds simulates nothing. Rows are added to DIR as they come, and what it holds is kept and not
+run again: after Ctrl-C, a kill or a full disk the same line runs what is missing. The report and
+summary.json are of what the line asks for; --overwrite removes what DIR holds first. A case that
+cannot be run is a row that says why, and the others go on; the exit status is then 1, or 70 if code
+crashed.
 
 example:
   flexaxis run smoke
@@ -80,7 +80,7 @@ def main(args: argparse.Namespace) -> int:
 
         with working as (means, _):
             found = benchmark(
-                work, folder, means.also(landed), shard=share, resume=args.resume,
+                work, folder, means.also(landed), shard=share, overwrite=args.overwrite,
                 say=lambda text: _say(work, text),
             )  # fmt: skip
     remark(f"{simulated} record{'s'[: simulated != 1]} simulated")
@@ -152,13 +152,13 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
-    from flexaxis.experiments.reporting.terminal import score_table, show
+    from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.running.names import REPORT
 
     failures = found.summary["failures"]
     status = options.failed(failures, args.remarks)
     if not args.json:
-        show(score_table(found.summary["rows"]))
+        show_run(found.summary)
     options.tell_failures(failures)
     if args.json:
         return answer(args, found.summary | {"report": folder / REPORT}, status)

@@ -35,22 +35,24 @@ def main(args: argparse.Namespace) -> int:
 
     if args.name in REGISTRY:
         entry = REGISTRY[args.name]
+        knob = entry.turning
         content = {
             "name": entry.name,
             "summary": entry.summary,
             "options": dict(entry.options),
-            "knob": entry.knob,
+            "knob": knob and knob.label,
             "tuned": asdict(entry.tuning) if entry.tuning else None,
         }
         lines = [f"{entry.name}: {entry.summary}", "", "options and defaults:"]
         lines += [f"  {key} = {value}" for key, value in entry.options.items()] or ["  none"]
-        lines += ["", f"knob that trades speed for variance: {entry.knob or 'none'}"]
-        if entry.knob and entry.tuning:
-            axis = entry.tuning.axis
+        lines += ["", f"knob that trades speed for variance: {knob.label if knob else 'none'}"]
+        if knob and entry.tuning:
+            values = ", ".join(str(entry.options[name]) for name in knob.names)
+            lines += [f"  {values} as tuned for {entry.tuning.axis}"]
+        if knob and entry.tuning and entry.default is not None:
             lines += [
-                f"  {entry.options[entry.knob]} as tuned for {axis}",
                 f"  {entry.default} on any other axis"
-                + (", for 5 ms: a time constant of 1 s" if entry.knob == "forgetting" else ""),
+                + (", for 5 ms: a time constant of 1 s" if knob.transform == "1-" else ""),
             ]
         text = "\n".join(lines)
     elif args.name in catalogue.suite_names():

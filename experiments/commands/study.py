@@ -9,8 +9,9 @@ FILE.toml names scenarios, estimators and seeds, and the axes; docs/studies.md h
   "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too
   "rpem-forgetting.forgetting" = [0.99, 0.995]  # an option of one estimator ("estimator.X": of all)
 
-The plan is printed first. Rows are appended to the folder as they come, and --resume runs only what
-is missing there, after a kill or after estimators, seeds or values were added to the file. A case
+The plan is printed first. Rows are added to the folder as they come, and what it holds is kept: the
+same line runs what is missing, after a kill or after estimators, seeds or values were added to the
+file; --overwrite removes what is there first. A case
 that cannot be run is a row that says why; the exit status is then 1, or 70 if code crashed. The
 folder gets report.html.
 
@@ -20,7 +21,6 @@ A file that names code (path.py:Class, module:Class, pipe:COMMAND) is refused, a
 example:
   flexaxis study docs/examples/friction_steps.toml --dry-run
   flexaxis study docs/examples/friction_steps.toml -o results/friction --jobs 4
-  flexaxis study docs/examples/friction_steps.toml -o results/friction --resume
   flexaxis study docs/examples/friction_steps.toml -o /net/friction --shard 3/100
 """
 
@@ -85,8 +85,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
-    from flexaxis.experiments.running import rows
-    from flexaxis.experiments.running.folder import check
+    from flexaxis.experiments.running.folder import check, done
     from flexaxis.experiments.running.names import REPORT, STUDY
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
@@ -96,16 +95,16 @@ def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)
     folder = args.output or Path("results") / plan.study.name
     spare([args.file], folder, *(folder / name for name in (STUDY, REPORT)))
-    if folder.is_dir():
-        check(plan.study, folder, shard)
-    done = rows.done(folder)
+    if folder.is_dir() and not args.overwrite:
+        check(plan.study, folder)
+    there = None if args.overwrite else done(folder, plan)
     with ExitStack() as stack:
         place = options.executor(args, stack)
-        told = _announced(plan, done, place[1], dry=args.dry_run)
+        told = _announced(plan, there)
         (remark if args.json or not args.dry_run else print)(told)
         if not args.dry_run:
             return _run(args, plan, folder, place)
-    return answer(args, _planned(plan, done, folder)) if args.json else 0
+    return answer(args, _planned(plan, there, folder)) if args.json else 0
 
 
 def _planned(plan: Plan, done: Any, folder: Path) -> dict[str, Any]:
@@ -114,10 +113,8 @@ def _planned(plan: Plan, done: Any, folder: Path) -> dict[str, Any]:
     return found | {"records": whole.records, "to_run": todo.cases}
 
 
-def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
-    """Return the plan in words; a few cases are run to know how long it takes."""
-    from flexaxis.experiments.running.forecast import forecast, without_code
-
+def _announced(plan: Plan, done: Any) -> str:
+    """Return the plan in words."""
     whole, todo = plan.work(), plan.work(done)
     text = (
         f"{_several(len(plan.variants), 'variant')} of "
@@ -127,11 +124,7 @@ def _announced(plan: Plan, done: Any, workers: int, *, dry: bool) -> str:
     )
     if whole.cases > todo.cases:
         text += f"; {_several(whole.cases - todo.cases, 'case')} done, {todo.cases} to run"
-    unit = next(plan.units(done), None)
-    tried = without_code(unit) if unit and dry else unit
-    if unit and not tried:
-        text += "; how long it takes is not known before its code is run"
-    return text if tried is None else f"{text}; {forecast(tried, todo).in_words(workers)}"
+    return text
 
 
 def _several(number: int, what: str) -> str:
@@ -139,34 +132,33 @@ def _several(number: int, what: str) -> str:
 
 
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int]) -> int:
-    from flexaxis.experiments.running import rows
     from flexaxis.experiments.running.engine import run_study
+    from flexaxis.experiments.running.folder import done
     from flexaxis.experiments.studies.benchmark import command_line
 
-    todo = plan.work(rows.done(folder)).cases
-    words = [word for word in args.words if word != options.RESUME]
+    todo = plan.work(None if args.overwrite else done(folder, plan)).cases
     working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
     with working as (means, _):
         finished = run_study(
             plan,
             folder,
             means,
-            resume=args.resume,
+            overwrite=args.overwrite,
             keep=args.keep,
             traced=not plan.study.axes,
             run_code=args.run_code,
-            about={"title": plan.study.name, "command": command_line(words)},
+            about={"title": plan.study.name, "command": command_line(options.repeated(args))},
         )
     return _report(args, plan, folder, finished.cases)
 
 
 def _report(args: argparse.Namespace, plan: Plan, folder: Path, run: int) -> int:
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running import rows
+    from flexaxis.experiments.running.folder import done
     from flexaxis.experiments.studies.report import report
 
     total = plan.work().cases
-    counted = total - plan.work(rows.done(folder)).cases
+    counted = total - plan.work(done(folder, plan)).cases
     failures = Results.load(folder).failures()
     # A share is reported on when all are merged.
     path = report(folder) if plan.shard[1] == 1 else folder

@@ -3,7 +3,7 @@ r"""Make an entry for a board: run the frozen suite, and put rows, code and term
 ESTIMATOR is as for `run --estimator`. A file path.py:Class is copied into the entry with what it
 imports from its folder, and run from there, so that whoever verifies runs what was scored; what a
 program or a module needs besides, `install` says. The suite and its seeds are frozen: `flexaxis
-show board-v1` lists them. Knobs are turned as for `flexaxis tradeoff`, for a board compares at
+show board-v2` lists them. Knobs are turned as for `flexaxis tradeoff`, for a board compares at
 equal noise.
 
 What is asked may stand in a file for --about: name, version, licence, contact, description,
@@ -13,7 +13,7 @@ such an entry is marked, and a board ranks it only with --quick. --resume goes o
 example:
   flexaxis submit relocate -o entry --quick --name relocate --licence Apache-2.0 \
            --contact https://example.org --description 'The one that jumps, as shipped.' \
-           --install 'pip install flexaxis' --tuned-on 0:100
+           --install 'nothing besides flexaxis' --tuned-on 0:100
   flexaxis submit my_estimator.py:Mine -o entry --about entry.toml
   flexaxis verify entry --run-code
   flexaxis board entry other-entry -o site
@@ -22,6 +22,7 @@ example:
 from __future__ import annotations
 
 import argparse
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +30,7 @@ from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.board.about import About
+    from flexaxis.experiments.board.entry import About
 
 HELP = "make an entry for a board of estimators"
 GROUP = "judge"
@@ -53,15 +54,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="TEXT", help=text)
     parser.add_argument("--quick", action="store_true", help="five seeds: for trying, not eligible")
     options.add_jobs(parser, what="the rows do")
-    options.add_resume(parser)
+    parser.add_argument(options.RESUME, action="store_true", help="go on after Ctrl-C")
     options.add_time_limit(parser)
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
-    from flexaxis.experiments.board.submit import cases, submit
+    from flexaxis.experiments.board.submission import cases, submit
     from flexaxis.experiments.board.suite import board
+    from flexaxis.experiments.building.consent import names_code
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.told import remark
     from flexaxis.experiments.studies.benchmark import command_line
@@ -82,23 +84,23 @@ def main(args: argparse.Namespace) -> int:
         return answer(args, found | more)
     eligible = "for trying (few seeds)" if entry.quick else "eligible"
     print(f"{entry.label}, {eligible}, digest {entry.digest[:16]}")
-    print(f"next: flexaxis verify {args.output}, then flexaxis board {args.output} -o site")
+    where, quick = shlex.quote(str(args.output)), " --quick" if entry.quick else ""
+    run = " --run-code" if names_code(entry.estimator) else ""
+    print(f"next: flexaxis verify {where}{run}, then flexaxis board {where}{quick} -o site")
     print(args.output)
     return 0
 
 
 def _about(args: argparse.Namespace) -> About:
-    from importlib.metadata import version
-
     from flexaxis.estimators.registry import REGISTRY
-    from flexaxis.experiments.board.about import ASKED, about_from
+    from flexaxis.experiments.board.entry import ASKED, about_from
 
     given = {key: getattr(args, key) for key in ASKED}
     usual: dict[str, str] = {"version": "1"}
     if args.estimator in REGISTRY:
         usual |= {
             "name": args.estimator,
-            "install": f"pip install flexaxis=={version('flexaxis')}",
+            "install": "nothing besides flexaxis",
             "description": REGISTRY[args.estimator].summary,
         }
     return about_from(args.about, given, usual)

@@ -8,7 +8,7 @@ unit or sign, or another axis.
 example:
   flexaxis track rec.nc --model axis.toml --identify k_T --identify 1/J_l --identify k
   flexaxis track rec.nc --model axis.toml --identify k --estimator rpem-forgetting --forgetting 1s
-  flexaxis track rec.nc --model axis.toml --identify f_m --estimator relocate-friction
+  flexaxis track rec.nc --model axis.toml --identify f_m --estimator glr
   flexaxis track rec.nc --model axis.toml --identify k_T --start 1.2 --json
 """
 
@@ -43,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--estimator",
         metavar="E",
-        help="default: ekf, or relocate-friction where the axis has laws",
+        help="default: ekf, or glr where the axis has laws",
     )
     parser.add_argument(
         "--forgetting", metavar="TIME|λ", help="of the estimator: such as '1 s', or 0.995"
@@ -165,7 +165,7 @@ def _print(found: Tracked) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from flexaxis.experiments.logs.doubts.doubt import MARKS
+    from flexaxis.experiments.logs.findings import MARKS
 
     table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
     for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True):

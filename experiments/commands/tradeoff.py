@@ -38,25 +38,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Sweep, match and draw."""
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.reporting.figures import svg
+    from flexaxis.experiments.reporting.figures import figure, svg
+    from flexaxis.experiments.reporting.run.speed import tradeoff
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
-    from flexaxis.experiments.reporting.tradeoff_figure import figure
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.running.files import write_json, write_text
-    from flexaxis.experiments.running.previous import completed
     from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
     from flexaxis.experiments.studies.benchmark import command_line
-    from flexaxis.experiments.studies.sweep import reference, settings, sweep, texts
+    from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)
     known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
     estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
-    command = command_line([word for word in args.words if word != options.RESUME])
-    most = len(texts(settings(estimators))) * len(scenarios) * len(seeds)
-    how = {"resume": args.resume, "replace": True, "about": {"command": command}}
-    what = f"{most} cases, and more where a match is far"
+    command = command_line(options.repeated(args))
+    most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
+    how = {"overwrite": args.overwrite, "about": {"command": command}}
+    what = f"at most {most} cases"
     with (
         options.working(args, what, most) as (means, _),
         Bench(scenarios, args.output, means, **how) as bench,
@@ -69,9 +68,8 @@ def main(args: argparse.Namespace) -> int:
             **asdict(found),
             "overall": overall(found.at_excess),
         }
-        write_text(args.output / "tradeoff.svg", svg(figure(found.points)))
+        write_text(args.output / "tradeoff.svg", svg(figure(tradeoff(found.points, estimators))))
         write_json(args.output / "tradeoff.json", content)
-        completed(args.output)
     if args.json:
         return answer(args, content | {"figure": args.output / "tradeoff.svg"})
     show(equal_noise_table(found.matched, content["overall"]))

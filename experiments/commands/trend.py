@@ -16,11 +16,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
 from flexaxis.experiments.streams import visible
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.logs.over_logs import Trend
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
 GROUP = "your own axis"
@@ -58,43 +61,46 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Estimate, judge, report."""
-    from flexaxis.experiments.logs.covariates import clock, covariates_of
+    from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
+    from flexaxis.experiments.logs.findings import MARKS
     from flexaxis.experiments.logs.log_health import ailments
+    from flexaxis.experiments.logs.over_logs import trend_of
+    from flexaxis.experiments.logs.trend import Source
     from flexaxis.experiments.logs.trend_words import remarks
-    from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdicts
+    from flexaxis.experiments.logs.wear import CHANGED, OPEN
 
     if not 0 < args.false_alarms < 0.5:
         raise LogError(f"--false-alarms {args.false_alarms}: give a probability, such as 0.01")
     if not 0 <= args.smallest < 100:
         raise LogError(f"--smallest {args.smallest}: give per cent, such as 1")
-    rows = _rows(args)
-    good = [row for row in rows if not row["problem"]]
-    if not good:
-        raise LogError(f"none of {len(rows)} logs can be used; {rows[0]['log']}: "
-                       f"{rows[0]['problem']}")  # fmt: skip
-    when = clock(good)
-    ordered = [good[i] for i in when.order]
-    covariates = covariates_of(ordered, args.covariate)
+    axis = find_axis(args.model)
+    if not axis.known:
+        raise LogError(f"--model {args.model}: has no values; give what `flexaxis identify` wrote")
     try:
-        found = verdicts(
-            ordered, when.time, covariates,
-            false_alarms=args.false_alarms, smallest=args.smallest / 100,
+        found = trend_of(
+            args.logs, axis, Source(tables_of(args), treatment(args)), args.output,
+            free=args.free, covariates=args.covariate, false_alarms=args.false_alarms,
+            smallest=args.smallest / 100, jobs=args.jobs,
         )  # fmt: skip
-    except LogError as error:
-        raise LogError(f"{error}; {_values(args, ordered, rows, str(error))}") from None
-    status = 1 if ailments(rows) or any(one.kind in (CHANGED, OPEN) for one in found) else 0
-    content = _report(args, found, when, covariates, rows)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("what was done is kept; the same line goes on") from None
+    if found.why:
+        raise LogError(f"{found.why}; {_values(args, found)}")
+    changed = any(one.kind in (CHANGED, OPEN) for one in found.verdicts)
+    status = 1 if changed or ailments(found.rows) else 0
+    content = _report(args, found)
     if args.json:
         return answer(args, content, status)
-    marks = {"problem": "✗", "note": "!", "ok": "✓"}
-    for kind, text in remarks(found, when, [*covariates], rows, args.false_alarms):
-        print(f"{marks[kind]} {visible(text)}")
+    for kind, text in remarks(
+        found.verdicts, found.clock, [*found.covariates], found.rows, args.false_alarms
+    ):
+        print(f"{MARKS[kind]} {visible(text)}")
     print(content["report"])
     return status
 
 
-def _values(args: argparse.Namespace, good: Any, rows: list[dict[str, Any]], why: str) -> str:
+def _values(args: argparse.Namespace, found: Trend) -> str:
     """Write a page of the estimates without verdicts; return where it is."""
     from flexaxis.experiments.logs.trend_page import write_values
     from flexaxis.experiments.running.names import REPORT
@@ -102,51 +108,15 @@ def _values(args: argparse.Namespace, good: Any, rows: list[dict[str, Any]], why
 
     write_values(
         args.output / REPORT,
-        [*good, *(row for row in rows if row["problem"])],
+        [*found.good, *(row for row in found.rows if row["problem"])],
         command=command_line(args.words),
-        title=f"Estimates of {Path(args.model).stem} from {len(good)} logs",
-        why=why,
+        title=f"Estimates of {Path(args.model).stem} from {len(found.good)} logs",
+        why=found.why,
     )
     return f"the estimates are in {args.output / REPORT}"
 
 
-def _rows(args: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return the rows of all logs, computing those that are missing."""
-    from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.finding import find_logs
-    from flexaxis.experiments.logs.trend import (
-        Source,
-        check_folder,
-        estimate_all,
-        plan_for,
-        tasks,
-    )
-    from flexaxis.experiments.logs.wear import fewest_logs
-    from flexaxis.experiments.running.progress import progress
-
-    axis = find_axis(args.model)
-    if not axis.known:
-        raise LogError(f"--model {args.model}: has no values; give what `flexaxis identify` wrote")
-    axis.having(dict.fromkeys(args.free, 1.0))  # raises for unknown names
-    check_folder(args.output, args.logs)
-    logs = find_logs(args.logs)
-    fewest = fewest_logs(len(args.covariate))
-    if len(logs) < fewest:
-        raise LogError(f"{len(logs)} logs; a trend needs {fewest}")
-    plan = plan_for(logs, axis, Source(tables_of(args), treatment(args)), args.free)
-    with progress(f"{len(logs)} logs", len(logs)) as advance:
-        try:
-            return estimate_all(
-                plan, list(tasks(plan, logs)), args.output, jobs=args.jobs, advance=advance
-            )
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("what was done is kept; the same line goes on") from None
-
-
-def _report(
-    args: argparse.Namespace, found: Any, when: Any, covariates: Any, rows: list[dict[str, Any]]
-) -> dict[str, Any]:
+def _report(args: argparse.Namespace, found: Trend) -> dict[str, Any]:
     """Write page and result; return the result."""
     from flexaxis.experiments.logs.log_health import ailments
     from flexaxis.experiments.logs.trend import RESULT
@@ -156,16 +126,16 @@ def _report(
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
-    report = args.output / REPORT
-    good = sum(not row["problem"] for row in rows)
+    report, rows = args.output / REPORT, found.rows
     write_trend(
-        report, found, when, covariates, rows,
+        report, found.verdicts, found.clock, found.covariates, rows,
         command=command_line(args.words),
-        title=f"Trend of {Path(args.model).stem} over {good} logs",
+        title=f"Trend of {Path(args.model).stem} over {len(found.good)} logs",
         false_alarms=args.false_alarms,
     )  # fmt: skip
+    names = [*found.covariates]
     content = {
-        "parameters": {one.name: summary(one, when, [*covariates]) for one in found},
+        "parameters": {one.name: summary(one, found.clock, names) for one in found.verdicts},
         "logs": len(rows),
         "problems": {row["log"]: row["problem"] for row in rows if row["problem"]},
         "unlike_the_others": ailments(rows),

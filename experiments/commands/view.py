@@ -39,11 +39,11 @@ def main(args: argparse.Namespace) -> int:
     spare([args.what], args.output)
     _check(args)
     if args.output is not None:
-        from flexaxis.experiments.reporting.offscreen import draw_offscreen
+        from flexaxis.experiments.demo.view import draw_offscreen
 
         draw_offscreen()  # before the engine is imported
     from flexaxis.experiments.catalogue.find import find_scenario
-    from flexaxis.experiments.reporting.view import picture, window
+    from flexaxis.experiments.demo.view import picture, window
     from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate

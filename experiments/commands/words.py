@@ -244,7 +244,7 @@ def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> li
     """Return how a word may go on to a parameter of the model that is typed, or of friction."""
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.friction import CHOICES, names_by
+    from flexaxis.experiments.logs.friction import KINDS
     from flexaxis.sim.errors import FlexaxisError
 
     try:
@@ -252,7 +252,8 @@ def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> li
     except (EstimatorError, FlexaxisError):
         return []
     if "friction" in parsed_args:
-        names += sorted({name for kind in CHOICES for name in names_by(kind)} - {*names})
+        laws = {name for roles in KINDS.values() for name in roles.values()}
+        names += sorted(laws - {*names})
     begin = "1/" if prefix.startswith("1/") else ""
     return [begin + name for name in names if (begin + name).startswith(prefix)]
 

@@ -37,19 +37,6 @@ class Rule:
     look: Callable[[Subject], Seen]
 
 
-def _batch_is_run(subject: Subject) -> Seen:
-    estimator = subject.make()
-    if not hasattr(estimator, "run_batch"):
-        return None, "it has no run_batch"
-    u, y = np.stack([subject.u, subject.u[::-1]]), np.stack([subject.y, subject.y[::-1]])
-    found = np.asarray(estimator.run_batch(u.copy(), y.copy()), float)  # type: ignore[attr-defined]
-    alone = [subject.run(*pair) for pair in zip(u, y, strict=True)]
-    if found.shape != np.shape(alone):
-        return False, f"it gives {found.shape}, {np.shape(alone)} is needed"
-    gap = max(subject.apart(a, b) for a, b in zip(found, alone, strict=True))
-    return gap < 1e-9, f"they differ by {gap:.2g} of nominal"
-
-
 def _prints_nothing(subject: Subject) -> Seen:
     text = io.StringIO()
     with redirect_stdout(text):
@@ -224,12 +211,6 @@ RULES: Sequence[Rule] = (
         "the benchmark scores run, a robot uses step",
         "let run begin with the present state and leave it after the last sample",
         _step_is_run,
-    ),
-    Rule(
-        "run_batch equals run",
-        "the benchmark scores run_batch where there is one, a robot uses step",
-        "let run_batch(u, y) with u, y (R, N) give (R, N, p), each row as run on a fresh estimator",
-        _batch_is_run,
     ),
     Rule(
         "no look-ahead",

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from math import isnan
 from typing import Any
 
-from flexaxis.experiments.demo.pursuit import Pursuit
 from flexaxis.experiments.demo.racer import SHOWN
+from flexaxis.experiments.demo.tracking import Tracking
 from flexaxis.sim.timing import PERIOD, sample_index
 from flexaxis.sim.toml_text import toml_text
 
@@ -41,7 +41,7 @@ class Entry:
         In words.
     racers : tuple of str
         Who raced then.
-    pursuit : Pursuit or None
+    tracking : Tracking or None
         How they followed, where the truth changed.
     estimates : list of float
         Of what has changed, one for each racer, as long as it is followed; NaN: it has none.
@@ -53,7 +53,7 @@ class Entry:
     key: str
     what: str
     racers: tuple[str, ...]
-    pursuit: Pursuit | None = None
+    tracking: Tracking | None = None
     estimates: list[float] = field(default_factory=list)
     found: list[list[tuple[float, str]]] = field(default_factory=list)
 
@@ -65,13 +65,13 @@ class Entry:
     @property
     def lags(self) -> list[float | None]:
         """Lag of each racer so far [s]; None where none is defined."""
-        known = self.pursuit.lags if self.pursuit else []
+        known = self.tracking.lags if self.tracking else []
         return [*known] if known else [None] * len(self.racers)
 
     @property
     def allowed(self) -> tuple[float | None, float | None]:
         """Lags that theory allows: told which parameter has changed, and not told [s]."""
-        allowed = self.pursuit.allowed if self.pursuit else None
+        allowed = self.tracking.allowed if self.tracking else None
         return allowed.lag if allowed else (None, None)
 
 
@@ -92,7 +92,7 @@ class History:
     @property
     def last(self) -> Entry | None:
         """The last change of the truth."""
-        return next((entry for entry in reversed(self.entries) if entry.pursuit), None)
+        return next((entry for entry in reversed(self.entries) if entry.tracking), None)
 
     def add(self, entry: Entry, act: Mapping[str, Any]) -> None:
         """Take down what was done; ``act`` as in the table ``[[act]]`` of a lesson."""
@@ -155,8 +155,8 @@ def dragged(entries: Sequence[Entry] | deque[Entry], entry: Entry) -> bool:
 
 
 def _rows(entry: Entry) -> Iterable[list[Any]]:
-    pursuit = entry.pursuit
-    changed = pursuit.changed if pursuit else None
+    tracking = entry.tracking
+    changed = tracking.changed if tracking else None
     column = SHOWN.index(changed) if changed else 0
     single, unknown = entry.allowed
     for racer, name in enumerate(entry.racers):
@@ -165,8 +165,8 @@ def _rows(entry: Entry) -> Iterable[list[Any]]:
             f"{entry.time:.3f}",
             entry.what,
             changed or "",
-            _number(pursuit.before[column] if pursuit and changed else None),
-            _number(pursuit.after[column] if pursuit and changed else None),
+            _number(tracking.before[column] if tracking and changed else None),
+            _number(tracking.after[column] if tracking and changed else None),
             name,
             _number(entry.lags[racer]),
             _number(entry.estimates[racer] if changed and entry.estimates else None),

@@ -9,9 +9,8 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import parse
-from flexaxis.experiments.demo.friction import KINDS, LIMITS, UNITS
-from flexaxis.experiments.demo.live_axis import EXCITATION
-from flexaxis.experiments.demo.offers import Offers
+from flexaxis.experiments.demo.input_check import InputCheck
+from flexaxis.experiments.demo.live_axis import EXCITATION, KINDS, LIMITS, UNITS
 from flexaxis.experiments.demo.racer import NAMES, KnobSettings
 from flexaxis.experiments.demo.session import DemoSession
 
@@ -26,14 +25,14 @@ class Bench:
     Attributes
     ----------
     gui : viser.GuiApi
-    offers : Offers
+    check : InputCheck
     session : DemoSession
     guarded : callable
         Wraps what acts on the session.
     """
 
     gui: Any
-    offers: Offers
+    check: InputCheck
     session: DemoSession
     guarded: Callable[[Callable[..., None]], Callable[..., None]]
 
@@ -41,12 +40,12 @@ class Bench:
 def add_axis_knobs(bench: Bench) -> None:
     """Add sliders for noise, and the choice of an excitation."""
     gui, axis, session = bench.gui, bench.session.axis, bench.session
-    noise = bench.offers.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
+    noise = bench.check.slider(gui, "noise [rad/s]", 0.0, 0.5, 0.01, axis.noise)
     # A control that follows a lesson has no client, and changes nothing.
     noise.on_update(
         lambda event: bench.guarded(session.disturb)(float(noise.value)) if event.client else None
     )
-    moving = bench.offers.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
+    moving = bench.check.choice(gui, "excitation", EXCITATION, initial=axis.excitation)
     moving.on_update(
         lambda event: bench.guarded(session.excite)(moving.value) if event.client else None
     )
@@ -57,10 +56,10 @@ class FrictionKnobs:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        gui, offers, friction = bench.gui, bench.offers, bench.session.axis.friction
-        self._kind = offers.choice(gui, "friction", KINDS, initial=friction.kind)
+        gui, check, friction = bench.gui, bench.check, bench.session.axis.friction
+        self._kind = check.choice(gui, "friction", KINDS, initial=friction.kind)
         self._sliders = {
-            name: offers.slider(
+            name: check.slider(
                 gui, f"{name} [{UNITS[name]}]", low, high, 0.01, getattr(friction, name)
             )
             for name, (low, high) in LIMITS.items()
@@ -95,17 +94,17 @@ class Knobs:
 
     def __init__(self, bench: Bench, number: int) -> None:
         self._session, self._number, self._guarded = bench.session, number, bench.guarded
-        gui, offers = bench.gui, bench.offers
+        gui, check = bench.gui, bench.check
         racer = bench.session.racers[number]
         offered = [name for name in REGISTRY if name not in NOT_HERE]
         # Built from what we offer ourselves: a choice is looked up here, and its text not read.
         self._specs = {racer.text: racer.spec} | {name: parse(name) for name in offered}
-        self._choice = offers.choice(gui, "estimator", list(self._specs), initial=racer.text)
-        self._forgetting = offers.slider(gui, "λ", 0.97, 0.9995, 0.0005, 0.995)
+        self._choice = check.choice(gui, "estimator", list(self._specs), initial=racer.text)
+        self._forgetting = check.slider(gui, "λ", 0.97, 0.9995, 0.0005, 0.995)
         self._drift = {
-            name: offers.slider(gui, f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
+            name: check.slider(gui, f"log₁₀ Δ {name}", -9.0, -3.0, 0.1, -6.0) for name in NAMES
         }
-        self._mu = offers.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
+        self._mu = check.slider(gui, "μ", 0.0, 1.0, 0.01, 0.0)
         self._none = gui.add_markdown("it tunes itself: nothing to turn")
         self._show()
         # A slider that is put where its knob stands has no client, and turns nothing.

@@ -12,8 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from flexaxis.experiments.building.consent import names_code
-from flexaxis.experiments.demo.friction import KINDS, LIMITS
-from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS
+from flexaxis.experiments.demo.live_axis import EXCITATION, FACTORS, KINDS, LIMITS
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import DEFAULT_RACERS, DemoSession
 from flexaxis.sim.config import Config, NotNegative, Positive

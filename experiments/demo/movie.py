@@ -6,14 +6,19 @@ import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flexaxis.experiments.demo import curves
 from flexaxis.experiments.demo.lesson import Lesson, Player
-from flexaxis.experiments.demo.session import DemoSession
-from flexaxis.experiments.demo.sheet import PICTURE, SIZE, Sheet
-from flexaxis.experiments.reporting.view import camera, exaggerated
+from flexaxis.experiments.demo.session import SPAN, DemoSession
+from flexaxis.experiments.demo.view import camera, exaggerated
+from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.figures import draw
 from flexaxis.experiments.running.files import OutputError, new_file
 from flexaxis.sim.timing import PERIOD
 
@@ -72,15 +77,15 @@ def frames(
     number = round(lesson.duration / lesson.speed * lesson.frames)
     player = Player(session, lesson)
     begin = session.axis.samples
-    sheet = Sheet(lesson, exaggerate)
+    frame_ = Frame(lesson, exaggerate)
     ratio = session.axis.nominal.r
     with camera(width=PICTURE[0], height=PICTURE[1]) as shoot:
         for frame in range(number):
             until = begin + round((frame + 1) * lesson.speed / lesson.frames / PERIOD)
             player.advance(until - session.axis.samples)
-            sheet.caption = player.caption
+            frame_.caption = player.caption
             angles = exaggerated(session.axis.angles, ratio=ratio, exaggerate=exaggerate)
-            yield sheet.draw(shoot(angles), session)
+            yield frame_.draw(shoot(angles), session)
             advance(1 / number)
 
 
@@ -118,3 +123,76 @@ def _save_mp4(path: Path, pictures: Iterator[Pixels], rate: int) -> None:
         complaint = ffmpeg.stderr.read().decode()
     if ffmpeg.returncode:
         raise OutputError(f"{path}: ffmpeg failed: {complaint.strip()}")
+
+
+SIZE = (8.0, 4.8)  # inches at 100 dots each
+PICTURE = (480, 224)  # of the axis
+SMALL, TINY = 7, 6  # points
+
+
+class Frame:
+    """The picture of a recording, drawn again and again.
+
+    Parameters
+    ----------
+    lesson : Lesson
+        For title and duration.
+    exaggerate : float
+        To be said under the picture.
+
+    Attributes
+    ----------
+    caption : str
+        What is said now.
+    """
+
+    def __init__(self, lesson: Lesson, exaggerate: float) -> None:
+        self.caption, self._begin, self._duration = "", lesson.start, lesson.duration
+        figure = Figure(figsize=SIZE, dpi=100)
+        self._canvas = FigureCanvasAgg(figure)
+        figure.text(0.015, 0.955, lesson.title, weight="bold", size=11)
+        self._caption = figure.text(0.015, 0.91, "", size=9)
+        self._names = [
+            figure.text(0.015 + 0.2 * i, 0.865, "", color=colour, size=9)
+            for i, colour in enumerate(curves.COLOURS)
+        ]
+        figure.text(0.44, 0.865, curves.THEORY, color="0.45", size=9)
+        figure.text(0.015, 0.49, f"MuJoCo; twist × {exaggerate:g} for the eye", size=7, color="0.4")
+        image = figure.add_axes((0.01, 0.485, 0.5, 0.37))
+        image.set_axis_off()
+        self._image = image.imshow(np.full((PICTURE[1], PICTURE[0], 3), 255, np.uint8))
+        rows = [(0.63, 0.08 + 0.21 * (3 - i), 0.355, 0.17) for i in range(4)]
+        self._axes = [figure.add_axes(row) for row in rows]
+        self._left = figure.add_axes((0.065, 0.1, 0.2, 0.32))
+        self._points = figure.add_axes((0.335, 0.1, 0.2, 0.32))
+
+    def draw(self, picture: Pixels, session: DemoSession) -> Pixels:
+        """Return the picture (height, width, 3) as it is now."""
+        self._image.set_data(picture)
+        self._caption.set_text(self.caption)
+        for text, letter, racer in zip(self._names, curves.RACERS, session.racers, strict=True):
+            text.set_text(f"{letter}: {racer.text}")
+        last, lines = session.history.last, session.curves()
+        now, span = session.axis.time, min(SPAN, self._duration)
+        begin = min(max(self._begin, now - span), self._begin + self._duration - span)
+        chart = curves.estimates(lines, begin)
+        for place, ax in enumerate(self._axes):
+            _draw(chart, ax, place).set_xlim(begin, begin + span)
+            ax.label_outer()
+        self._axes[-1].set_xlabel(chart.x, size=SMALL, labelpad=1)
+        _draw(curves.left(last), self._left)
+        _draw(curves.tradeoff(session.points, last.allowed if last else (None, None)), self._points)
+        self._canvas.draw()
+        return np.asarray(self._canvas.buffer_rgba())[:, :, :3].copy()
+
+
+def _draw(chart: Chart, ax: Any, panel: int = 0) -> Any:
+    """Draw a panel anew, in small letters."""
+    ax.clear()
+    draw(chart, ax, panel=panel)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.label.set_size(SMALL)
+        axis.labelpad = 1
+    ax.tick_params(labelsize=TINY, pad=1)
+    ax.set_title("")
+    return ax

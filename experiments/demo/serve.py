@@ -2,40 +2,32 @@
 
 from __future__ import annotations
 
-import asyncio
-import io
 import os
 import signal
 import socket
-import sys
 import threading
 import time
 import webbrowser
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout, suppress
-from typing import Any
+from contextlib import contextmanager, suppress
 
-from flexaxis.experiments.demo.door import Door, own_names
-from flexaxis.experiments.demo.front import Pace, Page
-from flexaxis.experiments.demo.guard import Guard, listen
+from flexaxis.experiments.demo.page import Pace, Page
+from flexaxis.experiments.demo.server import DemoServer
 from flexaxis.experiments.demo.session import DemoSession
-from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD, sample_index
 
 FRAMES = 30  # of the 3-D picture, a second
-CURVES = 5  # times a second that curves and numbers are drawn anew
+CURVES = 4  # times a second that curves and numbers are drawn anew
 BEHIND = 0.25  # s of delay that are made up for; what is more is let go
 WARM = 8.0  # s of the axis before anybody looks: estimators have settled, and curves are there
 FAREWELL = 0.2  # s that the last words have to reach the pages
 PATIENCE = 0.6  # s that an end may take by itself; with FAREWELL, for Ctrl-C is to take a second
-LOCAL, EVERYWHERE = "127.0.0.1", "0.0.0.0"
 
 
 def serve(
     session: DemoSession,
     *,
     port: int | None = None,
-    share: bool = False,
     browser: bool = True,
     speed: float = 1.0,
     exaggerate: float = 100.0,
@@ -53,8 +45,6 @@ def serve(
         Shared by all viewers.
     port : int, optional
         Where the page is, or nowhere; if none is given 8080, or the next that is free.
-    share : bool
-        Whether other computers may see it; else only this one.
     browser : bool
         Whether to open one.
     speed : float
@@ -69,19 +59,15 @@ def serve(
     Raises
     ------
     FlexaxisError
-        If viser or mjviser is not installed, the port cannot be had, or the door does not shut.
+        As from `DemoServer`.
     """
     with _stop_signals() as stop:
-        guard = make_guard(port, EVERYWHERE if share else LOCAL, warned)
-        server = guarded_server(guard)
-        address = guard.door.address("localhost" if share else LOCAL)
-        said(f"the live axis is at {address}  (Ctrl-C ends it)")
-        for line in _sharing(guard.door) if share else ():
-            said(line)
-        page = Page(server, session, exaggerate=exaggerate, speed=speed, offers=guard.offers)
+        server = DemoServer(port, warned)
+        said(f"the live axis is at {server.token.address}  (Ctrl-C ends it)")
+        page = Page(server, session, exaggerate=exaggerate, speed=speed)
         stop.farewell = page.end
         if browser:
-            webbrowser.open(address)
+            webbrowser.open(server.token.address)
         try:
             if play is None:
                 page.advance(sample_index(WARM, PERIOD))
@@ -92,19 +78,7 @@ def serve(
         finally:
             page.end()
             time.sleep(FAREWELL)
-            guard.hang_up()
-            with redirect_stdout(io.StringIO()):
-                server.stop()
-
-
-def _sharing(door: Door) -> list[str]:
-    return [
-        f"shared: whoever reaches this computer on port {door.port} and has the whole address can "
-        "watch and press the buttons; there is no password but the token in it, and no "
-        "encryption. The page reads no files and runs no code of its viewers.",
-        f"others open {door.address(socket.gethostname().lower())} (or this computer's number "
-        "in place of its name)",
-    ]
+            server.stop()
 
 
 def _loop(page: Page, stop: threading.Event) -> None:
@@ -148,75 +122,6 @@ class Meter:
         self._frames = self._samples = 0
 
 
-def make_guard(
-    port: int | None, host: str = LOCAL, warned: Callable[[str], None] = lambda _: None
-) -> Guard:
-    """Return a guard that listens on a port, and knows what this computer is called there."""
-    listening = listen(host, port, warned)
-    number = listening.getsockname()[1]
-    return Guard(Door(number) if host == LOCAL else Door(number, own_names()), listening)
-
-
-def make_server(port: int, host: str) -> Any:
-    """Return a server on a port; nothing that its viewers say is taken, for nothing is offered."""
-    return guarded_server(make_guard(port, host))
-
-
-def guarded_server(guard: Guard) -> Any:
-    """Return a server without a banner of its own, behind a guard; or say what is missing.
-
-    Raises
-    ------
-    FlexaxisError
-        If viser or mjviser is not installed, or goes round the guard.
-    """
-    try:
-        import mjviser  # noqa: F401
-        import viser
-    except ImportError as error:
-        guard.listening.close()
-        raise FlexaxisError(
-            f"the live demo needs viser and mjviser ({error}): pip install 'flexaxis[demo]'. "
-            "`flexaxis demo --record lesson.gif` needs neither"
-        ) from error
-    host = guard.listening.getsockname()[0]
-    # It prints a banner of its own.
-    with redirect_stdout(io.StringIO()), guard.in_front():
-        server = viser.ViserServer(host=host, port=guard.door.port, label="flexaxis", verbose=False)
-    _let_threads_draw(server)
-    # A page could ask viser for a tunnel through its makers' server; ours stays where it is.
-    server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign,misc]
-    try:
-        guard.prove()
-    except FlexaxisError:
-        with redirect_stdout(io.StringIO()):
-            server.stop()
-        guard.listening.close()
-        raise
-    return server
-
-
-class _Waking(asyncio.Event):
-    """An event that any thread may set, once its loop is running."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__()
-        self._home = loop
-
-    def set(self) -> None:
-        with suppress(RuntimeError):  # a loop that is closed has nobody to wake
-            self._home.call_soon_threadsafe(super().set)
-
-
-def _let_threads_draw(server: Any) -> None:
-    """Mend what viser does for each message: it sets asyncio's event out of our thread.
-
-    That fails now and then while viewers come and go ("deque mutated during iteration").
-    """
-    buffer = server._websock_server._broadcast_buffer
-    buffer.message_event = _Waking(buffer.event_loop)
-
-
 class Stop(threading.Event):
     """What SIGINT and SIGTERM set; `farewell` is said where nobody heeds it."""
 
@@ -243,24 +148,20 @@ def _stop_signals() -> Iterator[Stop]:
             signal.signal(kind, handler)
 
 
-def _said(farewell: Callable[[], None]) -> None:
-    with suppress(Exception):  # the server may be about to stop by itself
-        farewell()
-
-
 def _end_if_late(told: socket.socket, over: threading.Event, stop: Stop) -> None:
     """End the process where a signal was not heeded in time: a compiler takes seconds for a loop.
 
     Python calls no handler while code that is not its own runs; the system writes to `told` even
     then. Nothing is lost: the demo keeps nothing, and what is compiled is written whole or not.
     """
+
+    def farewell() -> None:
+        with suppress(Exception):  # the server may be about to stop by itself
+            stop.farewell()
+
     with told:
         if told.recv(1) and not over.wait(PATIENCE):
             # In its own thread, for what it waits for may be what is late.
-            threading.Thread(target=_said, args=(stop.farewell,), daemon=True).start()
-            if over.wait(FAREWELL):
-                return
-            for stream in (sys.stdout, sys.stderr):
-                with suppress(OSError, ValueError):
-                    stream.flush()
-            os._exit(0)
+            threading.Thread(target=farewell, daemon=True).start()
+            if not over.wait(FAREWELL):
+                os._exit(0)

@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators import RECOMMENDED
 from flexaxis.experiments.building.specs import Spec
-from flexaxis.experiments.demo.bound import Jump
-from flexaxis.experiments.demo.dots import Dot, Scorer
-from flexaxis.experiments.demo.friction import Friction
 from flexaxis.experiments.demo.history import KEPT, Entry, History, dragged
-from flexaxis.experiments.demo.live_axis import NO_SAMPLES, LiveAxis, Samples
-from flexaxis.experiments.demo.pursuit import Pursuit
+from flexaxis.experiments.demo.live_axis import NO_SAMPLES, Friction, LiveAxis, Samples
 from flexaxis.experiments.demo.racer import NAMES, REPLAY, SETTLE, SHOWN, KnobSettings, Racer
+from flexaxis.experiments.demo.tracking import Jump, Tracking
+from flexaxis.experiments.demo.tradeoff import Point, Scorer
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD
 
@@ -88,7 +86,7 @@ class DemoSession:
         Set its `noise` and `excitation` while it runs.
     racers : list of Racer
         The two.
-    dots : list of Dot
+    dots : list of Point
         One for each racer and each fault that was scored.
     said : str
         What happened last, in words.
@@ -108,7 +106,7 @@ class DemoSession:
             raise FlexaxisError(f"two estimators race, not {len(estimators)}: give two")
         self.axis = LiveAxis(seed=seed)
         self.racers = [Racer(text, self.axis.nominal) for text in estimators]
-        self.dots: list[Dot] = []
+        self.points: list[Point] = []
         self.factors: dict[str, float] = {}
         self.history = History()
         self.said = "no fault: the estimates stay at the truth"
@@ -149,7 +147,7 @@ class DemoSession:
             return
         column = int(np.argmax(size))
         labels = [racer.label for racer in self.racers]
-        self.dots += self._scorer.fault(NAMES[column], float(size[column]), labels)
+        self.points += self._scorer.fault(NAMES[column], float(size[column]), labels)
         if not self._scorer.open:
             self.said += "; no dot, for it was not quiet long enough before"
 
@@ -222,11 +220,11 @@ class DemoSession:
         self.said = f"at {self.axis.time:.1f} s: {what}"
         entry = self._entry(key, what)
         last = self.history.entries[-1] if self.history.entries else None
-        if last and last.pursuit and dragged(self.history.entries, entry):
-            before = last.pursuit.before  # nobody has followed yet
+        if last and last.tracking and dragged(self.history.entries, entry):
+            before = last.tracking.before  # nobody has followed yet
         self._close()
         after = self.axis.theta(SHOWN)
-        entry.pursuit = Pursuit(before, after, len(self.racers), self._jump(before, after))
+        entry.tracking = Tracking(before, after, len(self.racers), self._jump(before, after))
         self.history.add(entry, act)
 
     def _jump(self, before: Array, after: Array) -> Jump | None:
@@ -248,12 +246,12 @@ class DemoSession:
 
     def _disturbed(self) -> None:
         """End what was scored: something has changed that gives no dot."""
-        self.dots += self._scorer.event()
+        self.points += self._scorer.event()
         self._scorer.forget_quiet()
 
     def _close(self) -> None:
-        if (last := self.history.last) and last.pursuit:
-            last.pursuit.close()
+        if (last := self.history.last) and last.tracking:
+            last.tracking.close()
 
     def _take(self, samples: Samples) -> None:
         # Enough of the past to let a fresh estimator find the state of the axis.
@@ -261,15 +259,15 @@ class DemoSession:
         truth = self.axis.theta(NAMES)
         estimates = [racer.shown(racer.run(samples)) for racer in self.racers]
         errors = np.stack(estimates, axis=1)[..., : len(NAMES)] - truth
-        self.dots += self._scorer.take(errors, samples.excited)
-        del self.dots[:-KEPT]
-        if (last := self.history.last) and last.pursuit and last.pursuit.open:
-            last.pursuit.take(estimates, samples.torque, samples.excited)
+        self.points += self._scorer.take(errors, samples.excited)
+        del self.points[:-KEPT]
+        if (last := self.history.last) and last.tracking and last.tracking.open:
+            last.tracking.take(estimates, samples.torque, samples.excited)
             self._listen(last, estimates)
 
     def _listen(self, entry: Entry, estimates: Sequence[Array]) -> None:
         """Take down what the racers say of a change."""
-        changed = entry.pursuit.changed if entry.pursuit else None
+        changed = entry.tracking.changed if entry.tracking else None
         if changed is not None:
             column = SHOWN.index(changed)
             entry.estimates = [float(theta[-1, column]) for theta in estimates]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # what type checkers and completion read; a test compares it 
     from flexaxis._compare import Comparison, compare
     from flexaxis._estimates import Estimate
     from flexaxis._lists import scenarios
+    from flexaxis._logs import LogResult, identify, import_log, track, trend
     from flexaxis._records import Recording, load, simulate
     from flexaxis._results import Results, benchmark, study
     from flexaxis._running import estimate
@@ -28,6 +29,7 @@ __all__ = [
     "Axis",
     "Comparison",
     "Estimate",
+    "LogResult",
     "Recording",
     "Results",
     "Sample",
@@ -37,12 +39,16 @@ __all__ = [
     "compare",
     "estimate",
     "estimators",
+    "identify",
+    "import_log",
     "load",
     "make_axis",
     "scenarios",
     "score",
     "simulate",
     "study",
+    "track",
+    "trend",
 ]
 
 _HOME = {
@@ -62,6 +68,11 @@ _HOME = {
     "Results": "_results",
     "benchmark": "_results",
     "study": "_results",
+    "LogResult": "_logs",
+    "identify": "_logs",
+    "import_log": "_logs",
+    "track": "_logs",
+    "trend": "_logs",
 }
 _PACKAGES = ("estimators", "experiments", "models_mjcf", "sim")
 

@@ -58,7 +58,8 @@ class Axis:
                 f"{scenario.name} delays the torque, which an axis stepped by hand does not: hold "
                 "your own torque back, and leave `delay` out of the scenario"
             )
-        self.scenario, self._seed = scenario, seed_of(seed)
+        self._seed = seed_of(seed)
+        self.scenario = scenario.drawn(self._seed)
         self.reset()
 
     def reset(self) -> Sample:
@@ -70,7 +71,7 @@ class Axis:
             substeps=substeps(nonlinear, scenario.period, least=scenario.substeps or 1),
             nonlinear=nonlinear,
         )
-        self._changes, self._k = Changes(scenario), 0
+        self._changes, self._k = Changes([scenario]), 0
         sensors = list(scenario.sensors.values())
         self._read = {
             name: reading(sensors, name, self._white, period=scenario.period)

@@ -12,10 +12,10 @@ import numpy as np
 from flexaxis._given import Scenarios, scenarios_of, seeds_of, texts_of
 from flexaxis._table import html_table, text_table
 from flexaxis._working import working
-from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.gate import gate
 from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
-from flexaxis.experiments.gate.pairs import parse_margins
+from flexaxis.experiments.gate.equal_noise import work
+from flexaxis.experiments.gate.margins import parse_margins
 from flexaxis.experiments.gate.words import headline, knobs, meaning
 from flexaxis.experiments.results.results import needed
 from flexaxis.experiments.running.bench import Bench
@@ -97,10 +97,14 @@ class Comparison:
 
 
 def _line(v: Verdict) -> dict[str, Any]:
-    interval = np.array(v.interval)
-    name = f"{v.metric.replace('_', ' ')} {v.parameter}"
-    return {"name": name, "where": v.scenario, "word": v.verdict, "change": v.change,
-            "interval": interval, "margin": v.margin}  # fmt: skip
+    name, scale = f"{v.metric.replace('_', ' ')} {v.parameter}", v.scale or 1.0
+    interval = np.maximum(np.array(v.interval) / scale, DRAWN)
+    return {"name": name, "where": v.scenario, "word": v.verdict, "interval": interval,
+            "change": max((v.change or 0.0) / scale, DRAWN),
+            "margin": (v.margin or 0.0) / scale}  # fmt: skip
+
+
+DRAWN = -0.99  # of a change as a share: a difference may be less than all of the base
 
 
 def compare(
@@ -122,7 +126,7 @@ def compare(
     base, candidate : str or class
         As for `benchmark`.
     scenarios : str, Scenario, or several of them
-        Those that one of the two cannot read are left out.
+        Those that one of the two cannot read are left out; the verdict says so.
     seeds, jobs, time_limit
         As for `benchmark`.
     max_seeds : int
@@ -145,13 +149,18 @@ def compare(
         as the reference.
     """
     first, second = (texts_of([one], jobs=jobs)[0] for one in (base, candidate))
-    kept, left_out = readable(scenarios_of(scenarios), (first, second))
+    numbers = seeds_of(seeds)
+    kept, lacking, left_out = gate.readable_by_both(
+        scenarios_of(scenarios), first, second, len(numbers)
+    )
     wanted = [f"{name}={value!r}" for name, value in (margins or {}).items()]
     question = gate.Question(
-        base=first, candidate=second, scenarios=kept, seeds=seeds_of(seeds),
-        margins=parse_margins(wanted), max_seeds=max_seeds,
+        base=first, candidate=second, scenarios=kept, seeds=numbers,
+        margins=parse_margins(wanted), max_seeds=max_seeds, lacking=lacking,
     )  # fmt: skip
-    most = len(question.looks()[-1]) * len(kept) * len({first, second}) * (3 if match_std else 1)
+    most = len(question.looks()[-1]) * len(kept) * len({first, second})
+    if match_std:
+        most += work(len(kept), len(question.seeds), len(question.looks()[-1]))
     about = f"at most {most} case{'s'[: most != 1]}"
     with (
         working(about, most, jobs=jobs, time_limit=time_limit) as means,

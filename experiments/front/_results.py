@@ -18,13 +18,22 @@ from flexaxis._given import (
     texts_of,
 )
 from flexaxis._table import Table
-from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.results import results as kept
 from flexaxis.experiments.running.study import Study
 from flexaxis.sim.errors import FlexaxisError, unknown
 
-_SHOWN = ("estimator", "scenario", "parameter", "lag", "t10", "std", "bias", "diverged", "cases")
+_SHOWN = (
+    "estimator",
+    "scenario",
+    "parameter",
+    "lag",
+    "t10",
+    "std",
+    "bias",
+    "diverged",
+    "failed",
+    "runs",
+)
 
 
 class Results(kept.Results):
@@ -65,9 +74,10 @@ class Results(kept.Results):
         """
         from matplotlib import pyplot
 
-        from flexaxis._draw import plain_logs
-        from flexaxis.experiments.reporting.figures import draw_speed_variance
-        from flexaxis.experiments.reporting.sweep_figures import draw_lags
+        from flexaxis.experiments.reporting import figures
+        from flexaxis.experiments.reporting.charts import Chart
+        from flexaxis.experiments.reporting.run.speed import as_set
+        from flexaxis.experiments.reporting.study.charts import degradation
 
         if x and x not in self.axes:
             known = unknown("axis", x, self.axes) if self.axes else f"axis {x!r}: nothing was swept"
@@ -75,14 +85,16 @@ class Results(kept.Results):
         if ax is None:
             _, ax = pyplot.subplots(figsize=(8.0, 4.0), layout="constrained")
         key = x or next(iter(self.axes), "")
-        if not key:
-            draw_speed_variance(ax, [self._named(row) for row in self.pooled(["base", "method"])])
-            plain_logs(ax)
-            return ax
-        rows = [row for row in self.pooled(["method", key]) if row["lag"] is not None]
-        draw_lags(ax, [row for row in rows if row["changed"] and row[key] is not None], key)
-        ax.set_xlabel(key)
-        ax.grid(alpha=0.25)
+        chart: Chart | None
+        if key:
+            rows = [r | {"who": r["method"]} for r in self.pooled(["method", key]) if r["changed"]]
+            chart = degradation([r for r in rows if r["lag"] is not None], key, label=key)
+        else:
+            rows = [self._named(row) for row in self.pooled(["base", "method"])]
+            chart = as_set(rows, list(dict.fromkeys(row["estimator"] for row in rows)))
+        if chart is None or not chart.panels:
+            raise FlexaxisError("no lag to draw: nothing changes here that is estimated")
+        figures.draw(chart, ax)
         ax.legend(frameon=False, fontsize=8)
         return ax
 
@@ -110,7 +122,7 @@ def benchmark(
     seeds: int | str | Iterable[int] = 8,
     folder: str | Path | None = None,
     jobs: int = 1,
-    resume: bool = False,
+    overwrite: bool = False,
     time_limit: float | None = None,
 ) -> Results:
     """Run estimators on scenarios over many seeds, and score them.
@@ -129,8 +141,8 @@ def benchmark(
     jobs : int
         Processes. A script that asks for several runs itself in each, and so needs
         ``if __name__ == "__main__":``.
-    resume : bool
-        Whether to keep what `folder` holds, and run what is missing.
+    overwrite : bool
+        Whether to remove what `folder` holds first; else it is kept, and what is missing run.
     time_limit : float, optional
         How long code of your own may take for one run [s]; 600 by default.
 
@@ -148,7 +160,7 @@ def benchmark(
     study = Study(
         "benchmark", scenarios_of(scenarios), texts_of(estimators, jobs=jobs), seeds_of(seeds)
     )
-    return _run(study, folder, jobs=jobs, resume=resume, time_limit=time_limit)
+    return _run(study, folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
 
 
 def study(
@@ -156,7 +168,7 @@ def study(
     *,
     folder: str | Path | None = None,
     jobs: int = 1,
-    resume: bool = False,
+    overwrite: bool = False,
     run_code: bool = False,
     time_limit: float | None = None,
 ) -> Results:
@@ -167,7 +179,7 @@ def study(
     definition : str, Path or mapping
         A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["relocate"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
-    folder, jobs, resume, time_limit
+    folder, jobs, overwrite, time_limit
         As for `benchmark`.
     run_code : bool
         Whether code that a file names may be run; what stands in a mapping is yours.
@@ -190,12 +202,12 @@ def study(
     if path is not None:
         loaded = load_study(path)
         return _run(
-            loaded, folder, jobs=jobs, resume=resume, run_code=run_code, time_limit=time_limit
+            loaded, folder, jobs=jobs, overwrite=overwrite, run_code=run_code, time_limit=time_limit
         )
     content = {"name": "study"} | dict(definition)  # type: ignore[arg-type]
     if "estimators" in content:
         content["estimators"] = list(texts_of(content["estimators"], jobs=jobs))
-    return _run(study_from(content), folder, jobs=jobs, resume=resume, time_limit=time_limit)
+    return _run(study_from(content), folder, jobs=jobs, overwrite=overwrite, time_limit=time_limit)
 
 
 def _run(
@@ -203,25 +215,19 @@ def _run(
     folder: Any,
     *,
     jobs: int,
-    resume: bool,
+    overwrite: bool,
     run_code: bool = True,
     time_limit: float | None = None,
 ) -> Results:
     from flexaxis._working import working
     from flexaxis.experiments.running.engine import run_study
 
-    if resume and (here := [text for text in wanted.estimators if is_given(text)]):
-        raise EstimatorError(
-            f"{here[0]} is a class of this session, of which nobody knows whether it is still what "
-            f'the rows were made with: put it in a file and give "path/file.py:{here[0]}", or '
-            "leave resume out"
-        )
     place = Path(folder) if folder else Path(tempfile.mkdtemp(prefix="flexaxis-"))
     total = len(wanted.scenarios) * len(wanted.points) * len(wanted.estimators) * len(wanted.seeds)
     with working(
         f"{total} case{'s'[: total != 1]}", total, jobs=jobs, time_limit=time_limit
     ) as means:
-        run_study(wanted, place, means, resume=resume, run_code=run_code)
+        run_study(wanted, place, means, overwrite=overwrite, run_code=run_code)
     found = Results.load(place)
     if not folder:  # the rows go when nobody holds the table that is read from them
         weakref.finalize(found.table, _remove, place)

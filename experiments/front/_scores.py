@@ -58,7 +58,7 @@ def score(
     )  # fmt: skip
     seed = found.record.seed or 0
     identity = {
-        "case": case_id(scenario.hash, found.estimator, seed),
+        "case": case_id(found.record.hash or scenario.hash, found.estimator, seed),
         "scenario": scenario.name,
         "estimator": found.estimator,
         "seed": seed,

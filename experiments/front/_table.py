@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.reporting.tables import number
 
 if TYPE_CHECKING:
     import pandas

@@ -8,14 +8,12 @@ from dataclasses import replace
 from flexaxis.experiments.gate.comparison_rows import cells, ordered, row_command, worst
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import Verdict
 from flexaxis.experiments.gate.words import explanation, headline, knobs, meaning
 from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
-from flexaxis.experiments.reporting.run_charts import trajectories
+from flexaxis.experiments.reporting.run.over_time import trajectories
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
-from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.curves import curve_of
 from flexaxis.sim.scenario import Scenario
@@ -74,7 +72,7 @@ def comparison_page(
 
 def _row(v: Verdict, again: str) -> Row:
     scenario, score, base, candidate, change, interval, verdict = cells(v)
-    size = 100 * v.change if v.metric not in LOST and v.change is not None else None
+    size = None if v.change is None else 100 * v.change / (v.scale or 1.0)
     return Row(
         [
             Cell(scenario),
@@ -100,13 +98,11 @@ def _chart(
         return None
     curves = []
     for side, text in (("base", found.base), ("candidate", found.candidate)):
-        case = case_id(scenario.hash, text, focus.worst_seed)
-        known = [t for t in traces.find(scenario.hash, text) if t.case == case]
-        if not known:
+        one = traces.find(scenario.hash, text).get(focus.worst_seed or 0)
+        if one is None:
             return None
-        one = known[0]
-        near = [] if one.detail is None else [one.detail.near]
-        curves.append(curve_of(scenario, f"{side}: {text}", one.names, [one.curve], near))
+        each = [one.curve], [one.detail.near]
+        curves.append(curve_of(scenario, f"{side}: {text}", one.names, *each))
     said = cells(focus)
     where = f"Both runs on {scenario.name}, seed {focus.worst_seed}; truth dashed."
     return replace(

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.gate.comparison_page import comparison_page
 from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE
@@ -94,8 +95,9 @@ def write(
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
     write_text(folder / MARKDOWN, markdown(found))
+    codes = {text: digest(text) for text in (found.base, found.candidate)}
     text = comparison_page(
-        found, scenarios, sources=sources or {}, command=command, traces=Traces.of(folder)
+        found, scenarios, sources=sources or {}, command=command, traces=Traces(folder, codes)
     )
     write_text(folder / REPORT, text)
     # Last: a folder that has none is not complete.

@@ -5,21 +5,25 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 
-from flexaxis.experiments.gate.decide import BETTER, SAME, SLIGHT, UNDECIDED, WORSE
+from flexaxis.experiments.gate.decide import BETTER, SAME, SILENT, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.lost import SILENT
-from flexaxis.experiments.gate.pairs import LOST, METRICS
+from flexaxis.experiments.gate.margins import METRICS
+from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import Verdict
-from flexaxis.experiments.gate.words import percent
-from flexaxis.experiments.reporting.cells import number
+from flexaxis.experiments.gate.words import change_of, percent
+from flexaxis.experiments.reporting.tables import number
 
 COLUMNS = ("scenario", "score", "base", "candidate", "change", "interval [%]", "verdict")
 ORDER = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME, SILENT)
 
 
 def ordered(verdicts: Sequence[Verdict]) -> list[Verdict]:
-    """Return the verdicts with what matters first; where no run was lost no row is needed."""
-    shown = [v for v in verdicts if v.metric not in LOST or v.base or v.candidate]
+    """Return the verdicts with what matters first.
+
+    No row is needed where no run was lost; a bias that is not worse stands beside the deviation.
+    """
+    shown = [v for v in verdicts if v.verdict != SILENT or v.base or v.candidate]
+    shown = [v for v in shown if v.verdict != SILENT or v.metric in LOST]
     return sorted(shown, key=lambda v: ORDER.index(v.verdict))
 
 
@@ -29,11 +33,17 @@ def cells(v: Verdict) -> tuple[str, ...]:
         runs = (f"{v.base:.0f} of {v.runs}", f"{v.candidate:.0f} of {v.runs}")
         more = f"{v.newly} new, {v.regained} back, p = {v.p:.2g}"
         return v.scenario, v.metric.replace("_", " "), *runs, "", more, _word(v)
-    spread = f"{percent(v.interval[0])} … {percent(v.interval[1])}" if v.interval else "–"
+    spread = "–"
+    if v.interval and v.unit is None:
+        spread = " … ".join(map(percent, v.interval))
+    elif v.interval:
+        spread = f"Δ {v.interval[0]:+.2g} … {v.interval[1]:+.2g} {v.unit}".rstrip()
     if v.pairs < v.runs:
         spread += f" ({v.pairs} of {v.runs} pairs)"
-    change = "–" if v.change is None else f"{percent(v.change)} %"
-    values = (_with_unit(v.base, v.metric), _with_unit(v.candidate, v.metric))
+    change = "–" if v.change is None else change_of(v, v.change)
+    values = [_with_unit(value, v.metric) for value in (v.base, v.candidate)]
+    if v.bias is not None:
+        values = [f"{x}, bias {number(b, 2)}" for x, b in zip(values, v.bias, strict=True)]
     return v.scenario, f"{v.metric} {v.parameter}", *values, change, spread, _word(v)
 
 
@@ -50,7 +60,7 @@ def _word(v: Verdict) -> str:
     if v.enough is None:
         return f"{UNDECIDED}, {seeds}".rstrip(", ")
     way = BETTER if v.enough < 0 else WORSE
-    said = f"{UNDECIDED}: {v.agreeing} runs can say {way} from {percent(v.enough)} % on"
+    said = f"{UNDECIDED}: {v.agreeing} runs can say {way} from {change_of(v, v.enough)} on"
     return f"{said}; {seeds}".rstrip("; ")
 
 

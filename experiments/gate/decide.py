@@ -14,10 +14,14 @@ from numpy.typing import NDArray
 from scipy.special import comb
 
 from flexaxis.experiments.scoring import statistics
+from flexaxis.experiments.scoring.table import SCORES
 
 Array = NDArray[np.float64]
 
 WORSE, BETTER, SLIGHT, SAME, UNDECIDED = "worse", "better", "slight", "same", "undecided"
+
+SILENT = "not more"
+"""Of lost runs and of a bias, which have a say only where they decide: no more than chance does."""
 
 ALPHA = 0.01
 """Chance of any false "worse" or "better" in a comparison, at most."""
@@ -50,12 +54,17 @@ class Family:
     ----------
     scenarios, metrics : ndarray (S,) of str
     margins : ndarray (S,)
-        Changes of the logarithm that do not matter.
+        Changes of the logarithm, or of the share, that do not matter.
     """
 
     scenarios: NDArray[np.str_]
     metrics: NDArray[np.str_]
     margins: Array
+
+    @property
+    def guards(self) -> NDArray[np.bool_]:
+        """Which of the scores (S,) have a say only where they are worse."""
+        return np.array([m in SCORES and SCORES[m].guard for m in self.metrics], bool)
 
     @staticmethod
     def of(scenarios: Sequence[str], metrics: Sequence[str], margins: Sequence[float]) -> Family:
@@ -102,7 +111,8 @@ def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
     Parameters
     ----------
     ratios : ndarray (C, S, n)
-        log(candidate/base) of C comparisons, S scores and n seeds; NaN where there is no pair.
+        log(candidate/base) of C comparisons, S scores and n seeds, of scores that may be 0 the
+        difference as a share; NaN where there is no pair.
     family : Family
     alpha : float
         Of the whole comparison. The scores have their share of it; what no run has shown is
@@ -123,6 +133,7 @@ def decide(ratios: Array, family: Family, *, alpha: float = ALPHA) -> Decision:
     inside = (low > -family.margins) & (high < family.margins)
     said_words = [WORSE, BETTER, SLIGHT, SAME]
     words = np.select([said & (way > 0), said, inside & (way != 0), inside], said_words, UNDECIDED)
+    words = np.where(family.guards & (words != WORSE), SILENT, words)
     p = np.where(np.isnan(p), 1.0, p)
     return Decision(n, mean, sd, p, level, low, high, support, choices, few, far, words)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.gate import decide
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE, Family
-from flexaxis.experiments.gate.lost import MANY, judge_lost, net
+from flexaxis.experiments.gate.lost import alarming, judge_lost
 from flexaxis.experiments.gate.pairs import LOST, Paired
 
 Array = NDArray[np.float64]
@@ -52,7 +52,7 @@ class Pool:
             for way in LOST
         }
         place = np.array([names.index(s.scenario) for s in scores])
-        return Pool(family, place, np.array([s.ratios for s in scores]), lost)
+        return Pool(family, place, np.array([s.changes for s in scores]), lost)
 
 
 _SIDES = ("base", "candidate")
@@ -93,6 +93,7 @@ def draw(
     *,
     swap: bool = False,
     lose: tuple[float, float] = (0.0, 0.0),
+    way: str = "diverged",
 ) -> Drawn:
     """Draw comparisons, each of `size` seeds of the pool, none twice.
 
@@ -104,17 +105,20 @@ def draw(
     swap : bool
         Let base and candidate change sides on each run by chance, so that neither can be better.
     lose : (float, float)
-        Share of the runs of base and candidate that diverge besides, by chance.
+        Share of the runs of base and candidate that are lost besides, by chance.
+    way : str
+        In which way.
     """
     count = pool.ratios.shape[1]
     seeds = random.permuted(np.tile(np.arange(count), (comparisons, 1)), axis=1)[:, :size]
     shape = (comparisons, len(pool.lost[LOST[0]][0]), size)
     turned = random.random(shape) < 0.5 if swap else np.zeros(shape, bool)
     lost = {}
-    for way, flags in pool.lost.items():
+    for name, flags in pool.lost.items():
         base, candidate = np.moveaxis(flags[:, :, seeds], 1, 2)
-        lost[way] = np.array([np.where(turned, candidate, base), np.where(turned, base, candidate)])
-    lost["diverged"] |= np.array([random.random(shape) < share for share in lose])
+        sides = np.where(turned, candidate, base), np.where(turned, base, candidate)
+        lost[name] = np.array(sides)
+    lost[way] |= np.array([random.random(shape) < share for share in lose])
     gone = np.asarray(lost["diverged"].any(axis=0))
     lost["never_settled"] &= ~gone
     ratios = np.moveaxis(pool.ratios[:, seeds], 0, 1)
@@ -148,15 +152,16 @@ def judged(drawn: Drawn, looks: Sequence[int], *, alpha: float = decide.ALPHA) -
 
 def _look(drawn: Drawn, seeds: int, alpha: float) -> Judged:
     words = decide.decide(drawn.ratios[:, :, :seeds], drawn.family, alpha=alpha).words
-    counts, more = [], np.zeros(len(words), int)
+    said, counts = [], []
     for way, flags in drawn.lost.items():
         base, candidate = flags[:, :, :, :seeds]
-        newly, regained = (
-            (one & ~other).sum(axis=(1, 2)) for one, other in ((candidate, base), (base, candidate))
-        )
-        counts.append(judge_lost(newly, regained, way, alpha=alpha))
-        more += net(newly, regained)
-    word = decide.overall(words, np.stack(counts, axis=1))
-    every = np.concatenate([words, np.stack(counts, axis=1)], axis=1)
-    status = np.where(word == WORSE, 1, np.where((word == UNDECIDED) & (more >= MANY), 3, 0))
+        sides = (candidate & ~base, base & ~candidate, base)
+        newly, regained, all_ = (side.sum(axis=(1, 2)) for side in sides)
+        said.append(judge_lost(newly, regained, way, alpha=alpha))
+        counts.append((newly, regained, all_))
+    lost = np.stack(said, axis=1)
+    look = alarming(*(np.stack(each, axis=-1) for each in zip(*counts, strict=True)))
+    word = decide.overall(words, lost)
+    every = np.concatenate([words, lost], axis=1)
+    status = np.where(word == WORSE, 1, np.where((word == UNDECIDED) & look, 3, 0))
     return Judged(word, status, (every == WORSE).any(axis=1), (every == BETTER).any(axis=1))

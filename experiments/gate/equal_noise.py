@@ -24,8 +24,15 @@ from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.matching import MATCHED, Match, Noise, Setting, match, plain
 from flexaxis.experiments.scoring.pooling import biases_of
-from flexaxis.experiments.studies.knobs import knob_of, turned
-from flexaxis.experiments.studies.tuning import EXCESS, Trials, Tuned, match_noise, setting
+from flexaxis.experiments.studies.knobs import knob_of, setting
+from flexaxis.experiments.studies.tuning import (
+    EXCESS,
+    ROUNDS,
+    NoMatchError,
+    Trials,
+    Tuned,
+    match_noise,
+)
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -35,7 +42,7 @@ SEEDS = tuple(range(16))
 
 TURNS = (1 / 1.2, 1.0, 1.2)  # of the candidate's knob, about its setting
 FURTHER = (1.6, 4.0, 16.0)  # and its inverse, where all are noisier than the base, or all quieter
-NOISES = ("std", "excess")  # what is equal is not judged
+NOISES = ("std", "excess", "bias")  # what is equal is not judged, and neither what is beside it
 
 
 @dataclass(frozen=True)
@@ -49,17 +56,21 @@ class EqualNoise:
     base, candidate : Tuned
     seeds : tuple of int
         On which they were tuned.
+    left_out : tuple of str
+        Scenarios on which no setting reaches the noise: what is equal is that on the others.
     """
 
     match: str
     base: Tuned
     candidate: Tuned
     seeds: tuple[int, ...]
+    left_out: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return what goes into compare.json."""
         sides = {"base": asdict(self.base), "candidate": asdict(self.candidate)}
-        return {"match": self.match, "seeds": list(self.seeds)} | sides
+        about = {"match": self.match, "seeds": list(self.seeds), "left_out": list(self.left_out)}
+        return about | sides
 
     def apply(
         self, paired: Paired, scenarios: Sequence[Scenario], bench: Bench, seeds: Sequence[int]
@@ -117,37 +128,69 @@ def at_one_noise(
     """
     for text in (base, candidate):  # said before anything is run
         _parts(text)
-    wanted, where = _what(base, candidate, scenarios, bench, seeds)
+    wanted, where, left_out = _what(base, candidate, scenarios, bench, seeds)
     trials = Trials(seeds, bench, wanted, where)
-    return EqualNoise(wanted, _tuned(base, trials), _tuned(candidate, trials), tuple(seeds))
+    try:
+        both = _tuned(base, trials), _tuned(candidate, trials)
+    except NoMatchError as error:
+        kept = [s for s in where if s.name not in error.scenarios]
+        if not kept or len(kept) == len(where):
+            raise _asked(error) from error
+        left_out += tuple(s.name for s in where if s.name in error.scenarios)
+        trials = Trials(seeds, bench, wanted, kept)
+        try:
+            both = _tuned(base, trials), _tuned(candidate, trials)
+        except NoMatchError as again:
+            raise _asked(again) from again
+    return EqualNoise(wanted, *both, tuple(seeds), left_out)
+
+
+def _asked(error: FlexaxisError) -> FlexaxisError:
+    return FlexaxisError(f"{ASKED}: {error}; see `flexaxis tradeoff`")
+
+
+def work(scenarios: int, first: int, last: int) -> int:
+    """Return how many cases more it takes at most to compare at equal noise.
+
+    Parameters
+    ----------
+    scenarios : int
+    first, last : int
+        Seeds of the first look, and of the last.
+    """
+    tuned = 2 * (1 + 2 * ROUNDS) * min(first, len(SEEDS))
+    beside = len(TURNS) - 1 + 2 * len(FURTHER)
+    return scenarios * (tuned + (1 + beside) * last)
 
 
 def _parts(text: str) -> tuple[str, dict[str, Any]]:
-    """Return the name of an estimator, and its options without the knob."""
+    """Return the name of an estimator, and its options without those of the knob."""
     options = written_options(text)
     name = text.partition("[")[0].strip() if options else text
-    knob, _ = knob_of(name)
+    knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(
             f"{ASKED}: {text} has no knob to turn, so it cannot be made as noisy as another. "
             'Name the option that buys speed with noise in its class (knob = "gain"), or compare '
             "without it"
         )
-    return name, {key: value for key, value in options.items() if key != knob}
+    return name, {key: value for key, value in options.items() if key not in knob.names}
 
 
 def _tuned(text: str, trials: Trials) -> Tuned:
     name, options = _parts(text)
     try:
         return match_noise(name, trials, options)
+    except NoMatchError:
+        raise
     except FlexaxisError as error:
-        raise FlexaxisError(f"{ASKED}: {error}; see `flexaxis tradeoff`") from error
+        raise _asked(error) from error
 
 
 def _what(
     base: str, candidate: str, scenarios: Sequence[Scenario], bench: Bench, seeds: Sequence[int]
-) -> tuple[str, list[Scenario]]:
-    """Return what is to be equal, and the scenarios on which."""
+) -> tuple[str, list[Scenario], tuple[str, ...]]:
+    """Return what is to be equal, the scenarios on which, and those on which it is not defined."""
     runs = bench.runs(scenarios, (base, candidate), seeds[:1])
     changing = {
         s.name: _changing(runs[s.hash, base][0]) & _changing(runs[s.hash, candidate][0])
@@ -160,15 +203,22 @@ def _what(
             "no lag to compare; name one that has (`flexaxis list`)"
         )
     if len(every) == 1:
-        return every.pop(), [s for s in scenarios if changing[s.name]]
-    for text in (base, candidate):
-        if lacking := [s.name for s in scenarios if runs[s.hash, text][0][0]["excess"] is None]:
-            raise FlexaxisError(
-                f"{ASKED}: the faults are in {', '.join(sorted(every))}, so that the excess "
-                f"prediction error is to be equal, and {text} does not estimate all that it takes "
-                f"on {', '.join(lacking)}: name scenarios in which one parameter changes"
-            )
-    return EXCESS, list(scenarios)
+        return every.pop(), [s for s in scenarios if changing[s.name]], ()
+    lacking = {
+        s.name: text
+        for s in scenarios
+        for text in (base, candidate)
+        if runs[s.hash, text][0][0]["excess"] is None
+    }
+    where = [s for s in scenarios if s.name not in lacking]
+    if not where:
+        raise FlexaxisError(
+            f"{ASKED}: the faults are in {', '.join(sorted(every))}, so that the excess "
+            f"prediction error is to be equal, and {', '.join(sorted({*lacking.values()}))} does "
+            f"not estimate all that it takes on {', '.join(lacking)}: name scenarios in which one "
+            "parameter changes"
+        )
+    return EXCESS, where, tuple(lacking)
 
 
 def _changing(rows: Sequence[Row]) -> set[str]:
@@ -202,7 +252,7 @@ class _Side:
         here = np.searchsorted(item.seeds, [row["seed"] for row in base.rows])
         sides = np.full((2, len(item.seeds)), np.nan)
         sides[:, here] = np.exp([first, second])
-        return replace(item, base=sides[0], candidate=sides[1])
+        return replace(item, base=sides[0], candidate=sides[1], scale=None)
 
     def _match(self, scenario: Scenario, parameter: str) -> tuple[Match | None, Setting]:
         turns = list(TURNS)
@@ -240,7 +290,11 @@ class _Side:
         if turn == 1.0:
             return tuned.setting
         name, options = _parts(tuned.setting)
-        return setting(name, {**options, tuned.knob: turned(tuned.knob, tuned.value, turn)})
+        knob = knob_of(name)
+        found = knob and knob.at(knob.position(tuned.value) * turn)
+        if not found:
+            raise EstimatorError(f"{name}: its knob does not turn so far")
+        return setting(name, {**options, **found})
 
     def _of(self, scenario: Scenario, text: str) -> Runs:
         if (scenario.hash, text) not in self._runs:

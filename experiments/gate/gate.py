@@ -6,19 +6,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
-from flexaxis.experiments.gate.decide import ALPHA, UNDECIDED, WORSE
+from flexaxis.experiments.gate.decide import ALPHA, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise
-from flexaxis.experiments.gate.lost import MANY
-from flexaxis.experiments.gate.pairs import Table, pair, table
+from flexaxis.experiments.gate.pairs import Lack, Paired, Table, pair, table
 from flexaxis.experiments.gate.verdicts import (
     Verdict,
+    alarming,
     by_metric,
     judge,
     newly_lost,
     overall,
 )
-from flexaxis.experiments.running.bench import Bench, Runs
+from flexaxis.experiments.running.bench import Bench, Runs, check_failures
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -44,6 +45,8 @@ class Question:
         Chance of any false alarm, at most, over all looks.
     equal : EqualNoise, optional
         The settings that `base` and `candidate` are; then noise is equal, and not judged.
+    lacking : tuple of Lack
+        Scenarios that were asked for besides, and that one side alone can read.
     """
 
     base: str
@@ -54,6 +57,7 @@ class Question:
     max_seeds: int = 0
     alpha: float = ALPHA
     equal: EqualNoise | None = None
+    lacking: tuple[Lack, ...] = ()
 
     def looks(self) -> list[list[int]]:
         """Return the seeds of each look: the first ones, then twice as many, up to the most.
@@ -109,6 +113,11 @@ class Comparison:
         Where the candidate is as noisy as the base at no turn of its knob that was tried.
     estimated : (tuple of str, tuple of str)
         All parameters that base and candidate estimate; the others each is told.
+    lacking : tuple of Lack
+        Cases that one side alone was run on: nothing can be called the same then, and where the
+        candidate lacks them nothing better.
+    failed : (int, int)
+        Cases that failed, of base and candidate.
     """
 
     base: str
@@ -122,12 +131,20 @@ class Comparison:
     equal: EqualNoise | None = None
     unmatched: tuple[tuple[str, str], ...] = ()
     estimated: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    lacking: tuple[Lack, ...] = ()
+    failed: tuple[int, int] = (0, 0)
 
     @property
     def verdict(self) -> str:
         """The one word: worse, undecided, better, slight or same."""
         word = overall(self.verdicts)
-        return UNDECIDED if (self.missing or self.unmatched) and word != WORSE else word
+        if self.missing or self.unmatched or self.lacks("candidate"):
+            return word if word == WORSE else UNDECIDED
+        return UNDECIDED if self.lacks("base") and word in {SLIGHT, SAME} else word
+
+    def lacks(self, side: str) -> bool:
+        """Return whether a side ("base", "candidate") was not run where the other was."""
+        return any(lack.side == side for lack in self.lacking)
 
     @property
     def newly_lost(self) -> int:
@@ -135,10 +152,21 @@ class Comparison:
         return newly_lost(self.verdicts)
 
     def status(self, *, strict: bool = False) -> int:
-        """Return the exit status: 1 worse; 3 undecided, if `strict` or runs were newly lost; 0."""
+        """Return the exit status: 1 worse; 3 undecided, if `strict` or somebody must look; else 0.
+
+        That is where two runs or more were newly lost, or a run newly failed, or rows of the
+        candidate are not there.
+        """
         if self.verdict == UNDECIDED:
-            return 3 if strict or self.newly_lost >= MANY else 0
+            return 3 if strict or self.must_look else 0
         return int(self.verdict == WORSE)
+
+    @property
+    def must_look(self) -> bool:
+        """Whether what is undecided may not pass."""
+        fails = self.failed[1] > self.failed[0]
+        gone = any(k.side == "candidate" and not k.unreadable for k in self.lacking)
+        return alarming(self.verdicts) or fails or gone
 
     def as_dict(self) -> dict[str, Any]:
         """Return what goes into compare.json."""
@@ -146,6 +174,8 @@ class Comparison:
             "verdict": self.verdict,
             "newly_lost": self.newly_lost,
             "missing": [list(kind) for kind in self.missing],
+            "lacking": [lack._asdict() for lack in self.lacking],
+            "failed": dict(zip(("base", "candidate"), self.failed, strict=True)),
             "estimated": dict(zip(("base", "candidate"), map(list, self.estimated), strict=True)),
             "equal_noise": self.equal and self.equal.as_dict(),
             "unmatched": [list(kind) for kind in self.unmatched],
@@ -173,7 +203,8 @@ def at_equal_noise(question: Question, bench: Bench) -> Question:
             f"seeds: the knobs are tuned on seeds {SEEDS[0]} to {SEEDS[-1]}, and what was chosen "
             f"on {min(used)} cannot be judged there: give others, such as 1000:1032"
         )
-    equal = at_one_noise(question.base, question.candidate, question.scenarios, bench)
+    seeds = SEEDS[: max(2, len(question.seeds))]
+    equal = at_one_noise(question.base, question.candidate, question.scenarios, bench, seeds)
     base, candidate = equal.base.setting, equal.candidate.setting
     return replace(question, base=base, candidate=candidate, equal=equal)
 
@@ -206,8 +237,11 @@ def compare(question: Question, bench: Bench) -> Comparison:
         )
     looks, both = question.looks(), (question.base, question.candidate)
     for number, seeds in enumerate(looks, start=1):
-        runs = bench.runs(question.scenarios, both, seeds)
+        runs = bench.with_failed(question.scenarios, both, seeds)
         base, candidate = (rows_of(runs, text) for text in both)
+        for side in (base, candidate):
+            if all(row.get("failed") for row in side.values()):  # a crash, and no verdict
+                check_failures(side.values())
         paired = pair(base, candidate, question.margins)
         unmatched: tuple[tuple[str, str], ...] = ()
         if question.equal is not None:
@@ -219,14 +253,48 @@ def compare(question: Question, bench: Bench) -> Comparison:
             looks=len(looks),
             alpha=question.alpha / len(looks),
             verdicts=judge(paired, question.margins, alpha=question.alpha / len(looks)),
-            missing=paired.missing,
             equal=question.equal,
             unmatched=unmatched,
-            estimated=paired.estimated,
+            **of_pairs(paired, question.lacking),
         )
         if overall(found.verdicts) != UNDECIDED:
             break
     return found
+
+
+def readable_by_both(
+    scenarios: Sequence[Scenario], base: str, candidate: str, seeds: int
+) -> tuple[list[Scenario], tuple[Lack, ...], dict[str, str]]:
+    """Return the scenarios that both can read, what one alone can, and why others are left out.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    base, candidate : str
+    seeds : int
+        Cases that a scenario has.
+    """
+    left = {side: readable(scenarios, [text])[1]
+            for side, text in (("base", base), ("candidate", candidate))}  # fmt: skip
+    alone = tuple(
+        Lack(name, side, seeds, unreadable=True)
+        for (side, mine), other in zip(left.items(), list(left.values())[::-1], strict=True)
+        for name in mine
+        if name not in other
+    )
+    why = left["base"] | left["candidate"]
+    kept = [s for s in scenarios if s.name not in why]
+    return (kept, alone, why) if kept else (list(scenarios), (), {})  # who runs them is told why
+
+
+def of_pairs(paired: Paired, lacking: tuple[Lack, ...] = ()) -> dict[str, Any]:
+    """Return what a comparison has of its pairs, besides the verdicts."""
+    return {
+        "missing": paired.missing,
+        "estimated": paired.estimated,
+        "lacking": (*lacking, *paired.lacking),
+        "failed": paired.failed,
+    }
 
 
 def rows_of(found: Mapping[tuple[str, str], Runs], estimator: str) -> Table:

@@ -14,16 +14,17 @@ from flexaxis.experiments.gate.decide import (
     BETTER,
     LOST_WORSE,
     SHARES,
+    SILENT,
     UNDECIDED,
     WORSE,
 )
 from flexaxis.experiments.scoring import statistics
 
-SILENT = "not more"
-"""No run newly lost, or fewer than were regained, but no more than chance would do."""
-
 MANY = 2
-"""From so many runs newly lost (net) on, a comparison is not passed, significant or not."""
+"""From so many runs newly lost on, of which the base lost none, a comparison is not passed …"""
+
+CHANCE = 0.05
+"""… and where the base loses runs, too, if chance would lose so many more at most this often."""
 
 
 def levels(way: str, alpha: float = ALPHA) -> tuple[float, float]:
@@ -68,9 +69,23 @@ def judge_lost(
     )
 
 
-def net(newly: ArrayLike, regained: ArrayLike) -> NDArray[np.int64]:
-    """Return how many runs more were lost; none where as many were regained."""
-    return np.maximum(np.asarray(newly) - np.asarray(regained), 0)
+def alarming(newly: ArrayLike, regained: ArrayLike, base: ArrayLike) -> NDArray[np.bool_]:
+    """Return whether so many runs were newly lost that somebody should look, significant or not.
+
+    Where the base never loses a run, two are enough. Where both lose runs by chance, one of them
+    will often have two more than the other, and that says nothing.
+
+    Parameters
+    ----------
+    newly, regained : array_like (..., W)
+        Runs that only the candidate lost, and only the base, in each way to lose a run.
+    base : array_like (..., W)
+        All runs that the base lost.
+    """
+    each = [np.asarray(count) for count in (newly, regained, base)]
+    new, back, all_ = (np.concatenate([n, n.sum(axis=-1, keepdims=True)], axis=-1) for n in each)
+    many = (new >= MANY) & ((all_ == 0) | (statistics.sign_p(new, back) <= CHANCE))
+    return np.asarray(many.any(axis=-1))
 
 
 def runs_needed(newly: int, regained: int, runs: int, level: float) -> int | None:

@@ -15,17 +15,19 @@ from zlib import crc32
 
 import numpy as np
 
+from flexaxis.experiments.gate.certain import equal_noise, stored
 from flexaxis.experiments.gate.draws import Pool, judged
 from flexaxis.experiments.gate.gate import look_counts, rows_of
 from flexaxis.experiments.gate.pairs import pair
-from flexaxis.experiments.gate.trials import NONE, Promise, Trial, trials
+from flexaxis.experiments.gate.trials import NONE, SURE, Promise, Trial, trials
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
-BASES = ("rpem-forgetting", "relocate", "imm")
+BASES = ("rpem-forgetting", "imm")
 
 PLANTED = "rpem-forgetting[forgetting=0.99525]"
 """About 5 % more lag than the first of the bases."""
@@ -131,16 +133,29 @@ def self_test(
             f"--seeds: a pool of {len(seeds)} seeds is too small for the self-test: give at least "
             f"{2 * LOOKS[0][-1]}, better {len(POOL)}"
         )
-    same, changed = _pools(scenarios, margins, bases, planted, seeds, means)
+    names = (*bases, *(() if planted is None else (planted,)))
+    with Bench(scenarios, means=means) as bench, Bench(scenarios, means=means, repeat=1) as again:
+        runs, repeated = bench.runs(scenarios, names, seeds), again.runs(scenarios, bases, seeds)
+        first = {name: rows_of(runs, name) for name in names}
+        once = list(stored(first[bases[0]], margins))
+        if bases[0] == REFERENCE:
+            once += equal_noise(scenarios, margins, seeds[: LOOKS[2][0]], bench)
+    same = {
+        name: Pool.of(pair(first[name], rows_of(repeated, name), margins), margins)
+        for name in bases
+    }
+    changed = None
+    if planted is not None:
+        changed = Pool.of(pair(first[bases[0]], first[planted], margins), margins)
     tried = list(trials(same, changed))
     share = _JUDGING * _cases(len(scenarios), len(bases), planted is not None, len(seeds))
     rates = []
     for trial in tried:
         for look in looks:
-            rates.append(_rate(trial, look, comparisons))
+            rates.append(_rate(trial, look, comparisons, len(scenarios)))
             if advance:
                 advance(share / (len(tried) * len(looks)))
-    return rates
+    return rates + [Rate(what, looks[-1], int(right), 1, SURE) for what, right in once]
 
 
 _JUDGING = 0.15  # what judging takes of the time, over what running the pool takes
@@ -155,34 +170,13 @@ def work(scenarios: int, bases: int, planted: bool, seeds: int) -> float:
     return (1 + _JUDGING) * _cases(scenarios, bases, planted, seeds)
 
 
-def _pools(  # noqa: PLR0917
-    scenarios: Sequence[Scenario],
-    margins: Mapping[str, float],
-    bases: Sequence[str],
-    planted: str | None,
-    seeds: Sequence[int],
-    means: Means | None,
-) -> tuple[dict[str, Pool], Pool | None]:
-    """Run the pool: of each base against itself, and of the first against what is planted."""
-    names = (*bases, *(() if planted is None else (planted,)))
-    with Bench(scenarios, means=means) as bench, Bench(scenarios, means=means, repeat=1) as again:
-        runs, repeated = bench.runs(scenarios, names, seeds), again.runs(scenarios, bases, seeds)
-    first = {name: rows_of(runs, name) for name in names}
-    same = {
-        name: Pool.of(pair(first[name], rows_of(repeated, name), margins), margins)
-        for name in bases
-    }
-    if planted is None:
-        return same, None
-    return same, Pool.of(pair(first[bases[0]], first[planted], margins), margins)
-
-
-def _rate(trial: Trial, looks: tuple[int, ...], comparisons: int) -> Rate:
+def _rate(trial: Trial, looks: tuple[int, ...], comparisons: int, drawn_from: int = 1) -> Rate:
+    """Return how often what a trial counts is so, drawn from so many scenarios."""
     random = np.random.default_rng(crc32(f"{trial.what} {looks}".encode()))
     count, done = 0, 0
     while done < comparisons:
         batch = min(BATCH, comparisons - done)
         count += int(trial.count(judged(trial.draw(looks[-1], batch, random), looks)).sum())
         done += batch
-    promised = not trial.only or looks == (trial.only,)
+    promised = looks[-1] * drawn_from >= trial.runs
     return Rate(trial.what, looks, count, comparisons, trial.promise if promised else NONE)

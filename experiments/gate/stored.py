@@ -7,21 +7,22 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.gate.decide import ALPHA
-from flexaxis.experiments.gate.gate import Comparison
+from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.names import SCORES, SUMMARY
-from flexaxis.experiments.running.sealed import read_sealed
+from flexaxis.experiments.running.files import OutputError, json_table
+from flexaxis.experiments.running.names import SUMMARY
+from flexaxis.experiments.running.store import row_files
+from flexaxis.experiments.scoring.matching import SPREADS
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
-KEYS = ("scenario", "hash", "seed", "parameter", "changed")
+KEYS = ("scenario", "hash", "seed", "parameter", "changed", "failed")
 
 
 def is_run(name: str) -> bool:
     """Whether a name is the folder of a finished run."""
-    return (Path(name) / SCORES).is_file()
+    return Path(name).is_dir() and bool(row_files(Path(name)))
 
 
 def compare_runs(
@@ -38,7 +39,7 @@ def compare_runs(
     Parameters
     ----------
     base, candidate : Path
-        Folders with scores.jsonl and summary.json.
+        Folders with rows and summary.json.
     margins : mapping of metric to float
     estimators : (str or None, str or None)
         Which estimator of each folder; may be left out where there is only one.
@@ -66,30 +67,40 @@ def compare_runs(
             + ("" if seeds is None else f" of the {len(seeds)} that --seeds names")
             + ": at least 2 are needed, better 32"
         )
-    paired = pair(before, after, margins)
+    return compare_rows(before, after, margins, estimators=(first, second), alpha=alpha)
+
+
+def compare_rows(
+    base: Table,
+    candidate: Table,
+    margins: Mapping[str, float],
+    *,
+    estimators: tuple[str, str] = ("base", "candidate"),
+    alpha: float = ALPHA,
+) -> Comparison:
+    """Compare rows, as from `table`, on the seeds common to both."""
+    paired = pair(base, candidate, margins)
     return Comparison(
-        base=first,
-        candidate=second,
-        seeds=common,
+        *estimators,
+        seeds=sorted({seed for _, seed, _ in base} & {seed for _, seed, _ in candidate}),
         look=1,
         looks=1,
         alpha=alpha,
         verdicts=judge(paired, margins, alpha=alpha),
-        missing=paired.missing,
-        estimated=paired.estimated,
+        **of_pairs(paired),
     )
 
 
 def _load(folder: Path) -> tuple[dict[str, Any], Results]:
     results = Results(folder, {"axes": ()})
     try:
-        summary = read_sealed(folder / SUMMARY, OutputError)
+        summary = json_table(folder / SUMMARY, OutputError)
         summary["versions"].items()
         results.table.texts("estimator")  # damaged rows are found here
         return summary, results
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OutputError(
-            f"{folder} holds no complete result ({SCORES} and {SUMMARY} are needed): {error}"
+            f"{folder} holds no complete result (rows and {SUMMARY} are needed): {error}"
         ) from error
 
 
@@ -97,10 +108,12 @@ def _rows(
     results: Results, estimator: str, seeds: Sequence[int] | None, metrics: Iterable[str]
 ) -> Table:
     """Return what is compared of one estimator."""
-    where: dict[str, Any] = {"estimator": estimator, "error": None}
+    where: dict[str, Any] = {"estimator": estimator}
     if seeds is not None:
         where["seed"] = list(seeds)
-    return table(Rows(results.select(where), (*KEYS, *LOST, *metrics)))
+    beside = [SPREADS[metric][0] for metric in metrics if metric in SPREADS]
+    columns = dict.fromkeys((*KEYS, *LOST, *metrics, *beside))
+    return table(Rows(results.select(where), tuple(columns)))
 
 
 def _check_versions(

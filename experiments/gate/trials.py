@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.gate.decide import Family
+from flexaxis.experiments.gate.decide import ALPHA, BETTER, SHARES, UNSEEN, Family
 from flexaxis.experiments.gate.draws import Drawn, Judged, Pool, draw
 from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.selftable import NOTHING
+from flexaxis.experiments.scoring import statistics
 
 NULL_LOST = (0.0, 0.05, 0.10)
 """Shares of runs that both sides lose by chance."""
@@ -22,7 +23,7 @@ MORE_LOST = (0.05, 0.10, 0.20, 0.40, 0.70)
 
 SMALL = 0.015  # a change below the margin
 
-DEFAULT_SEEDS = 32  # of `compare`; what is promised of power is promised there
+ENOUGH, MANY = 32, 64  # runs from which on power is promised
 
 Draw = Callable[[int, int, np.random.Generator], Drawn]
 Count = Callable[[Judged], NDArray[np.bool_]]
@@ -46,7 +47,9 @@ NONE = Promise()
 FALSE_ALARMS = Promise(most=0.01, upper=0.015)
 RARE = Promise(most=0.02)
 INSIDE = Promise(most=0.01)
+LOOK = Promise(most=0.10)
 POWER = Promise(least=0.99)
+SURE = Promise(least=1.0)
 
 
 @dataclass(frozen=True)
@@ -60,15 +63,15 @@ class Trial:
     count : callable
         Which of the judged comparisons are counted.
     promise : Promise
-    only : int
-        The promise holds for comparisons of this many seeds; 0 for all.
+    runs : int
+        The promise holds for comparisons of this many runs, over all scenarios, and more.
     """
 
     what: str
     draw: Draw
     count: Count
     promise: Promise = NONE
-    only: int = 0
+    runs: int = 0
 
 
 def trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
@@ -87,7 +90,7 @@ def trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
             null = _drawing(pool, swap=True, lose=(share, share))
             yield Trial(f"{what}: false alarm", null, _either, FALSE_ALARMS)
             if share and name == next(iter(same)):
-                yield Trial(f"{what}: status 3", null, lambda found: found.status == 3)
+                yield Trial(f"{what}: status 3", null, _status(3), LOOK)
     for scenarios in (1, 4):
         for sign, what in ((1, "quicker, one far slower"), (-1, "slower, one far quicker")):
             text = f"9 of 10 runs 5 % {what}, {scenarios} scenario{'s'[: scenarios - 1]}"
@@ -97,13 +100,41 @@ def trials(same: Mapping[str, Pool], changed: Pool | None) -> Iterator[Trial]:
         text = f"{name}, every score {100 * SMALL:g} % larger: called worse"
         yield Trial(text, _shifted(pool), _worse, INSIDE)
     if changed is not None:
-        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, DEFAULT_SEEDS)
-    first = next(iter(same.values()))
-    for share in MORE_LOST:
-        more = _drawing(first, swap=True, lose=(0.0, share))
-        text = f"candidate loses {100 * share:g} % of runs"
-        yield Trial(f"{text}: status 1", more, lambda found: found.status == 1)
-        yield Trial(f"{text}: status 1 or 3", more, lambda found: found.status > 0)
+        yield Trial("planted change: called worse", _drawing(changed), _worse, POWER, MANY)
+    yield from _found(next(iter(same.values())))
+
+
+def _found(pool: Pool) -> Iterator[Trial]:
+    """Yield what is made so large that the gate must find it, one thing at a time."""
+    for metric in dict.fromkeys(pool.family.metrics.tolist()):
+        one = _moved(pool, int(np.argmax(pool.family.metrics == metric)), 1)
+        yield Trial(f"one {metric} far larger: called worse", one, _worse, POWER)
+    yield Trial("every score far smaller: called better", _moved(pool, None, -1), _better, POWER)
+    for way in LOST:
+        said = {"diverged": "loses", "never_settled": "does not settle in"}[way]
+        for share in MORE_LOST:
+            more = _drawing(pool, swap=True, lose=(0.0, share), way=way)
+            text = f"candidate {said} {100 * share:g} % of runs"
+            sure, seen = share >= MOST, share >= SEEN
+            yield Trial(f"{text}: status 1", more, _status(1), POWER if sure else NONE, ENOUGH)
+            yield Trial(
+                f"{text}: status 1 or 3", more, _status(1, 3), POWER if seen else NONE, MANY
+            )
+        back = _drawing(pool, swap=True, lose=(MOST, 0.0), way=way)
+        text = f"base {said} {100 * MOST:g} % of runs: called better"
+        yield Trial(text, back, lambda found: found.better, POWER, ENOUGH)
+
+
+MOST, SEEN = 0.7, 0.2
+"""Shares of runs lost from which on the gate must say worse, and must not let pass."""
+
+
+def _status(*wanted: int) -> Count:
+    return lambda found: np.isin(found.status, wanted)
+
+
+def _better(found: Judged) -> NDArray[np.bool_]:
+    return np.asarray(found.word == BETTER)
 
 
 def _either(found: Judged) -> NDArray[np.bool_]:
@@ -114,8 +145,37 @@ def _worse(found: Judged) -> NDArray[np.bool_]:
     return found.worse
 
 
-def _drawing(pool: Pool, *, swap: bool = False, lose: tuple[float, float] = (0.0, 0.0)) -> Draw:
-    return lambda size, count, random: draw(pool, size, count, random, swap=swap, lose=lose)
+def _drawing(
+    pool: Pool,
+    *,
+    swap: bool = False,
+    lose: tuple[float, float] = (0.0, 0.0),
+    way: str = "diverged",
+) -> Draw:
+    return lambda size, count, random: draw(
+        pool, size, count, random, swap=swap, lose=lose, way=way
+    )
+
+
+def _moved(pool: Pool, score: int | None, sign: int) -> Draw:
+    """Move one score of the candidate, or all, by twice what so many runs can say, and more."""
+
+    def drawn(size: int, count: int, random: np.random.Generator) -> Drawn:
+        found = draw(pool, size, count, random, swap=True)
+        _, _, sd = statistics.summary(pool.ratios)
+        number = len(pool.family.metrics)
+        half = statistics.half_width(sd, size, SHARES["scores"] * ALPHA / LOOKS / number)
+        ways = len(np.unique(pool.family.scenarios))  # to choose one of them
+        unseen = statistics.unseen_shift(size, ALPHA / LOOKS / ways, UNSEEN)
+        shift = sign * (2 * (pool.family.margins + half + unseen) + 4 * sd)
+        if score is not None:
+            shift = np.where(np.arange(number) == score, shift, 0.0)
+        return replace(found, ratios=found.ratios + shift[:, None])
+
+    return drawn
+
+
+LOOKS = 4  # at most, in the comparisons drawn: each has its share of the error
 
 
 def _shifted(pool: Pool) -> Draw:

@@ -21,7 +21,8 @@ from flexaxis.experiments.gate.decide import (
     Decision,
     Family,
 )
-from flexaxis.experiments.gate.pairs import LOST, METRICS, Paired, Pairs, Runs
+from flexaxis.experiments.gate.margins import METRICS
+from flexaxis.experiments.gate.pairs import LOST, Paired, Pairs, Runs
 from flexaxis.experiments.scoring import statistics
 
 VERDICTS = (WORSE, UNDECIDED, BETTER, SLIGHT, SAME)
@@ -43,11 +44,13 @@ class Verdict:
         ``"better"``, ``"worse"``, ``"slight"``, ``"same"`` or ``"undecided"``; of lost runs also
         ``"not more"``, which has no say.
     base, candidate : float or None
-        Geometric means over the pairs [unit of the metric]; of lost runs the numbers.
+        Means over the pairs [unit of the metric], geometric ones where ratios are compared; of
+        lost runs the numbers.
     runs, pairs : int
         Runs common to both, and those on which both have the score.
     change : float or None
-        Geometric mean of candidate/base, less one; None for lost runs.
+        Geometric mean of candidate/base, less one; where differences are compared, as scores may
+        be 0, their mean [unit]. None for lost runs.
     interval : (float, float) or None
         Of `change`: Student's, of this score alone, at `level`.
     p : float
@@ -56,7 +59,7 @@ class Verdict:
         Probability with which the interval may miss, as Holm's procedure gives it; of lost runs
         the level of the test.
     margin : float or None
-        A change smaller than this does not matter.
+        A change smaller than this does not matter, written as `change` is.
     seeds_needed : int or None
         If undecided: about how many seeds would decide; None if that cannot be said.
     worst_seed : int or None
@@ -74,6 +77,12 @@ class Verdict:
         If it is ``"few"``: from what change on the runs that agree could say it.
     agreeing : int or None
         If it is ``"few"``: how many runs that are, over all scenarios.
+    unit : str or None
+        Of `change`, where differences are compared; None where ratios are.
+    scale : float or None
+        What the differences are shares of [unit].
+    bias : (float, float) or None
+        Of a standard deviation, which is about them: the means of base and candidate [%].
     """
 
     scenario: str
@@ -98,6 +107,9 @@ class Verdict:
     reason: str = ""
     enough: float | None = None
     agreeing: int | None = None
+    unit: str | None = None
+    scale: float | None = None
+    bias: tuple[float, float] | None = None
 
 
 def judge(paired: Paired, margins: Mapping[str, float], *, alpha: float = ALPHA) -> list[Verdict]:
@@ -119,7 +131,13 @@ def judge(paired: Paired, margins: Mapping[str, float], *, alpha: float = ALPHA)
 
 def newly_lost(verdicts: Sequence[Verdict]) -> int:
     """Return how many runs more the candidate lost, one way or the other."""
-    return sum(int(lost.net(v.newly, v.regained or 0)) for v in verdicts if v.newly is not None)
+    return sum(max(0, v.newly - (v.regained or 0)) for v in verdicts if v.newly is not None)
+
+
+def alarming(verdicts: Sequence[Verdict]) -> bool:
+    """Return whether somebody should look at the runs newly lost, one way or the other."""
+    counts = [(v.newly or 0, v.regained or 0, v.base or 0) for v in verdicts if v.metric in LOST]
+    return bool(lost.alarming(*zip(*counts, strict=True))) if counts else False
 
 
 def overall(verdicts: Sequence[Verdict]) -> str:
@@ -195,7 +213,7 @@ def _judge_scores(
     )
     ratios = np.full((1, len(scores), max(len(s.seeds) for s in scores)), np.nan)
     for row, score in zip(ratios[0], scores, strict=True):
-        row[: len(score.seeds)] = score.ratios
+        row[: len(score.seeds)] = score.changes
     found = decide.decide(ratios, family, alpha=alpha)
     return [_score(item, found, i, margins[item.metric], alpha) for i, item in enumerate(scores)]
 
@@ -204,37 +222,41 @@ def _score(item: Pairs, found: Decision, i: int, margin: float, alpha: float) ->
     word, few, far = str(found.words[0, i]), found.few[0, i], found.far[0, i]
     n, mean = int(found.n[0, i]), float(found.mean[0, i])
     needed = _seeds_needed(found, i, margin, alpha) if word == UNDECIDED and not far else None
-    interval = (_share(found.low[0, i]), _share(found.high[0, i])) if n > 1 else None
-    ratios = item.ratios
-    worst = int(np.argmax(np.where(np.isfinite(ratios), ratios, -np.inf)))
+    said = _share if item.scale is None else lambda share: float(share * (item.scale or 0.0))
+    interval = (said(found.low[0, i]), said(found.high[0, i])) if n > 1 else None
+    worst = int(np.argmax(np.where(item.both, item.changes, -np.inf)))
+    mean_of = _geometric_mean if item.scale is None else _mean
     return Verdict(
         scenario=item.scenario,
         metric=item.metric,
         parameter=item.parameter,
         verdict=word,
-        base=_geometric_mean(item.base[item.both]),
-        candidate=_geometric_mean(item.candidate[item.both]),
+        base=mean_of(item.base[item.both]),
+        candidate=mean_of(item.candidate[item.both]),
         runs=len(item.seeds),
         pairs=n,
-        change=_share(mean) if n else None,
+        change=said(mean) if n else None,
         interval=interval,
         p=float(found.p[0, i]),
         level=float(found.level[0, i]),
-        margin=margin,
+        margin=margin if item.scale is None else margin * item.scale,
         seeds_needed=needed,
         worst_seed=int(item.seeds[worst]),
         worst_scenario=item.scenario,
         reason="far" if far else "few" if few else "",
-        enough=_enough(found, i, alpha) if few else None,
+        enough=said(_enough(found, i, alpha)) if few else None,
         agreeing=int(found.support[0, i]) if few else None,
+        unit=None if item.scale is None else METRICS[item.metric],
+        scale=item.scale,
+        bias=item.bias,
     )
 
 
 def _enough(found: Decision, i: int, alpha: float) -> float:
-    """Return the change that as many runs as agree could call better or worse."""
+    """Return the logarithm, or share, that as many runs as agree could call better or worse."""
     share = alpha / found.choices[0, i]
     shift = float(statistics.unseen_shift(found.support[0, i], share, UNSEEN))
-    return _share(math.copysign(shift, found.mean[0, i]))
+    return math.copysign(shift, found.mean[0, i])
 
 
 def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int | None:
@@ -250,6 +272,10 @@ def _seeds_needed(found: Decision, i: int, margin: float, alpha: float) -> int |
 
 def _share(log_ratio: float) -> float:
     return math.expm1(min(log_ratio, 700.0))  # more is beyond the largest number
+
+
+def _mean(values: NDArray[np.float64]) -> float | None:
+    return float(values.mean()) if len(values) else None
 
 
 def _geometric_mean(values: NDArray[np.float64]) -> float | None:

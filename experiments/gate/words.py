@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from flexaxis.experiments.gate.decide import BETTER, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
-from flexaxis.experiments.gate.lost import MANY
-from flexaxis.experiments.gate.pairs import LOST, METRICS
+from flexaxis.experiments.gate.margins import METRICS
+from flexaxis.experiments.gate.pairs import LOST
 from flexaxis.experiments.gate.verdicts import VERDICTS, Verdict
 from flexaxis.experiments.scoring.ranking import REFERENCE
 from flexaxis.experiments.studies.tuning import EXCESS
@@ -28,6 +28,8 @@ def headline(found: Comparison) -> str:
     """Return the verdict in a line: its word, the lost runs, then what each word is said of."""
     clauses = [f"{p} of {s} is not estimated" for s, p in found.missing]
     clauses += [f"{p} of {s} is not matched" for s, p in found.unmatched]
+    clauses += [f"{k.side} not run on {k.cases} cases of {k.scenario}" for k in found.lacking]
+    clauses += _failed(found)
     clauses += [_lost(v) for v in found.verdicts if v.metric in LOST and (v.base or v.candidate)]
     for word in VERDICTS:
         for metric in METRICS:
@@ -49,6 +51,11 @@ def _unlike(found: Comparison) -> list[str]:
     return [f"candidate estimates {', '.join(candidate)}{alone}; the base {', '.join(base)}"]
 
 
+def _failed(found: Comparison) -> list[str]:
+    sides = zip(("base", "candidate"), found.failed, strict=True)
+    return [f"{side} failed in {count} run{'s'[: count != 1]}" for side, count in sides if count]
+
+
 def _lost(v: Verdict) -> str:
     how = LOST_WORDS[v.metric]
     if not (v.newly or v.regained):
@@ -61,8 +68,8 @@ def _scores(metric: str, word: str, said: Sequence[Verdict], number: int) -> str
     text = f"{metric.replace('_', ' ')} {word} in {len(said)} of {number} score{'s'[: number - 1]}"
     if word not in (WORSE, BETTER):
         return text
-    most = max(said, key=lambda v: abs(v.change or 0.0))
-    where = f"{most.parameter} in {most.scenario}, {percent(most.change or 0.0)} %"
+    most = max(said, key=lambda v: abs(v.change or 0.0) / (v.margin or 1.0))
+    where = f"{most.parameter} in {most.scenario}, {change_of(most, most.change or 0.0)}"
     return f"{text} ({'most: ' if len(said) > 1 else ''}{where})"
 
 
@@ -90,6 +97,28 @@ def _told(found: Comparison) -> list[str]:
 def _meaning(found: Comparison) -> str:
     if found.verdict != UNDECIDED:
         return MEANING[found.verdict]
+    if said := _not_compared(found):
+        return said
+    if found.must_look:
+        return (
+            f"{found.newly_lost} runs newly lost: too many to pass, too few to be sure. Look at "
+            "them, or add seeds (--max-seeds)."
+        )
+    undecided = [v for v in found.verdicts if v.verdict == UNDECIDED]
+    if undecided and all(v.metric not in LOST and v.pairs < 2 for v in undecided):
+        return "Hardly a run is left that both sides finished: the scores cannot be compared."
+    reasons = [text for text in (_far(undecided), _needed(undecided)) if text]
+    return " ".join(["These seeds do not tell.", *reasons])
+
+
+def _not_compared(found: Comparison) -> str:
+    """Return where one side has nothing to compare, and what can be done."""
+    if found.lacking:
+        what = ", ".join(dict.fromkeys(lack.scenario for lack in found.lacking))
+        return (
+            f"Only one side was run on all of {what}, and of a scenario that is not run nothing is "
+            "the same: run both there, or name the scenarios to compare on."
+        )
     if found.missing:
         what = ", ".join(dict.fromkeys(parameter for _, parameter in found.missing))
         return (
@@ -102,16 +131,7 @@ def _meaning(found: Comparison) -> str:
             f"The candidate is not as noisy as the base at any turn of its knob near {what}: "
             "`flexaxis tradeoff` draws both over all of it."
         )
-    if found.newly_lost >= MANY:
-        return (
-            f"{found.newly_lost} runs newly lost: too many to pass, too few to be sure. Look at "
-            "them, or add seeds (--max-seeds)."
-        )
-    undecided = [v for v in found.verdicts if v.verdict == UNDECIDED]
-    if undecided and all(v.metric not in LOST and v.pairs < 2 for v in undecided):
-        return "Hardly a run is left that both sides finished: the scores cannot be compared."
-    reasons = [text for text in (_far(undecided), _needed(undecided)) if text]
-    return " ".join(["These seeds do not tell.", *reasons])
+    return ""
 
 
 def _far(undecided: Sequence[Verdict]) -> str:
@@ -146,13 +166,16 @@ def knobs(found: Comparison) -> str:
     return (
         f"Tuned to {what} of {REFERENCE} on seeds {equal.seeds[0]} to {equal.seeds[-1]}: {sides} "
         "times its noise. What is left of a difference on the seeds compared is taken off."
+        + (f" Not on {', '.join(equal.left_out)}, where none has it." if equal.left_out else "")
     )
 
 
 def explanation(found: Comparison) -> str:
     """Return how the numbers are to be read."""
     text = (
-        f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base. "
+        f"Seeds: {len(found.seeds)} common to both. Change: geometric mean of candidate/base; "
+        "with a Δ the mean difference, in its unit, of what may be 0. A std is about the mean of "
+        "all runs, the bias. "
         "Intervals: Student's t on paired log-ratios, each for its score alone, at the level that "
         f"Holm's procedure gives it; a false worse or better anywhere has a chance of at most "
         f"{100 * found.alpha:.3g} %, and of about twice that where runs fail rarely. Worse or "
@@ -163,6 +186,18 @@ def explanation(found: Comparison) -> str:
     if found.looks > 1:
         text += f" Look {found.look} of {found.looks}, each with its share of the error."
     return text
+
+
+def change_of(v: Verdict, change: float) -> str:
+    """Return a change in per cent of the base, or with a Δ in its unit, as a difference.
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> change_of(SimpleNamespace(unit="s"), 0.0213), change_of(SimpleNamespace(unit=None), 0.0213)
+    ('Δ +0.021 s', '+2.1 %')
+    """
+    return f"{percent(change)} %" if v.unit is None else f"Δ {change:+.2g} {v.unit}".rstrip()
 
 
 def percent(share: float) -> str:

@@ -7,28 +7,17 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.running.told import is_quiet
 
 
-def problems_of(checks: Sequence[Doubt], *, met: Collection[str] = ()) -> list[str]:
-    """Return a sentence for each problem.
-
-    Parameters
-    ----------
-    checks : sequence of Doubt
-    met : collection of str
-        Remedies that the command takes by itself, such as ``highpass``.
-    """
-    found = []
-    for check in checks:
-        if check.verdict == "problem" and not set(met) & set(check.remedy):
-            advice = f". Type: {check.command}" if check.command else ""
-            found.append(f"{check.name}: {check.text}{advice}")
-    return found
+def problems_of(checks: Sequence[Finding], *, met: Collection[str] = ()) -> list[str]:
+    """Return a sentence for each problem but those, by their names, that the command meets."""
+    problems = (each for each in checks if each.kind == "problem" and each.name not in met)
+    return [f"{each.name}: {each.sentence}" for each in problems]
 
 
-def say_problems(path: Path, checks: Sequence[Doubt], *, met: Collection[str] = ()) -> None:
+def say_problems(path: Path, checks: Sequence[Finding], *, met: Collection[str] = ()) -> None:
     """Print a line for each problem of a log, as of `problems_of`."""
     for text in problems_of(checks, met=met):
         print(f"✗ {path}: {text}", file=sys.stderr)

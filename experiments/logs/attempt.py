@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.colour import colourless
 from flexaxis.estimators.offline.descent import Problem
-from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, fit
+from flexaxis.estimators.offline.prediction_error import ROUNDS, Fitted, finished, fit
 from flexaxis.estimators.offline.trajectory import course
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth, output_of, usable
 from flexaxis.sim.record import Record
@@ -21,10 +22,11 @@ Flags = NDArray[np.bool_]
 
 REACH = 1e3  # times and parts of its start that a parameter of the linear model may come to
 LATEST = 0.01, 4  # s, and samples: delays up to the greater of them are looked for
-ENOUGH = 10_000  # samples, to tell which start is the best
-QUICK = 4000  # samples, to tell where not
-LIKELY = 3  # places that are looked at twice: those that the frequency response tells, and found
+SETTLING = 4  # steps to the state that a log begins in, where all else is known
 EARLIEST = -2.0  # samples, of a smooth torque
+SIDED = 0.01  # s, over which the speed is a mean whose sign counts
+RESTING = 0.05  # of the deviation of the speed, below which an axis rests
+FIRST, CLEAR = 5, 3.0  # samples of which the first speed is the median, and times their noise
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class Log:
         Whether the torque goes on changing between samples.
     resting : bool
         Whether it begins at rest.
+    angle : ndarray (N,)
+        Of the load by the gear ratio, as measured at the motor, or from where it starts.
     """
 
     u: Array
@@ -53,22 +57,23 @@ class Log:
     output: str
     smooth: bool
     resting: bool
+    angle: Array
 
     def part(self, most: int) -> Log:
         """Return the liveliest stretch of that many samples, or all."""
-        if len(self.u) <= most:
-            return self
+        return self if len(self.u) <= most else self.cut(self.liveliest(most))
+
+    def liveliest(self, most: int) -> slice:
+        """Return the stretch of that many samples with the greatest torque."""
         energy = np.cumsum(np.where(self.ok, self.u, 0.0) ** 2)
         begins = np.linspace(0, len(self.u) - most, 9).astype(int)
         begin = int(begins[np.argmax(energy[begins + most - 1] - energy[begins])])
-        chosen = slice(begin, begin + most)
-        return replace(
-            self,
-            u=self.u[chosen],
-            y=self.y[chosen],
-            ok=self.ok[chosen],
-            resting=self.resting and begin == 0,
-        )
+        return slice(begin, begin + most)
+
+    def cut(self, chosen: slice) -> Log:
+        """Return a stretch."""
+        sides = {name: getattr(self, name)[chosen] for name in ("u", "y", "ok", "angle")}
+        return replace(self, **sides, resting=self.resting and chosen.start == 0)
 
     def smoothed(self) -> Log:
         """Return the log with its torque taken as samples of a smooth one: means of a spline."""
@@ -81,16 +86,43 @@ class Log:
 def log_of(record: Record, axis: Axis) -> Log:
     """Return what of a record is read, with its torque as the axis knows it to be."""
     output = output_of(record)
+    y = np.asarray(getattr(record, output))
+    angle = np.cumsum(y) * record.period if record.angle is None else record.angle
+    angle = axis.model.nominal.get("r", 1.0) * angle
+    beside = columns_beside(angle, y, record.period) if axis.beside else {}
     log = Log(
-        u=record.torque,
-        y=np.asarray(getattr(record, output)),
+        u=record.torque + sum(gain * beside[name] for name, gain in axis.beside.items()),
+        y=y,
         ok=usable(record),
         period=record.period,
         output=output,
         smooth=is_smooth(record),
-        resting=record.burn_in == 0,
+        resting=record.burn_in == 0 and rests(y),
+        angle=angle,
     )
     return log.smoothed() if axis.torque_is == "smooth" and not log.smooth else log
+
+
+def columns_beside(angle: Array, speed: Array, period: float) -> dict[str, Array]:
+    """Return what acts beside a torque (N,), by the name of its gain.
+
+    −sin φ and −cos φ of gravity, φ half way to the next sample; −|v| of viscous friction that is
+    greater forwards than backwards.
+    """
+    half = (angle + np.append(angle[1:], angle[-1])) / 2
+    length = max(round(SIDED / period), 1)
+    mean = np.convolve(np.append(speed[1:], speed[-1]), np.ones(length) / length, "same")
+    return {"g_sin": -np.sin(half), "g_cos": -np.cos(half), "f_sided": -abs(mean)}
+
+
+def rests(y: Array) -> bool:
+    """Return whether a motion begins at rest, but for its noise."""
+    return abs(float(np.mean(y[:FIRST]))) < RESTING * float(np.std(y)) + CLEAR * noise_of(y)
+
+
+def noise_of(y: Array) -> float:
+    """Return the standard deviation of what changes from sample to sample at random."""
+    return 1.4826 * float(np.median(abs(np.diff(y)))) / np.sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -110,7 +142,9 @@ class Attempt:
     highpass : float or None
         Corner [Hz] below which residuals do not count.
     lower, upper : mapping of str to float
-        Boxes of parameters of laws.
+        Boxes of parameters, where there are narrower ones.
+    beside : mapping of str to ndarray (N,)
+        What acts beside the torque in proportion to a gain of that name.
     """
 
     log: Log
@@ -121,7 +155,14 @@ class Attempt:
     highpass: float | None = None
     lower: Mapping[str, float] = field(default_factory=dict)
     upper: Mapping[str, float] = field(default_factory=dict)
-    tell: Callable[[], None] = lambda: None
+    beside: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def counted(self) -> Flags:
+        """Samples (N,) that count: where a log begins an increment has no past."""
+        ok = self.log.ok.copy()
+        ok[0 if self.log.resting else int(np.argmax(ok))] = False
+        return ok
 
     @property
     def earliest(self) -> float:
@@ -147,31 +188,58 @@ class Attempt:
             smooth=log.smooth,
             resting=log.resting,
             begin=begin,
+            beside=np.array([*self.beside.values()]).reshape(-1, len(log.u)),
         )
-        lower, upper = self._box(along.q)
+        lower, upper = self._box(along.q, 0 if log.resting else begin)
         held = np.zeros(along.q, bool)
-        held[-1] = self.delay is not None
+        held[-2:] = self.highpass is not None, self.delay is not None  # no offset passes a filter
         # how bristles are bent at first is forgotten once they have given, and seen by nothing
-        held[along.p + len(self.model.states) : -2] = True
-        ok = log.ok.copy()
-        ok[begin] = False  # an increment has no past there, and a state no consequence yet
+        held[along.p + along.m + len(self.model.states) : -2] = True
+        ok = self.counted
         if without is not None:
             ok &= ~without
-        return Problem(
-            along, log.y, ok, lower, upper, held, self.whiten, self.highpass, tell=self.tell
-        )
+        return Problem(along, log.y, ok, lower, upper, held, self.whiten, self.highpass)
 
-    def _box(self, q: int) -> tuple[Array, Array]:
+    def _box(self, q: int, begin: int) -> tuple[Array, Array]:
         theta = self.model.parametrize(self.names).theta
         lower, upper = np.full(q, -np.inf), np.full(q, np.inf)
         for i, name in enumerate(self.names):
+            least, most = np.sort([theta[i] / REACH, theta[i] * REACH])
             if name in self.model.law_parameters:
-                lower[i] = self.lower.get(name, 0.0)
-                upper[i] = self.upper.get(name, np.inf)
-            else:
-                lower[i], upper[i] = np.sort([theta[i] / REACH, theta[i] * REACH])
+                least, most = 0.0, np.inf
+            lower[i], upper[i] = self.lower.get(name, least), self.upper.get(name, most)
         lower[-1], upper[-1] = self.earliest, self.latest
+        for i, speed in enumerate([] if self.log.resting else self._speeds(begin)):
+            # on the wrong side of dry friction's sign a fit would stay there
+            place = len(self.names) + len(self.beside) + i
+            lower[place] = 0.0 if speed > 0 else -np.inf
+            upper[place] = 0.0 if speed < 0 else np.inf
         return lower, upper
+
+    def _speeds(self, begin: int) -> Array:
+        """Return the measured speed (n,) of the state that it is of; 0 where noise hides it."""
+        y = self.log.y[begin : begin + FIRST]
+        noise = noise_of(self.log.y[self.log.ok])
+        speed = float(np.median(y)) if len(y) else 0.0
+        seen = [float(entry == "1") for entry in self.model.C]
+        return np.array(seen) * (speed if abs(speed) > CLEAR * noise else 0.0)
+
+    def first(self) -> Array | None:
+        """Return the state that a log in motion begins in: as a rigid axis at the measured speed.
+
+        Of all states with that speed, the one that changes least.
+        """
+        log = self.log
+        if log.resting:
+            return None
+        form = self.model.parametrize(self.names)
+        A, _, C = (np.asarray(part, float) for part in form.matrices(form.theta))
+        A, C = A[: len(self.model.states), : len(self.model.states)], C.ravel()
+        A = A / np.maximum(np.linalg.norm(A, axis=1, keepdims=True), 1e-300)
+        speed = float(self._speeds(int(np.argmax(log.ok))).sum())
+        wanted = np.r_[np.zeros(len(A)), 1e3 * speed]
+        rigid = np.vstack([A, 1e3 * C[: len(A)]])
+        return np.asarray(np.linalg.lstsq(rigid, wanted)[0])
 
     def solve(
         self,
@@ -194,8 +262,22 @@ class Attempt:
             z = np.clip(begin, problem.lower, problem.upper)
         else:
             theta = np.clip(begin[:p], problem.lower[:p], problem.upper[:p])
-            z = problem.start(theta, float(begin[-1]) if len(begin) > p else lag)
+            z = problem.start(theta, float(begin[-1]) if len(begin) > p else lag, self.first())
         return fit(problem, z, rounds=rounds, fine=fine, plain=plain)
+
+    def at(self, z: Array, without: Flags | None = None, *, fixed: int) -> Fitted:
+        """Return the fit at unknowns z (q,), of which the first stay and the others are sought."""
+        problem = self.problem(without)
+        colour = colourless(self.highpass, self.log.period)
+        held = problem.held.copy()
+        held[:fixed], held[-2:] = True, True
+        rest = replace(problem, held=held)
+        point, _ = rest.descend(rest.at(z, colour), colour, SETTLING)
+        if not np.isfinite(point.square):
+            return finished(problem, point, colour, False)
+        point = problem.at(point.z, colour)
+        white = problem.colour(point.residual)
+        return finished(problem, problem.weighed(point, white), white)
 
     def having(self, values: Mapping[str, float]) -> Attempt:
         """Return it from other nominal values."""
@@ -206,35 +288,10 @@ class Attempt:
         """Return the parameters of a fit by name."""
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
 
-
-Place = tuple[Array, float]
-
-
-def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
-    """Return the best of a few rounds from each place, on a part of the log that is enough for it.
-
-    A rich model of the noise explains what a model that is far off leaves, and little leads away
-    from there, so that noise is taken for white at first; but where an axis drifts that is what
-    would be explained, so that from the likeliest places it is not, too. Of rungs, which nothing
-    speaks for, a short piece says which two are worth as much.
-    """
-    if rungs:
-        quick = replace(attempt, log=attempt.log.part(QUICK))
-        judged = [quick.solve(*rung, rounds=1, fine=False, plain=True).square for rung in rungs]
-        places = [*places, *(rungs[i] for i in np.argsort(judged)[:2])]
-    short = replace(attempt, log=attempt.log.part(ENOUGH))
-    starts = [(place, attempt.whiten) for place in places]
-    starts += [(place, False) for place in places[:LIKELY]]
-    tried = [short.solve(*place, rounds=2, fine=False, plain=plain) for place, plain in starts]
-    likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
-    found = best([*likely, *(short.solve(at.z, rounds=2, plain=True, fine=False) for at in likely)])
-    if short.log is attempt.log or not np.isfinite(found.square):
-        return found
-    # a part has an initial state of its own, so that no more than parameters are taken from it
-    theta, lag = found.z[: len(attempt.names)], float(found.z[-1])
-    return attempt.solve(theta, lag, rounds=2, fine=False)
-
-
-def best(fits: Sequence[Fitted]) -> Fitted:
-    """Return the fit that predicts best."""
-    return min(fits, key=lambda fitted: fitted.square)
+    def part(self, most: int) -> Attempt:
+        """Return it for the liveliest stretch of that many samples, or all."""
+        if len(self.log.u) <= most:
+            return self
+        chosen = self.log.liveliest(most)
+        beside = {name: values[chosen] for name, values in self.beside.items()}
+        return replace(self, log=self.log.cut(chosen), beside=beside)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.models.axes import MODELS
@@ -27,9 +28,11 @@ from flexaxis.sim.toml_text import toml_text
 Array = NDArray[np.float64]
 
 _MODEL = ("model", "name", "states", "A", "B", "C")
-_NUMBERS = ("delay", "offset", "noise", "highpass", "rate")
+_NUMBERS = ("delay", "offset", "noise", "error", "highpass", "rate")
+_BESIDE = ("g_sin", "g_cos", "f_sided")
+REMEMBERED = 10_000  # samples, after which what a filter of noise remembers counts no more
 SAME_RATE = 0.01  # relative difference up to which a filter of the noise is the same one
-_KEYS = (*_MODEL, "nominal", "deviation", "law", "whitening", "torque_is", *_NUMBERS)
+_KEYS = (*_MODEL, "nominal", "deviation", "beside", "law", "whitening", "torque_is", *_NUMBERS)
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,8 @@ class Axis:
         Coefficients of the filter that makes the residuals white; (1,) for none.
     noise : float or None
         Standard deviation of the whitened residuals [rad/s], if known.
+    error : float or None
+        Standard deviation of what a simulation left of pieces that it was not fitted to [rad/s].
     offset : float
         What acts besides the logged torque and never changes, in its unit.
     highpass : float or None
@@ -60,6 +65,9 @@ class Axis:
         What the torque turned out to be, where nobody said it or it was said wrongly.
     deviation : mapping of str to float
         Standard deviations of nominal values, where known.
+    beside : mapping of str to float
+        Gains of what acts beside the torque, in its unit: g_sin and g_cos of gravity, by sine and
+        cosine of the angle of the load; f_sided of |v|, where friction is greater forwards.
     """
 
     model: Model
@@ -68,11 +76,21 @@ class Axis:
     delay: float = 0.0
     whitening: tuple[float, ...] = (1.0,)
     noise: float | None = None
+    error: float | None = None
     offset: float = 0.0
     highpass: float | None = None
     rate: float | None = None
     torque_is: str | None = None
     deviation: Mapping[str, float] = field(default_factory=dict)
+    beside: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def usual(self) -> float | None:
+        """Standard deviation of what a simulation leaves of its motion; None if not known."""
+        if self.error is not None or self.noise is None:
+            return self.error
+        impulse = lfilter([1.0], self.whitening, np.eye(1, REMEMBERED)[0])
+        return self.noise * float(np.linalg.norm(impulse))
 
     def having(self, values: Mapping[str, float]) -> Axis:
         """Return the axis with some nominal values replaced."""
@@ -107,12 +125,13 @@ class Axis:
             content |= {"noise": self.noise, "whitening": list(self.whitening)}
         if self.offset:
             content["offset"] = self.offset
-        for key in ("highpass", "rate", "torque_is"):
+        for key in ("error", "highpass", "rate", "torque_is"):
             if getattr(self, key) is not None:
                 content[key] = getattr(self, key)
         content["nominal"] = dict(self.model.nominal)
-        if self.deviation:
-            content["deviation"] = dict(self.deviation)
+        for key in ("deviation", "beside"):
+            if getattr(self, key):
+                content[key] = dict(getattr(self, key))
         if self.model.laws:
             content["law"] = [_table(law) for law in self.model.laws]
         write_text(path, f"# {WRITTEN}\n{toml_text(content)}")
@@ -156,30 +175,32 @@ def _from_tables(tables: Mapping[str, Any]) -> Axis:
         if key not in _KEYS:
             raise EstimatorError(f"{key}: no such key.{did_you_mean(key, _KEYS)}")
     whitening = tables.get("whitening", [1.0])
-    deviation = tables.get("deviation", {})
+    deviation, beside = (tables.get(key, {}) for key in ("deviation", "beside"))
     numbers = [tables[key] for key in _NUMBERS if key in tables]
     numbers += whitening if isinstance(whitening, list) else [None]
-    numbers += deviation.values() if isinstance(deviation, Mapping) else [None]
+    for table in (deviation, beside):
+        numbers += table.values() if isinstance(table, Mapping) else [None]
     if not all(isinstance(x, int | float) and isfinite(x) for x in numbers):
         raise EstimatorError(
-            f"{', '.join(_NUMBERS)} are numbers, whitening is an array and deviation a table of "
-            "them"
+            f"{', '.join(_NUMBERS)} are numbers, whitening is an array, deviation and beside are "
+            "tables of them"
         )
+    if not {*beside} <= {*_BESIDE}:
+        raise EstimatorError(f"beside has {', '.join(beside)}; it takes {', '.join(_BESIDE)}")
     if tables.get("torque_is", "held") not in {"held", "smooth"}:
         raise EstimatorError(f'torque_is = {tables["torque_is"]!r}: it is "held" or "smooth"')
-    noise, highpass, rate = (tables.get(key) for key in ("noise", "highpass", "rate"))
+    optional = {key: tables.get(key) for key in ("noise", "error", "highpass", "rate")}
     return Axis(
         model=model_from_tables(tables),
         tables={k: tables[k] for k in (*_MODEL, "law") if k in tables},
         known=True,
         delay=float(tables.get("delay", 0.0)),
         whitening=tuple(map(float, whitening)),
-        noise=None if noise is None else float(noise),
         offset=float(tables.get("offset", 0.0)),
-        highpass=None if highpass is None else float(highpass),
-        rate=None if rate is None else float(rate),
         torque_is=tables.get("torque_is"),
         deviation={name: float(value) for name, value in deviation.items()},
+        beside={name: float(value) for name, value in beside.items()},
+        **{key: None if x is None else float(x) for key, x in optional.items()},
     )
 
 

@@ -8,7 +8,7 @@ with a level and covariates in Z, and e as `flexaxis.experiments.logs.scatter` h
 a step, a ramp that begins at some log, or one log that is out of line. They are looked for by
 generalised least squares with the likelihood-ratio scan over all places and shapes (M. Basseville
 and I. Nikiforov, *Detection of Abrupt Changes*, 1993, section 2.4), one after the other. The
-greatest of the ratios has no closed distribution: `flexaxis.experiments.logs.chances`.
+greatest of the ratios has no closed distribution: `flexaxis.experiments.logs.scatter`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.chances import chance_of, ratios
-from flexaxis.experiments.logs.scatter import Scatter
+from flexaxis.experiments.logs.scatter import Scatter, chance_of, ratios
 
 Array = NDArray[np.float64]
 

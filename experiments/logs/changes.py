@@ -9,11 +9,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.experiments.logs.change_points import FEWEST, Series, explain
+
 Array = NDArray[np.float64]
 
 WINDOWS = 40  # that a record is cut into
-FEWEST = 3  # windows on each side of a change
-SCATTERS = 5.0  # of a difference of means; 22 false alarms in 10 000 sequences of white noise
+FALSE_ALARMS = 0.002  # probability of a change in a record without one
 SMALLEST = 0.02  # relative change that is worth a word
 STEPS = 4  # of Gauss and Newton to the values on both sides of a change
 FARTHEST = 0.5  # relative change of a parameter in one of them
@@ -53,10 +54,9 @@ def find_changes(
 
     ε ≈ ψᵀ Δθ for a small change of the parameters: the local approach of M. Basseville and
     I. Nikiforov, *Detection of Abrupt Changes* (1993), chapter 8. Least squares in each of forty
-    windows gives forty nearly independent Δθ; the split of their sequence with the greatest
-    difference of means, in units of the scatter within both parts, is a change if it is great
-    enough. The parts are split again. As scatter is measured and not assumed, an error of the
-    model that is always there raises no alarm.
+    windows gives forty nearly independent Δθ, whose changes are found as those of a trend are, see
+    `change_points`. As scatter is measured and not assumed, an error of the model that is always
+    there raises no alarm.
 
     Parameters
     ----------
@@ -84,13 +84,19 @@ def find_changes(
         if stop - start > 10 * len(names):
             local[i] = np.linalg.lstsq(psi[start:stop] * theta, error[start:stop])[0]
     kept = np.isfinite(local).all(axis=1)
-    found = [
-        Change(name, float(time[bounds[:-1][kept][place]]), difference, scatters)
-        for column, name in enumerate(names)
-        for place, difference, scatters in _splits(
-            local[kept, column], _scatter(local[kept, column])
-        )
-    ]
+    if kept.sum() < FEWEST:
+        return []
+    at = time[bounds[:-1][kept]]
+    found = []
+    for name, values in zip(names, local[kept].T, strict=True):
+        claimed = np.full(len(values), _scatter(values))
+        series = Series(at, values, claimed, np.empty((len(values), 0)))
+        explained = explain(series, false_alarms=FALSE_ALARMS / len(names))
+        for change in explained.changes:
+            relative = change.size / (1 + explained.level)
+            if abs(relative) >= SMALLEST:
+                scatters = abs(change.size) / change.deviation
+                found.append(Change(name, float(at[change.place]), relative, scatters))
     return sorted(found, key=lambda change: (change.time, -change.scatters))
 
 
@@ -129,7 +135,7 @@ def _along(record: _Record, inside: NDArray[np.bool_], theta: Array) -> list[Cha
     """Return the changes of a stretch, seen from its own parameters."""
     error, psi = (signal[inside] for signal in record.look(theta))
     windows = round(WINDOWS * np.mean(inside))
-    if windows < 2 * FEWEST:
+    if windows < FEWEST:
         return []
     first = find_changes(record.time[inside], error, psi, theta, record.names, windows=windows)
     if not first:
@@ -169,25 +175,3 @@ def _scatter(values: Array) -> float:
     steps = np.diff(values)
     # 1.4826 makes the median deviation that of a normal distribution; a step has twice the variance
     return 1.4826 * float(np.median(abs(steps - np.median(steps)))) / np.sqrt(2) + 1e-12
-
-
-def _splits(values: Array, scatter: float, offset: int = 0) -> list[tuple[int, float, float]]:
-    """Return place, relative difference of means and significance of each change in a sequence."""
-    n = len(values)
-    places = np.arange(FEWEST, n - FEWEST + 1)
-    if not len(places):
-        return []
-    sums = np.cumsum(values)[places - 1]
-    before, after = sums / places, (values.sum() - sums) / (n - places)
-    # the split that explains most of the sequence is the likeliest one
-    significance = abs(after - before) / (scatter * np.sqrt(1 / places + 1 / (n - places)))
-    best = int(np.argmax(significance))
-    relative = float((after - before)[best] / (1 + before[best]))
-    if significance[best] < SCATTERS or abs(relative) < SMALLEST:
-        return []
-    k = int(places[best])
-    return [
-        *_splits(values[:k], scatter, offset),
-        (offset + k, relative, float(significance[best])),
-        *_splits(values[k:], scatter, offset + k),
-    ]

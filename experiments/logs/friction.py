@@ -1,153 +1,108 @@
-"""Dry friction of an axis before it is fitted: which laws there are, and how large it may be."""
+"""What an axis may have beside its linear model: dry friction of the motor, gravity, two sides."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import coherence, welch
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
-from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.sizes import motion
+from flexaxis.estimators.offline.structure import guessed, prior
+from flexaxis.experiments.logs.attempt import Attempt, columns_beside
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-STIFF = 1e4  # of bristles that stand for none, in units of the law's size
+KINDS: Mapping[str, Mapping[str, str]] = {
+    "coulomb": {"coulomb": "f_c"},
+    "lugre": {
+        "coulomb": "f_c",
+        "breakaway": "f_s",
+        "stribeck": "v_s",
+        "stiffness": "sigma_0",
+        "damping": "sigma_1",
+    },
+    "static": {"coulomb": "f_c", "breakaway": "f_s", "alpha": "alpha", "beta": "beta"},
+}
+"""Laws of dry friction of the motor by the word for them: roles, and parameters of those names."""
+STIFF = 100.0  # rad a sample, at which bristles swing that stand for Coulomb's friction
 LEVELS = np.r_[0.0, np.geomspace(0.01, 1.2, 40)]  # of dry friction, times the rms torque
 MOVING = 0.01  # of the greatest power of the speed: where there is less, noise is too near
 STUCK = 0.03  # of the rms speed: slower, friction is what the torque is
+LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 
 
-@dataclass(frozen=True)
-class Sizes:
-    """How large what an axis does is: rms torque [N m], rms speed [rad/s], fastest mode [rad/s]."""
-
-    torque: float
-    speed: float
-    rate: float
+def able(model: Model) -> bool:
+    """Return whether a model has the motor that laws of friction act on."""
+    return "speed_motor" in model.states and "J_m" in model.parameters
 
 
-@dataclass(frozen=True)
-class Choice:
-    """A law that may be identified.
-
-    Attributes
-    ----------
-    law : Law
-        With a parameter's name in every role.
-    start : mapping of str to float
-        Of the free parameters, in units of their size, see `_unit`; f_c is guessed from the log.
-    numbers : mapping of str to float
-        Of the roles that are fixed.
-    lower, upper : mapping of str to float
-        The box, in the same units.
-    words : str
-    """
-
-    law: Law
-    start: Mapping[str, float]
-    numbers: Mapping[str, float]
-    lower: Mapping[str, float]
-    upper: Mapping[str, float]
-    words: str
-
-
-CHOICES: Mapping[str, Choice] = {
-    "coulomb": Choice(
-        BRISTLES,
-        {"coulomb": 0.1},
-        {"stiffness": STIFF},
-        {},
-        {"coulomb": 5.0},
-        "Coulomb friction",
-    ),
-    "lugre": Choice(
-        BRISTLES,
-        {"coulomb": 0.1, "breakaway": 0.02, "stribeck": 0.1, "stiffness": 10.0, "damping": 0.1},
-        {},
-        {"stribeck": 0.005, "stiffness": 0.1},
-        {"coulomb": 5.0, "breakaway": 10.0, "stribeck": 2.0, "stiffness": 3000.0, "damping": 20.0},
-        "LuGre friction",
-    ),
-    "static": Choice(
-        STATIC,
-        {"coulomb": 0.1, "breakaway": 0.05, "alpha": 10.0, "beta": 20.0},
-        {},
-        {"alpha": 0.3, "beta": 0.3},
-        {"coulomb": 5.0, "breakaway": 50.0, "alpha": 300.0, "beta": 1000.0},
-        "the static curve",
-    ),
-}
-"""Laws of friction of the motor, by the word for them."""
-
-_UNITS = {
-    "coulomb": lambda s: s.torque,
-    "breakaway": lambda s: s.torque,
-    "stribeck": lambda s: s.speed,
-    "stiffness": lambda s: s.torque * s.rate / s.speed,
-    "damping": lambda s: s.torque / s.speed,
-    "alpha": lambda s: 1 / s.speed,
-    "beta": lambda s: 1 / s.speed,
-}
-
-
-@dataclass(frozen=True)
-class Box:
-    """Start and box of the parameters of laws, by name."""
-
-    start: Mapping[str, float]
-    lower: Mapping[str, float]
-    upper: Mapping[str, float]
-
-
-def rubbing(model: Model, kind: str, sizes: Sizes, level: float) -> tuple[Model, Box]:
-    """Return a model with a law of friction of the motor, and where its parameters may be.
+def rubbing(
+    attempt: Attempt,
+    kind: str,
+    level: float,
+    *,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
+    given: Mapping[str, float],
+) -> Attempt:
+    """Return an attempt with a law of friction of the motor.
 
     Parameters
     ----------
-    model : Model
-        Without laws; with a state ``speed_motor`` and a parameter ``J_m``.
+    attempt : Attempt
+        Whose model has no law.
     kind : str
-        Of `CHOICES`.
-    sizes : Sizes
+        Of `KINDS`.
     level : float
-        Level of dry friction to start from [N m].
+        Level of dry friction to start from, in units of the torque.
+    free, fix, given
+        As for `flexaxis.experiments.logs.identify.identify`.
 
     Raises
     ------
     LogError
         If the kind is unknown, or the model has no motor that the law could act on.
     """
-    if kind not in CHOICES:
-        raise LogError(f"unknown friction {kind!r}.{did_you_mean(kind, CHOICES)}")
-    if "speed_motor" not in model.states or "J_m" not in model.parameters:
+    if kind not in KINDS:
+        raise LogError(f"unknown friction {kind!r}.{did_you_mean(kind, KINDS)}")
+    model, log = attempt.model, attempt.log
+    if not able(model):
         raise LogError(
             f"--friction {kind} acts on a state speed_motor by 1/J_m, and model {model.name} has "
             "no such state or parameter: write its own [[law]] into the TOML, or use --friction "
             "none"
         )
-    choice = CHOICES[kind]
-    units = {role: float(_UNITS[role](sizes)) for role in (*choice.start, *choice.numbers)}
-    names: dict[str, str | float] = {
-        role: str(choice.law.parameters[role]) for role in choice.start
-    }
-    numbers = {role: value * units[role] for role, value in choice.numbers.items()}
-    law = replace(choice.law, parameters=names | numbers)
-    start = {str(names[role]): value * units[role] for role, value in choice.start.items()}
-    start["f_c"] = max(level, 0.01 * sizes.torque)
-    box = Box(
-        start,
-        {str(names[r]): choice.lower.get(r, 0.0) * units[r] for r in choice.start},
-        {str(names[r]): choice.upper[r] * units[r] for r in choice.start},
+    roles: dict[str, str | float] = dict(KINDS[kind])
+    if kind == "coulomb":
+        roles["stiffness"] = (STIFF / log.period) ** 2 * abs(model.nominal["J_m"])
+    law = replace(STATIC if kind == "static" else BRISTLES, parameters=roles)
+    grown = replace(model, laws=(law,), nominal=dict(model.nominal) | dict.fromkeys(law.names, 1.0))
+    moves = motion(log.u[log.ok], log.y[log.ok], log.period)
+    grown = guessed(grown, model.parameters, period=log.period, motion=moves)
+    size = float(np.std(log.u[log.ok])) * abs(model.nominal.get("k_T", 1.0))
+    start = {"f_c": max(abs(level * model.nominal.get("k_T", 1.0)), LEAST_LEVEL * size)}
+    grown = replace(grown, nominal=dict(grown.nominal) | start | dict(given))
+    mine = tuple(n for n in law.names if (not free or n in free) and n not in fix)
+    box = prior(grown, law.names, period=log.period, motion=moves)
+    lower, upper = (
+        dict(zip(law.names, side.tolist(), strict=True)) for side in (box.lower, box.upper)
     )
-    # names first, so that the model has its parameters when it is made
-    grown = replace(model, laws=(law,), nominal=dict(model.nominal) | start)
-    return grown, box
+    names = (*attempt.names, *mine)
+    return replace(attempt, model=grown, names=names, lower=lower | {"f_c": 0.0}, upper=upper)
+
+
+def beside(attempt: Attempt, names: Sequence[str]) -> Attempt:
+    """Return an attempt in which gravity or two sides of friction act beside the torque."""
+    log = attempt.log
+    columns = columns_beside(log.angle, log.y, log.period)
+    return replace(attempt, beside={name: columns[name] for name in names})
 
 
 def guessed_level(u: Array, v: Array, *, period: float) -> float:
@@ -171,7 +126,7 @@ def guessed_level(u: Array, v: Array, *, period: float) -> float:
     moving = power > MOVING * power.max()
     best, least = 0.0, np.inf
     for level in LEVELS * scale:
-        rest = u - friction(u, v, direction, level)
+        rest = u - friction(u, direction, level)
         _, share = coherence(rest, v, fs=1 / period, nperseg=segment, detrend="linear")
         unlikely = float(np.mean(np.log(1 - np.minimum(share[moving], 1 - 1e-9))))
         if unlikely < least - 1e-3:
@@ -189,16 +144,9 @@ def smooth_sign(v: Array, period: float) -> Array:
     return np.where(abs(mean) > wanted, np.sign(mean), mean / wanted)
 
 
-def friction(u: Array, v: Array, direction: Array, level: float) -> Array:
+def friction(u: Array, direction: Array, level: float) -> Array:
     """Return the torque of dry friction of some level; at rest it is what the torque is."""
-    resting = abs(direction) < 1
-    return np.where(resting, np.clip(u, -level, level), level * direction)
-
-
-def names_by(kind: str) -> set[str]:
-    """Return the parameters of a law of `CHOICES` that can be identified."""
-    choice = CHOICES[kind]
-    return {str(choice.law.parameters[role]) for role in choice.start}
+    return np.where(abs(direction) < 1, np.clip(u, -level, level), level * direction)
 
 
 def names_of(model: Model) -> Sequence[str]:

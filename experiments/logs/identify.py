@@ -1,8 +1,8 @@
-"""Nominal values of an axis from its log: a frequency response, then a prediction-error fit."""
+"""Nominal values of an axis from its log: three fits of what the log asks for, and one answer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -10,29 +10,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
-from flexaxis.estimators.offline.colour import HIGHEST_ORDER, noise_model, settled
-from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
+from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth
+from flexaxis.experiments.logs.doubts.torque_kind import UNSEEN
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.fits import Fits, fits
-from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.late import at_its_least, check_delay
-from flexaxis.experiments.logs.laws import Tried, able, best_of_laws, check_given
-from flexaxis.experiments.logs.pieces import spread
+from flexaxis.experiments.logs.findings import Finding, texts_of
+from flexaxis.experiments.logs.friction import KINDS, able, linear_part, names_of
+from flexaxis.experiments.logs.judging import Fit, correlation, fit_of
+from flexaxis.experiments.logs.laws import LINEAR, Chosen, Tried, check_given, chosen
 from flexaxis.experiments.logs.prepare import highpass_filter
 from flexaxis.experiments.logs.spectrum import Response
 from flexaxis.experiments.logs.starts import Starts
-from flexaxis.experiments.logs.verdict import Verdict, judge
+from flexaxis.experiments.logs.verdict import Asked, judged
+from flexaxis.experiments.logs.ways import Way, answer, explain, ways_of
 from flexaxis.sim.record import Record
-
-__all__ = ["HIGHEST_ORDER", "Identification", "identify", "noise_model", "settled"]
 
 Array = NDArray[np.float64]
 
 GIVEN = ("k_T", "r")  # scale of the torque and gear ratio: no log of one axis determines them
 LARGEST = 1e30  # of a parameter in SI units, and its reciprocal: powers of it can be computed with
-FRICTION = ("auto", "none", "coulomb", "lugre", "static")
+FRICTION = ("auto", "none", *KINDS)
+GRAVITY = ("auto", "none", "sine")
+LAWFUL = tuple(dict.fromkeys(n for names in KINDS.values() for n in names.values()))
+"""Parameters that may come by --friction."""
 
 
 @dataclass(frozen=True)
@@ -44,75 +45,67 @@ class Identification:
     axis : Axis
         With the new nominal values, laws, delay, offset, whitening filter and noise.
     names : tuple of str
-        The identified parameters.
-    theta : ndarray (p,)
-        Estimates.
-    noise_deviations, spread : ndarray (p,)
-        Standard deviations for white residuals, and from the spread over pieces of the record.
-    discretisation : ndarray (p,)
-        What the steps that laws are solved in may make estimates off.
+        The identified parameters, then the gains of what acts beside the torque.
+    theta, deviations : ndarray (p,)
+        Estimates and their standard deviations, widened to what fits differ by.
     delay, delay_deviation : float
         By which the torque acts late [s]; the deviation is zero if it was given, or came to
         the least that is possible.
     offset, offset_deviation : float
         What acts besides the logged torque, in its unit.
-    fits : Fits
-        How well simulation and prediction do on this log.
-    fitted : Fitted
+    fit : float
+        100 (1 − |y − ŷ|/|y − mean y|) of a simulation of pieces that it was not fitted to, from the
+        torque alone.
+    whole : Fit
+        Of a simulation of the whole log.
+    best : Way
+        That was taken.
+    ways : tuple of Way
+        All fits, the one that simulates best first.
     response : Response or None
         What the log shows without a model, but for the dry friction that was found; None where it
         was not asked.
-    output : str
-        What was fitted, ``"speed"`` or ``"increment"``.
+    map : Inverse or None
+        The inverse dynamics of the log, as if it were rigid.
     friction : str
         The word for its laws, ``"none"`` if it has none.
     tried : tuple of Tried
-        What else was tried, and what it predicted.
-    verdict : Verdict
+        What else was tried, and how it simulates.
+    findings : tuple of Finding
     """
 
     axis: Axis
     names: tuple[str, ...]
     theta: Array
-    noise_deviations: Array
-    spread: Array
-    discretisation: Array
+    deviations: Array
     delay: float
     delay_deviation: float
     offset: float
     offset_deviation: float
-    fits: Fits
-    fitted: Fitted
+    fit: float
+    whole: Fit
+    best: Way
+    ways: tuple[Way, ...]
     response: Response | None
-    output: str
+    map: Inverse | None
     friction: str
     tried: tuple[Tried, ...]
-    verdict: Verdict
+    findings: tuple[Finding, ...]
 
     @property
-    def deviations(self) -> Array:
-        """Standard deviations (p,): the larger of both, with the discretisation of laws."""
-        return np.hypot(np.maximum(self.noise_deviations, self.spread), self.discretisation)
+    def warnings(self) -> list[str]:
+        """What makes its numbers useless, in words."""
+        return texts_of(self.findings, "problem")
 
     @property
     def residual(self) -> Array:
         """Y − ŷ (N,) of the simulation."""
-        return self.fitted.residual
+        return self.best.fitted.residual
 
     @property
-    def fit(self) -> float:
-        """100 (1 − |y − ŷ|/|y − mean y|): how well a simulation from the torque alone does."""
-        return self.fits.simulation
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What speaks against the result, in words."""
-        return self.verdict.warnings
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was found or done besides, in words."""
-        return self.verdict.remarks
+    def correlation(self) -> float:
+        """Largest correlation of the white residual with its past."""
+        return correlation(self.best.fitted.white[self.best.fitted.good])
 
 
 def identify(
@@ -123,10 +116,9 @@ def identify(
     fix: Sequence[str] = (),
     given: Mapping[str, float] = MappingProxyType({}),
     delay: float | None = None,
-    whiten: bool = True,
     friction: str = "auto",
+    gravity: str = "auto",
     highpass: float | None = None,
-    tell: Callable[[], None] = lambda: None,
 ) -> Identification:
     """Identify the nominal values of an axis.
 
@@ -141,67 +133,124 @@ def identify(
         Parameters to leave at their nominal values.
     given : mapping of str to float
         Values of parameters of the law that `friction` brings: where they start, and stay if fixed.
-        ``"auto"`` takes one of the laws that have them.
     delay : float, optional
         Known delay of the torque [s]; it is identified too if not given.
-    whiten : bool
-        Whether to model the noise; without, this is plain output error.
     friction : {"auto", "none", "coulomb", "lugre", "static"}
-        Law of dry friction of the motor; ``"auto"`` takes the simplest that predicts held-out
-        pieces of the record as well as any. Laws that the axis has already are kept.
+        Law of dry friction of the motor; ``"auto"`` takes Coulomb's where held-out pieces of the
+        record are simulated better with it. Laws that the axis has already are kept.
+    gravity : {"auto", "none", "sine"}
+        Whether a torque by sine and cosine of the measured angle acts besides.
     highpass : float, optional
         Corner [Hz] below which residuals do not count; that of the axis by default.
-    tell : callable, optional
-        Told after each simulation.
 
     Raises
     ------
     LogError
         If a name is unknown, or the record cannot determine such a model.
     """
-    if friction not in FRICTION:
-        raise LogError(f"--friction {friction}: it is one of {', '.join(FRICTION)}")
+    for option, value, known in (("friction", friction, FRICTION), ("gravity", gravity, GRAVITY)):
+        if value not in known:
+            raise LogError(f"--{option} {value}: it is one of {', '.join(known)}")
     check_given(axis.model, friction, given)
     _check_sizes({**axis.model.nominal, **given})
-    log = log_of(record, axis)
-    own = names_of(axis.model)
+    log = log_of(record, replace(axis, beside={}))
     names = _free(axis, free, fix)
     if axis.known:
         check_rate(axis.model, log.period)
+    whole = "highpass" not in record.versions  # a filter of residuals leaves the motion as it is
     corner = axis.highpass if highpass is None else highpass
     if corner is not None:
         highpass_filter(corner, log.period)  # refuses what is none
-    attempt = Attempt(
-        log,
-        axis.model,
-        names,
-        delay=delay,
-        whiten=whiten,
-        highpass=corner,
-        tell=tell,
-    )
-    check_delay(attempt)
-    whole = "highpass" not in record.versions  # a filter of residuals leaves the motion as it is
+    attempt = Attempt(log, axis.model, names, delay=delay, highpass=corner)
+    _check_delay(attempt)
     if not whole and friction not in {"auto", "none"}:
         raise LogError(
             f"--friction {friction} needs the motion as it was, and slow motion was filtered away: "
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
     starts = Starts(attempt, known=axis.known, whole=whole)
-    attempt, fitted, tried, word = best_of_laws(starts, friction, free, fix, given)
-    blind = friction == "auto" and not own and not whole and able(attempt.model)
-    found = _found(
-        axis,
-        record,
-        attempt,
-        fitted,
-        tried=tried,
-        word=word,
-        seen=starts.seen_by(attempt, fitted),
-        blind=blind,
+    told = UNSEEN not in record.versions.get("torque_because", "")
+    linear = record.versions.get("motion") == "linear" and gravity == "auto"
+    asked = Asked(
+        friction,
+        highpass or axis.highpass,
+        told,
+        whole is False and friction == "auto" and able(attempt.model),
     )
+    options = {"told": told, "free": free, "fix": fix, "given": given}
+    taken = chosen(starts, friction, "none" if linear else gravity, **options)  # type: ignore[arg-type]
+    found = _found(starts, axis, asked, taken, record)
     _check_ended(found.axis.model, log.period)
     return found
+
+
+def _found(
+    starts: Starts, axis: Axis, asked: Asked, taken: Chosen, record: Record
+) -> Identification:
+    ways = ways_of(taken.attempt, taken.parts, taken.held)
+    if not ways or not np.isfinite(ways[0].error):
+        raise LogError(
+            "no start could be simulated over the log: give nominal values of the right size, "
+            "with --start NAME=VALUE"
+        )
+    best, deviations, _ = answer(ways)
+    attempt, fitted, log = best.attempt, best.fitted, best.attempt.log
+    own = fit_of(log.y, fitted.residual, attempt.counted, fitted.colour)
+    fit = 100 * (1 - best.error / own.size)
+    p = len(attempt.names) + len(attempt.beside)
+    names = (*attempt.names, *attempt.beside)
+    least = attempt.delay is not None or fitted.z[-1] <= attempt.earliest
+    values = dict(zip(names, fitted.z[:p].tolist(), strict=True))
+    lawful = list(names_of(attempt.model))
+    return Identification(
+        axis=replace(
+            axis,
+            model=attempt.having({n: values[n] for n in attempt.names}).model,
+            known=True,
+            delay=float(fitted.z[-1]),
+            whitening=tuple(fitted.colour.inverse.tolist()),
+            noise=float(np.sqrt(fitted.square)),
+            error=best.error,
+            offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * deviations[-2] else 0.0,
+            beside={n: values[n] for n in attempt.beside},
+            highpass=attempt.highpass,
+            rate=1 / log.period,
+            torque_is="smooth" if log.smooth and not is_smooth(record) else axis.torque_is,
+            deviation=dict(zip(names, deviations[:p].tolist(), strict=True)),
+        ),
+        names=names,
+        theta=fitted.z[:p],
+        deviations=deviations[:p],
+        delay=float(fitted.z[-1]),
+        delay_deviation=0.0 if least else float(deviations[-1]),
+        offset=float(fitted.z[-2]),
+        offset_deviation=float(deviations[-2]),
+        fit=fit,
+        whole=own,
+        best=best,
+        ways=tuple(ways),
+        response=starts.seen_by(attempt, fitted),
+        map=explain(log, float(fitted.z[-1]), LINEAR),
+        friction=_word(asked.friction, axis.model, lawful),
+        tried=taken.tried,
+        findings=tuple(judged(taken, best, deviations, ways=ways, fit=fit, asked=asked)),
+    )
+
+
+def _word(friction: str, model: Model, laws: Sequence[str]) -> str:
+    if model.laws:
+        return "as told"
+    return friction if friction in KINDS else "coulomb" if laws else "none"
+
+
+def _check_delay(attempt: Attempt) -> None:
+    """Refuse a given delay that is none of those that are looked for."""
+    delay, least, most = attempt.delay, attempt.earliest, attempt.latest
+    if delay is not None and not least <= delay <= most:
+        raise LogError(
+            f"--delay {delay:g}: the torque of this log acts {least:g} … {most:g} s after it is "
+            "logged; shift its column by whole samples if it is further off"
+        )
 
 
 def _check_sizes(values: Mapping[str, float]) -> None:
@@ -223,9 +272,6 @@ def _free(axis: Axis, free: Sequence[str], fix: Sequence[str]) -> tuple[str, ...
     if not chosen:
         raise LogError("all parameters are fixed; leave one free, with --free NAME")
     return chosen
-
-
-LAWFUL = ("f_c", "f_s", "v_s", "sigma_0", "sigma_1", "alpha", "beta")  # may come by --friction
 
 
 def check_rate(model: Model, period: float) -> None:
@@ -251,66 +297,7 @@ def _check_ended(model: Model, period: float) -> None:
 
 def _fastest(model: Model) -> float:
     """Return the frequency of the fastest mode [Hz]."""
-    linear = replace(model, laws=())
+    linear = linear_part(model)
     every = linear.parametrize(linear.parameters)
     modes = np.linalg.eigvals(every.matrices(every.theta)[0])
     return float(np.max(abs(modes.imag))) / (2 * np.pi)
-
-
-def _found(
-    axis: Axis,
-    record: Record,
-    attempt: Attempt,
-    fitted: Fitted,
-    *,
-    word: str,
-    tried: tuple[Tried, ...] = (),
-    seen: Response | None = None,
-    blind: bool = False,
-) -> Identification:
-    log, p = attempt.log, len(attempt.names)
-    noise, pieces = fitted.deviations, spread(fitted)
-    steps = discretisation(attempt.problem(), fitted)
-    honest = np.hypot(np.maximum(noise, pieces), steps)
-    model = attempt.having(attempt.values(fitted)).model
-    found = replace(
-        axis,
-        model=model,
-        known=True,
-        delay=float(fitted.z[-1]),
-        whitening=tuple(fitted.colour.inverse.tolist()),
-        noise=float(np.sqrt(fitted.square)),
-        offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * honest[-2] else 0.0,
-        highpass=attempt.highpass,
-        rate=1 / log.period,
-        torque_is="smooth" if log.smooth else None,
-        deviation=dict(zip(attempt.names, honest[:p].tolist(), strict=True)),
-    )
-    return Identification(
-        axis=found,
-        names=attempt.names,
-        theta=fitted.z[:p],
-        noise_deviations=noise[:p],
-        spread=pieces[:p],
-        discretisation=steps[:p],
-        delay=float(fitted.z[-1]),
-        delay_deviation=0.0 if at_its_least(attempt, fitted) else float(honest[-1]),
-        offset=float(fitted.z[-2]),
-        offset_deviation=float(honest[-2]),
-        fits=fits(log.y, fitted),
-        fitted=fitted,
-        response=seen,
-        output=log.output,
-        friction=word,
-        tried=tried,
-        verdict=judge(
-            attempt,
-            fitted,
-            np.maximum(noise, pieces),  # what the log shows, not how laws are solved
-            seen=seen,
-            tried=tried,
-            word=word,
-            smooth=is_smooth(record),
-            blind=blind,
-        ),
-    )

@@ -1,4 +1,4 @@
-"""What is said of an identification: as text, and as JSON."""
+"""What is said of an identification: as text, as JSON, and as a table."""
 
 from __future__ import annotations
 
@@ -8,51 +8,51 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.validate import Validation
 
-Line = tuple[str, float, float, float, float]
+OTHERS = ("delay", "offset")
 UNITS = {"delay": " [s]", "offset": " [as the torque]"}  # of what is no parameter of a model
+UNITS |= dict.fromkeys(("g_sin", "g_cos"), UNITS["offset"])
 
 
-def rows(found: Identification) -> list[Line]:
-    """Return name, estimate, and its standard deviations: the larger, of noise, over pieces."""
-    columns = (found.theta, found.deviations, found.noise_deviations, found.spread)
-    values = zip(found.names, *(column.tolist() for column in columns), strict=True)
-    more = [
-        ("delay", found.delay, found.delay_deviation),
-        ("offset", found.offset, found.offset_deviation),
+def rows(found: Identification) -> list[tuple[str, float, float]]:
+    """Return name, estimate, and its standard deviation."""
+    parameters = zip(found.names, found.theta.tolist(), found.deviations.tolist(), strict=True)
+    return [
+        *parameters,
+        *((n, getattr(found, n), getattr(found, f"{n}_deviation")) for n in OTHERS),
     ]
-    return [*values, *((name, value, sd, sd, sd) for name, value, sd in more)]
 
 
-def warnings(found: Identification, tried: Validation | None) -> list[str]:
-    """Return what speaks against it, on both logs."""
-    return [*found.warnings, *(() if tried is None else tried.warnings)]
+def findings(found: Identification, tried: Validation | None) -> list[Finding]:
+    """Return what was found on both logs, the gravest first."""
+    unlike = "" if tried is None else tried.unlike
+    other = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
+    return ordered([*other, *found.findings])
 
 
 def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
     """Return it as JSON has it."""
+    every = findings(found, tried)
     told: dict[str, Any] = {
-        "estimates": {
-            name: {"value": v, "sd": sd, "sd_noise": noise, "sd_pieces": pieces}
-            for name, v, sd, noise, pieces in rows(found)
-        },
+        "estimates": {name: {"value": value, "sd": sd} for name, value, sd in rows(found)},
         "fit": found.fit,
         "friction": found.friction,
-        "compared": [
-            {"law": t.name, "against": t.against, "taken": t.taken} | vars(t.comparison)
-            for t in found.tried
-        ],
-        "condition": found.verdict.condition,
-        "identifiability": found.verdict.weakest,
+        "compared": [vars(each) for each in found.tried],
+        "fits": {
+            way.name: {"error": way.error, "taken": way is found.best}
+            | dict(zip(found.names, way.fitted.z.tolist(), strict=False))
+            for way in found.ways
+        },
         "residual": {
             "std": found.axis.noise,
-            "correlation": found.verdict.correlation,
+            "correlation": found.correlation,
             "noise_order": len(found.axis.whitening) - 1,
         },
-        "warnings": warnings(found, tried),
-        "remarks": list(found.remarks),
+        "warnings": texts_of(every, "problem"),
+        "remarks": texts_of(every, "note", "ok"),
     }
     if tried is not None:
         told["validation"] = {"simulation": tried.simulation, "prediction": tried.prediction}
@@ -63,11 +63,10 @@ def facts(found: Identification, tried: Validation | None) -> list[tuple[str, st
     """Return how far to trust it: names and what they are here."""
     facts = [
         ("law of friction", found.friction),
-        ("fit of a simulation from the torque alone", f"{found.fit:.1f} %"),
-        ("order of the noise model", str(len(found.axis.whitening) - 1)),
-        ("correlation of white residuals", f"{found.verdict.correlation:.3f}"),
-        ("condition", f"{found.verdict.condition:.3g}"),
-        ("identifiability", found.verdict.weakest),
+        ("fit", found.best.name),
+        ("simulation of held-out pieces from the torque alone", f"{found.fit:.1f} %"),
+        ("simulation of the whole log", f"{found.whole.percent:.1f} %"),
+        ("correlation of white residuals", f"{found.correlation:.3f}"),
     ]
     if tried is not None:
         facts += [
@@ -80,7 +79,7 @@ def facts(found: Identification, tried: Validation | None) -> list[tuple[str, st
 def print_identification(found: Identification, tried: Validation | None) -> None:
     """Print it."""
     table = Table("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
-    for name, value, sd, *_ in rows(found):
+    for name, value, sd in rows(found):
         share = f"{100 * sd / abs(value):.2g}" if abs(value) > sd else ""
         deviation = f"{sd:.2g}" if sd else ""  # none of what stands at a bound, or was told
         table.add_row(escape(name + UNITS.get(name, "")), f"{value:.5g}", deviation, share)
@@ -88,7 +87,6 @@ def print_identification(found: Identification, tried: Validation | None) -> Non
     console.print(table)
     for name, text in facts(found, tried):
         print(f"{name}: {text}")
-    for text in found.remarks:
-        print(f"- {text}")
-    for text in warnings(found, tried):
-        console.print(f"! {text}", style="yellow", markup=False, soft_wrap=True)
+    for each in findings(found, tried):
+        style = "yellow" if each.kind == "problem" else None
+        console.print(f"{MARKS[each.kind]} {each.text}", style=style, markup=False, soft_wrap=True)

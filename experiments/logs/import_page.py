@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.findings import Finding, ordered
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.log_charts import log_chart, spectrum_chart, visibility_map
 from flexaxis.experiments.logs.log_page import LogPage, Remark
@@ -14,7 +14,6 @@ from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
-ORDER = {"problem": 0, "note": 1, "ok": 2}
 COLUMNS = (
     Column("what was looked at", kind="text"),
     Column("measured", kind="text"),
@@ -36,22 +35,21 @@ def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: s
     command : str
         That made it.
     """
-    doubts = sorted(found.checks, key=lambda check: ORDER[check.verdict])
+    doubts = ordered(found.checks)
     return LogPage(
         title=f"Import of {log.name}",
         command=command,
         finding=_finding(doubts),
-        remarks=[(c.verdict, _remark(c)) for c in doubts if c.verdict != "ok"],
+        remarks=[(c.kind, _remark(c)) for c in doubts if c.kind != "ok"],
         charts=list(_charts(found, doubts, seen)),
         tables=_tables(doubts, seen),
     )
 
 
-def _finding(doubts: Sequence[Doubt]) -> Remark:
+def _finding(doubts: Sequence[Finding]) -> Remark:
     """Return what comes of all looks, in a sentence."""
     bad, known = (
-        [doubt.name for doubt in doubts if doubt.verdict == verdict]
-        for verdict in ("problem", "note")
+        [doubt.name for doubt in doubts if doubt.kind == verdict] for verdict in ("problem", "note")
     )
     if bad:
         return "problem", f"As it is, this log spoils estimates: {', '.join(bad)}."
@@ -60,20 +58,16 @@ def _finding(doubts: Sequence[Doubt]) -> Remark:
     return "ok", f"Nothing speaks against this log, in {len(doubts)} looks at it."
 
 
-def _remark(doubt: Doubt) -> str:
-    return f"{doubt.name}: {_sentence(doubt)}"
+def _remark(doubt: Finding) -> str:
+    return f"{doubt.name}: {doubt.sentence}"
 
 
-def _sentence(doubt: Doubt) -> str:
-    return f"{doubt.text}. Type: {doubt.command}" if doubt.command else doubt.text
-
-
-def _tables(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> list[Table]:
+def _tables(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> list[Table]:
     rows = [
         Row([
             Cell(c.name),
             Cell(c.measured, c.value),
-            Cell(c.verdict),
+            Cell(c.kind),
             Cell(c.text),
             Cell(c.command),
         ])
@@ -88,11 +82,11 @@ def _tables(checks: Sequence[Doubt], seen: Mapping[str, Seen]) -> list[Table]:
 
 
 def _charts(
-    found: Imported, doubts: Sequence[Doubt], seen: Mapping[str, Seen]
+    found: Imported, doubts: Sequence[Finding], seen: Mapping[str, Seen]
 ) -> Iterator[Chart | Heat]:
     for doubt in doubts:
-        if doubt.verdict != "ok" and doubt.draw is not None:
-            yield replace(doubt.draw(), title=f"Doubt: {doubt.name}", words=_sentence(doubt))
+        if doubt.kind != "ok" and doubt.draw is not None:
+            yield replace(doubt.draw(), title=f"Doubt: {doubt.name}", words=doubt.sentence)
     yield log_chart(found.record)
     yield spectrum_chart(found.record)
     chart = visibility_map(seen)

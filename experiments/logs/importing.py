@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import sosfilt
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt
 from flexaxis.experiments.logs.doubts.evidence import of_record
 from flexaxis.experiments.logs.doubts.looking import examine
 from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
@@ -22,16 +22,25 @@ from flexaxis.experiments.logs.doubts.torque_kind import (
     torque_kind,
 )
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
 from flexaxis.experiments.logs.own import is_record
-from flexaxis.experiments.logs.prepare import FEWEST, Prepared, check_time, prepare, unwrapped
+from flexaxis.experiments.logs.prepare import (
+    FEWEST,
+    Prepared,
+    check_time,
+    highpass_filter,
+    interval_means,
+    prepare,
+    unwrapped,
+)
 from flexaxis.experiments.logs.reading.reader import open_log
-from flexaxis.experiments.logs.remedies import ON_RECORDS, remedied
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
 Array = NDArray[np.float64]
 
+ON_RECORDS = ("highpass", "torque_is", "burn_in")  # options for what is imported already
 BURN_IN = 1.0  # s, where a log starts in the middle of a motion
 
 
@@ -40,7 +49,7 @@ class Imported:
     """A record and what was looked at on the way."""
 
     record: Record
-    checks: tuple[Doubt, ...]
+    checks: tuple[Finding, ...]
 
 
 def import_log(
@@ -56,7 +65,7 @@ def import_log(
     Parameters
     ----------
     path : Path
-        CSV, MAT, HDF5, NetCDF, parquet or a bag, see `reading.reader.open_log`.
+        CSV, MAT, HDF5, NetCDF or parquet, see `reading.reader.open_log`.
     tables : mapping
         As for `mapping_from`.
     resample, highpass : float, optional
@@ -77,7 +86,8 @@ def import_log(
         refuse_nonsense(raw)
         smooth, because = _kind(raw, chosen)
         found = prepare(raw, smooth=smooth, resample=resample, highpass=highpass)
-        record = _record(found, burn_in, _told(path, smooth, because, highpass))
+        told = _told(path, smooth, because, highpass) | _units(raw)
+        record = _record(found, burn_in, told)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
     return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
@@ -92,6 +102,13 @@ def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dic
         "torque_because": because,
     }
     return told if highpass is None else told | {"highpass": f"{highpass:g}"}
+
+
+def _units(raw: Raw) -> dict[str, str]:
+    """Return what a record keeps of units: that of the torque, and whether the axis is linear."""
+    unit = raw.unit.get("torque", "")
+    told = {"torque_unit": {"mA": "A", "mV": "V", "%": "1"}.get(unit, unit)} if unit else {}
+    return told | ({"motion": "linear"} if raw.linear else {})
 
 
 def _kind(raw: Raw, chosen: LogMap) -> tuple[bool, str]:
@@ -196,7 +213,7 @@ def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> 
 
 def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
     """Return a record with what can still be done to it: high-pass, kind of torque, burn-in."""
-    wrong = [name for name in asked if name not in (*ON_RECORDS, "burn_in")]
+    wrong = [name for name in asked if name not in ON_RECORDS]
     if wrong:
         words = ", ".join(f"--{name.replace('_', '-')}" for name in wrong)
         raise LogError(
@@ -215,7 +232,33 @@ def _treated(record: Record, asked: Mapping[str, Any]) -> Record:
     if "burn_in" in asked:
         _check_burn_in(asked["burn_in"], len(record.time) * record.period)
         record = replace(record, burn_in=asked["burn_in"])
-    return remedied(record, asked)
+    return _as_imported(record, asked)
+
+
+def _as_imported(record: Record, asked: Mapping[str, Any]) -> Record:
+    """Return a record as the import would have made it with these options."""
+    kind = record.versions.get("torque", "held")
+    wanted = asked.get("torque_is", kind)
+    changed: dict[str, Any] = {}
+    told = dict(record.versions)
+    if wanted != kind:
+        if wanted != "smooth" or "highpass" in told:
+            raise LogError(
+                f"the record holds the means of a {kind} torque; import the log again with "
+                f"--torque-is {wanted}"
+            )
+        time = record.time
+        changed["torque"] = interval_means(time, record.torque, time, record.period, smooth=True)
+        told |= {"torque": "smooth", "torque_because": GIVEN}
+    if "highpass" in asked:
+        sos = highpass_filter(asked["highpass"], record.period)
+        for name in ("torque", "angle", "speed", "increment", "true_angle_a"):
+            values = changed.get(name, getattr(record, name))
+            if values is not None:
+                start = values[0] if "angle" in name else 0.0
+                changed[name] = np.asarray(sosfilt(sos, values - start))
+        told["highpass"] = f"{asked['highpass']:g}"
+    return replace(record, **changed, versions=told)
 
 
 def _log_of(record: Record) -> str:

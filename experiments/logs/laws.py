@@ -1,118 +1,116 @@
-"""Which law of friction a log asks for: the simplest that predicts what it was not fitted to."""
+"""What a log asks for beside its linear model: that with which it is simulated better elsewhere."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
+from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, explored
+from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.friction import CHOICES, Sizes, names_by, rubbing
-from flexaxis.experiments.logs.pieces import LEAST_GAIN, Comparison, compare, held_out
-from flexaxis.experiments.logs.starts import SMOOTHER, Starts, gained, smoother
+from flexaxis.experiments.logs.friction import KINDS, able, beside, rubbing
+from flexaxis.experiments.logs.spectrum import corner_below
+from flexaxis.experiments.logs.starts import Starts, explored
+from flexaxis.experiments.logs.ways import (
+    better,
+    errors_of,
+    explain,
+    held_out,
+    over_pieces,
+    tried,
+)
 
-LEAST_LEVEL = 0.03  # of the rms torque, of dry friction to start from
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-MOST = 20_000  # samples that laws are compared on
-OPEN = ("auto", "none")  # where laws are compared, if only to say what is missing
-HOPEFUL = 1 - 2 * LEAST_GAIN  # times the square of the error: the least that is worth it
-ORDER = ("coulomb", "lugre", "static")
+SURE = 3.0  # standard deviations of a law's level, below which it is dropped
+CERTAIN = 5.0  # of a regressor of the inverse dynamics, from which on it is tried
+MOVES = 0.01  # part of the unexplained torque that it takes away at the least
+LINEAR = ("inertia", "viscous", "dry", "constant")
+SIDED, GRAVITY = ("f_sided",), ("g_sin", "g_cos")
+TURN = 0.5  # rad of the load, below which gravity is about a constant
+MOST = 0.5  # of the variance that a simulation leaves, that lies below the excitation
+EARLIEST = 0.02  # samples: less delay than that is the least of a held torque
 
 
 @dataclass(frozen=True)
 class Tried:
-    """A law that was compared with a simpler one.
+    """Something that was compared with less.
 
     Attributes
     ----------
-    name, against : str
-        Words of both.
-    comparison : Comparison
+    name : str
+        In words.
+    before, after : float
+        Standard deviations of the error of a simulation of held-out pieces, without and with it.
     taken : bool
-    held : bool
-        Whether what is compared was held out of the fit, and not fitted to as well.
     """
 
     name: str
-    against: str
-    comparison: Comparison
+    before: float
+    after: float
     taken: bool
-    held: bool = True
 
 
-def best_of_laws(
-    starts: Starts,
-    friction: str,
-    free: Sequence[str],
-    fix: Sequence[str],
-    given: Mapping[str, float],
-) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
-    """Return the fit with the law and the kind of torque that predict best.
+@dataclass(frozen=True)
+class Chosen:
+    """What is fitted to a log.
 
-    Dry friction that is left out makes a held torque seem to act before it is set, and so does a
-    torque that is smooth; so where both could be, laws are looked for with both.
-    """
-    law = partial(choose, wanted=friction, free=free, fix=fix, given=given)
-    held = starts.search(starts.attempt)
-    if starts.attempt.model.laws:
-        return law(starts, *held)
-    other = smoother(*held)
-    found = law(starts, *other)
-    if other[0] is held[0] or not (starts.whole and able(held[0].model)):
-        return found
-    rubbing = law(starts, *held)
-    return found if gained(rubbing[1], found[1]) > SMOOTHER else rubbing
-
-
-def choose(
-    starts: Starts,
-    linear: Attempt,
-    fitted: Fitted,
-    wanted: str,
-    *,
-    free: Sequence[str] = (),
-    fix: Sequence[str] = (),
-    given: Mapping[str, float] = MappingProxyType({}),
-) -> tuple[Attempt, Fitted, tuple[Tried, ...], str]:
-    """Return the attempt with the law that is wanted, or with the one that the log asks for.
-
-    Parameters
+    Attributes
     ----------
-    starts : Starts
-    linear, fitted
-        The attempt without a law, or with those of the axis, and its fit.
-    wanted : str
-        Word of the law, or ``"auto"``.
-    free, fix : sequence of str
-    given : mapping of str to float
-        As for `flexaxis.experiments.logs.identify.identify`.
+    attempt : Attempt
+    parts : mapping of str to Fitted
+        Fits to what is not held out, as of `ways.tried`.
+    held : ndarray (N,) of bool
+    tried : tuple of Tried
     """
-    if linear.model.laws:
-        return linear, fitted, (), "as told"
-    if wanted in OPEN and not (able(linear.model) and starts.whole):
-        return linear, fitted, (), "none"
-    short = replace(linear, log=linear.log.part(MOST))
-    level = given["f_c"] / torque_constant(linear.model) if "f_c" in given else starts.level()
-    bench = _Bench(starts, short, fitted, tuple(free), tuple(fix), level, given)
-    begun, tried = bench.compared(wanted) if wanted in OPEN else (bench.started(wanted, None), ())
-    if begun is None or wanted == "none":
-        return linear, fitted, tried, "none"
-    begun = replace(begun, attempt=replace(begun.attempt, log=linear.log))
-    return begun.attempt, begun.finished(), tried, tried_word(tried) or wanted
+
+    attempt: Attempt
+    parts: Mapping[str, Fitted]
+    held: Flags
+    tried: tuple[Tried, ...] = ()
+
+    @property
+    def best(self) -> Fitted:
+        """The fit that best simulates what was held out."""
+        return min(self.parts.values(), key=lambda part: float(np.mean(self._of(part))))
+
+    @property
+    def z(self) -> Array:
+        """Its unknowns (q,)."""
+        return self.best.z
+
+    def errors(self, highpass: float | None = None) -> Array:
+        """Return mean squares of its simulation of what was held out, in parts."""
+        return errors_of(self.attempt, self.best, self.held, highpass)
+
+    def _of(self, part: Fitted) -> Array:
+        return errors_of(self.attempt, part, self.held)
+
+    def sure(self, names: Sequence[str]) -> bool:
+        """Return whether some parameter or gain is one beyond its deviations; if fixed, it is."""
+        own = (*self.attempt.names, *self.attempt.beside)
+        places = [own.index(name) for name in names if name in own]
+        deviations = np.maximum(self.best.deviations, over_pieces(self.best))[places]
+        return not places or bool((abs(self.z[places]) > SURE * deviations).any())
+
+    def against(
+        self, other: Chosen, name: str, of: Sequence[str] = (), highpass: float | None = None
+    ) -> Chosen:
+        """Return the other where it simulates better and is `sure`, else this; with a remark."""
+        before, after = self.errors(highpass), other.errors(highpass)
+        taken = other.sure(of) and better(before, after)
+        told = Tried(name, _rms(before), _rms(after), taken)
+        return replace(other if taken else self, tried=(*self.tried, told))
 
 
-def torque_constant(model: Model) -> float:
-    """Return the torque constant of a model, 1 where it has none."""
-    return float(model.nominal.get("k_T", 1.0))
+def _rms(squares: Array) -> float:
+    return float(np.sqrt(np.mean(squares)))
 
 
 def check_given(model: Model, wanted: str, given: Mapping[str, float]) -> None:
@@ -122,140 +120,134 @@ def check_given(model: Model, wanted: str, given: Mapping[str, float]) -> None:
     ------
     LogError
     """
-    if not given:
-        return
-    kinds = ORDER if wanted == "auto" else (wanted,) if wanted in ORDER else ()
-    fitting = [kind for kind in kinds if given.keys() <= names_by(kind)]
-    if model.laws or not fitting:
-        have = "; ".join(f"{kind} has {', '.join(sorted(names_by(kind)))}" for kind in ORDER)
+    kinds = ("coulomb",) if wanted == "auto" else (wanted,) if wanted in KINDS else ()
+    names = {kind: sorted(KINDS[kind].values()) for kind in KINDS}
+    if given and (model.laws or not any(given.keys() <= {*names[kind]} for kind in kinds)):
+        have = "; ".join(f"{kind} has {', '.join(names[kind])}" for kind in KINDS)
         whose = "the axis, with laws of its own," if model.laws else f"--friction {wanted}"
         raise LogError(f"{whose} has no {', '.join(given)}; of --friction, {have}")
 
 
-def able(model: Model) -> bool:
-    """Return whether a model has the motor that laws of friction act on."""
-    return "speed_motor" in model.states and "J_m" in model.parameters
+def chosen(
+    starts: Starts,
+    friction: str,
+    gravity: str,
+    *,
+    told: bool,
+    free: Sequence[str] = (),
+    fix: Sequence[str] = (),
+    given: Mapping[str, float],
+) -> Chosen:
+    """Return what a log asks for, or what somebody stated.
+
+    Parameters
+    ----------
+    starts : Starts
+    friction, gravity : str
+        As for `flexaxis.experiments.logs.identify.identify`.
+    told : bool
+        Whether it is known if the torque is held or smooth: then it is not looked for.
+    free, fix, given
+        As for `identify`.
+    """
+    bench = _Bench(starts, friction, gravity, tuple(free), tuple(fix), given)
+    found = bench.searched(starts.attempt)
+    log = starts.attempt.log
+    corner = corner_below(log.u[log.ok], period=log.period)
+    if starts.attempt.highpass is None and corner is not None and _drifts(found, corner):
+        other = bench.searched(replace(starts.attempt, highpass=corner))
+        found = found.against(other, f"residuals above {corner:g} Hz only", highpass=corner)
+    early = found.z[-1] <= EARLIEST * log.period and starts.attempt.delay is None
+    if told or log.smooth or not early:
+        return found
+    smooth = replace(starts.attempt, log=log.smoothed(), highpass=found.attempt.highpass)
+    return found.against(bench.searched(smooth), "a torque that is smooth between samples")
 
 
-def tried_word(tried: Sequence[Tried]) -> str:
-    """Return the word of the last law that was taken."""
-    return next((t.name for t in reversed(tried) if t.taken), "")
+def _drifts(found: Chosen, corner: float) -> bool:
+    """Return whether most of what a simulation leaves lies below a corner [Hz]."""
+    return float(np.mean(found.errors(corner))) < (1 - MOST) * float(np.mean(found.errors()))
 
 
 @dataclass(frozen=True)
 class _Bench:
     starts: Starts
-    linear: Attempt
-    fitted: Fitted
+    friction: str
+    gravity: str
     free: tuple[str, ...]
     fix: tuple[str, ...]
-    level: float
     given: Mapping[str, float]
 
-    def started(self, kind: str, simple: Begun | None) -> Begun:
-        """Return a law about where it fits: from the linear model's values, or a simpler law's."""
-        attempt = self.attempt(kind)
-        level = self.level or LEAST_LEVEL * float(np.std(self.linear.log.u))
-        if kind != "coulomb":
-            simple = simple or self.started("coulomb", None)
-            attempt = attempt.having(simple.attempt.values(simple.fitted))
-            places = [(theta_of(attempt), float(simple.fitted.z[-1]))]
-        else:
-            places = [(theta_of(attempt), self._lag), *self.starts.places(attempt, level)]
-        rungs = self.starts.ladder(attempt, level) if kind == "coulomb" else []
-        return Begun(attempt, explored(attempt, places, rungs))
+    def searched(self, attempt: Attempt) -> Chosen:
+        """Return what the log asks for with this kind of torque."""
+        seen, kind = self._seen(attempt), self.friction
+        if kind in KINDS and not attempt.model.laws:
+            attempt = beside(attempt, GRAVITY) if self.gravity == "sine" else attempt
+            return self._sided(self._rubbing(attempt, None, kind), seen)
+        found = self._falling(self._fitted(attempt), seen)
+        if attempt.model.laws or not (able(attempt.model) and self.starts.whole):
+            return self._sided(found, seen)
+        rubs = self._rubbing(found.attempt, found, "coulomb")
+        if self.given:  # whoever gives its value says that it is there
+            return replace(rubs, tried=found.tried)
+        other = found.against(rubs, "dry friction (Coulomb)", ("f_c",))
+        if kind == "none":
+            return replace(found, tried=other.tried)
+        return self._sided(other, seen)
 
-    def attempt(self, kind: str) -> Attempt:
-        """Return the attempt with a law."""
-        linear = self.linear
-        model, box = rubbing(
-            linear.having(linear.values(self.fitted)).model,
-            kind,
-            _sizes(linear.log, linear, self.fitted),
-            abs(self.level * torque_constant(linear.model)),
+    def _seen(self, attempt: Attempt) -> Inverse | None:
+        slow, log = attempt.highpass is None and self.starts.whole, attempt.log
+        turns = self.gravity == "auto" and float(np.ptp(log.angle[log.ok])) > TURN
+        names = [*LINEAR, "sided", *(("sine", "cosine") if turns else ())]
+        return explain(log, 0.0, names) if slow and able(attempt.model) else None
+
+    def _falling(self, found: Chosen, seen: Inverse | None) -> Chosen:
+        """Return it with gravity where that is asked for, or simulates better."""
+        asked = self.gravity == "sine"
+        if not asked and not _worth(seen, ("sine", "cosine")):
+            return found
+        other = self._fitted(beside(found.attempt, GRAVITY))
+        return (
+            other
+            if asked
+            else found.against(other, "a torque by the angle, such as gravity", GRAVITY)
         )
-        told = {name: value for name, value in self.given.items() if name in box.start}
-        model = replace(model, nominal=dict(model.nominal) | told)
-        mine = [n for n in box.start if (not self.free or n in self.free) and n not in self.fix]
-        return replace(
-            linear, model=model, names=(*linear.names, *mine), lower=box.lower, upper=box.upper
-        )
 
-    @staticmethod
-    def from_there(simple: Begun, richer: Begun) -> Begun:
-        """Return a simpler law fitted from where a richer one came to."""
-        values = richer.attempt.values(richer.fitted)
-        attempt = simple.attempt.having({name: values[name] for name in simple.attempt.names})
-        lag = float(richer.fitted.z[-1])
-        return Begun(attempt, attempt.solve(theta_of(attempt), lag, rounds=2, fine=False))
+    def _sided(self, found: Chosen, seen: Inverse | None) -> Chosen:
+        """Return it with friction that has two sides where that simulates better."""
+        if not _worth(seen, ("sided",)):
+            return found
+        names = (*found.attempt.beside, *SIDED)
+        attempt = beside(found.attempt, names)
+        p, m = len(attempt.names), len(found.attempt.beside)
+        z = np.insert(found.z, p + m, 0.0)
+        other = Chosen(attempt, tried(attempt, z, found.held), found.held)
+        return found.against(other, "friction with two sides", SIDED)
 
-    @property
-    def _lag(self) -> float:
-        return float(self.fitted.z[-1])
+    def _fitted(self, attempt: Attempt) -> Chosen:
+        held = held_out(attempt.log.ok)
+        return Chosen(attempt, tried(attempt, self.starts.search(attempt).z, held), held)
 
-    def compared(self, wanted: str) -> tuple[Begun | None, tuple[Tried, ...]]:
-        """Return the simplest law that predicts best what is held out, None for no law at all."""
-        ok = self.linear.log.ok
-        without, word = held_out(ok), "none"
-        begun, part = None, Begun(self.linear, self.fitted).fitted_without(without)
-        tried: list[Tried] = []
-        kinds = tuple(kind for kind in ORDER if self.given.keys() <= names_by(kind))
-        for kind in kinds if wanted == "auto" else ORDER[:1]:
-            other = self.started(kind, begun)
-            if not np.isfinite(other.fitted.square):
-                break  # no start could be simulated with it
-            hopeful = begun is None or other.fitted.square < begun.fitted.square * HOPEFUL
-            # what explains a log no better will not predict it
-            other_part = other.fitted_without(without) if hopeful else other.fitted
-            comparison = compare(part, other_part, without, ok)
-            taken = hopeful and comparison.better
-            taken &= kind == ORDER[0] or comparison.worth_it
-            taken |= bool(self.given) and begun is None  # whoever gives its value says it is there
-            if taken and begun is not None and word == ORDER[0]:
-                # what a richer law has found may have been another place, and not its shape
-                there = self.from_there(begun, other)
-                if there.fitted.square < begun.fitted.square * HOPEFUL:
-                    begun, part = there, there.fitted_without(without)
-                    comparison = compare(part, other_part, without, ok)
-                    taken = comparison.worth_it
-            tried.append(Tried(kind, word, comparison, taken, hopeful))
-            if taken:
-                word, begun, part = kind, Begun(other.attempt, other_part), other_part
-            elif kind == "coulomb":
-                break
-        return begun, tuple(tried)
+    def _rubbing(self, attempt: Attempt, plain: Chosen | None, kind: str) -> Chosen:
+        """Return the attempt with a law, from where it fits without, or without anything."""
+        level = self.starts.level()
+        if "f_c" in self.given:
+            level = self.given["f_c"] / float(attempt.model.nominal.get("k_T", 1.0))
+        if plain is not None:
+            values = dict(zip(attempt.names, plain.z[: len(attempt.names)].tolist(), strict=True))
+            attempt = attempt.having(values)
+        options = {"free": self.free, "fix": self.fix, "given": self.given}
+        grown = rubbing(attempt, kind, level, **options)  # type: ignore[arg-type]
+        lag = 0.0 if plain is None else float(plain.z[-1])
+        theta = grown.model.parametrize(grown.names).theta
+        places = [(theta, lag), *self.starts.places(grown, level)]
+        z = explored(grown, places, self.starts.ladder(grown, level)).z
+        held = held_out(grown.log.ok)
+        return Chosen(grown, tried(grown, z, held), held)
 
 
-@dataclass(frozen=True)
-class Begun:
-    """An attempt, and about what comes of it."""
-
-    attempt: Attempt
-    fitted: Fitted
-
-    def fitted_without(self, without: Flags) -> Fitted:
-        """Return the fit to the rest of the log."""
-        return self.attempt.solve(self.fitted.z, without=without, rounds=3)
-
-    def finished(self) -> Fitted:
-        """Return the fit to all of the log."""
-        return self.attempt.solve(self.fitted.z)
-
-
-def theta_of(attempt: Attempt) -> Array:
-    """Return the nominal values of what is identified."""
-    return attempt.model.parametrize(attempt.names).theta
-
-
-def _sizes(log: Log, attempt: Attempt, fitted: Fitted) -> Sizes:
-    """Return how large what the axis does is, with the rate of its fastest mode."""
-    model = attempt.having(attempt.values(fitted)).model
-    every = model.parametrize(model.parameters)
-    poles = np.linalg.eigvals(every.matrices(every.theta)[0])
-    speed, torque = float(np.std(log.y[log.ok])), float(np.std(log.u[log.ok]))
-    change = float(np.std(np.diff(log.u[log.ok]))) / torque / log.period
-    rate = min(max(float(np.max(abs(poles))), change), 1 / log.period)
-    return Sizes(abs(model.nominal.get("k_T", 1.0)) * torque, speed, rate)
-
-
-assert set(ORDER) == set(CHOICES)
+def _worth(seen: Inverse | None, names: Sequence[str]) -> bool:
+    """Return whether the inverse dynamics say that regressors may be there."""
+    if seen is None or not all(name in seen.value for name in names):
+        return False
+    return max(map(seen.sure, names)) > CERTAIN and seen.gain(names) > MOVES

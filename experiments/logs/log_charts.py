@@ -22,6 +22,7 @@ from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
 
+BINS, FEW = 60, 5  # bins of a map, and samples that one holds at the least
 GAPS = 200  # that are shaded: more are a pattern, and seen as one
 
 
@@ -93,9 +94,9 @@ def bode_chart(found: Identification, period: float) -> Chart:
     """Return the measured frequency response and that of the identified model."""
     assert found.response is not None
     model = linear_part(found.axis.model)
-    chosen = (increment(model, period) if found.output == "increment" else model).parametrize(
-        model.parameters
-    )
+    chosen = (
+        increment(model, period) if found.best.attempt.log.output == "increment" else model
+    ).parametrize(model.parameters)
     seen = found.response.omega
     fine = np.geomspace(seen.min(), seen.max(), 800)  # resonances are narrower than steps of lines
     gain = frequency_response(chosen, chosen.theta, fine, period=period)[0]
@@ -139,9 +140,81 @@ def _of_response(dry: bool) -> str:
     return text
 
 
+def simulation_chart(found: Identification, period: float) -> Chart:
+    """Return the measured motion with its simulation from the torque alone over it, and errors."""
+    log = found.best.attempt.log
+    simulated = log.y - found.residual
+    time = period * np.arange(float(len(log.y)))
+    piece = liveliest(time, log.y, simulated, log.ok)
+    shown = Line(x=time[piece], y=log.y[piece], role="truth", label="log")
+    return Chart(
+        title="Measured and simulated",
+        words="The liveliest piece of the log, simulated from the torque alone.",
+        x="time [s]",
+        panels=[
+            panel("speed [rad/s]", shown, line(time[piece], simulated[piece], "simulation")),
+            panel("error [rad/s]", line(time[piece], (log.y - simulated)[piece], "simulation")),
+        ],
+    )
+
+
+def map_charts(found: Identification) -> list[Chart]:
+    """Return what of the torque is left without inertia: over the speed, and over the angle."""
+    assert found.map is not None
+    mapped, motion = found.map, found.map.motion
+    moved, value = motion.used, mapped.value
+    law = value["viscous"] * motion.columns["viscous"] + value["dry"] * motion.columns["dry"]
+    words = "Points: means of the log as a rigid axis, and 10 … 90 % of it"
+    return [
+        Chart(
+            title="Friction over the speed",
+            words=f"{words}; the line is f_c sgn v + f_m v. Where points leave it near standstill "
+            "friction has a hump, and where they differ by direction it has two sides.",
+            x="speed [rad/s]",
+            panels=[
+                panel(
+                    "torque without inertia [as logged]",
+                    _means(motion.speed[moved], (mapped.rest + law)[moved], "log"),
+                    _means(motion.speed[moved], law[moved], "f_c sgn v + f_m v", band=False),
+                )
+            ],
+        ),
+        Chart(
+            title="What is left over the angle",
+            words=f"{words}. What repeats itself here is gravity, ripple or cogging.",
+            x="angle of the load [rad]",
+            panels=[
+                panel("torque left [as logged]", _means(motion.angle[moved], mapped.rest[moved],
+                                                        "log"))
+            ],
+        ),
+        Chart(
+            title="What is left over the speed",
+            words=f"{words}.",
+            x="speed [rad/s]",
+            panels=[
+                panel("torque left [as logged]", _means(motion.speed[moved], mapped.rest[moved],
+                                                        "log"))
+            ],
+        ),
+    ]  # fmt: skip
+
+
+def _means(x: Array, y: Array, who: str, *, band: bool = True) -> Line:
+    """Return means of y in `BINS` bins of x that hold as much each, with 10 … 90 % of it."""
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
+    held = [place == k for k in range(len(edges) - 1) if np.sum(place == k) > FEW]
+    across, mean = (np.array([values[k].mean() for k in held]) for values in (x, y))
+    if not band:
+        return Line(who=who, x=across, y=mean)
+    low, high = np.array([np.percentile(y[k], (10, 90)) for k in held]).reshape(-1, 2).T
+    return Line(who=who, kind="points", x=across, y=mean, low=low, high=high)
+
+
 def validation_chart(found: Validation) -> Chart:
     """Return the liveliest piece of a log with simulation and prediction over it, and errors."""
-    piece = liveliest(found)
+    piece = liveliest(found.time, found.measured, found.predicted, found.ok)
     time, measured = found.time[piece], found.measured[piece]
     sides = {
         f"simulation from the torque alone, fit {found.simulation:.1f} %": found.simulated[piece],

@@ -11,45 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.column_names import completed
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.log import Log, shown
+from flexaxis.experiments.logs.units import ENDINGS, LINEAR, UNITS, completed, spelt
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import GREATEST, read_toml
 
 Array = NDArray[np.float64]
-
-UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "torque": {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "A": 1.0, "mA": 1e-3, "%": 0.01, "1": 1.0},
-    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": np.pi / 180, "rev": 2 * np.pi},
-    "speed": {
-        "rad/s": 1.0,
-        "deg/s": np.pi / 180,
-        "rpm": 2 * np.pi / 60,
-        "rev/s": 2 * np.pi,
-    },
-}
-"""Units of each kind of signal, with their factor to SI. A torque may be a current or a command:
-k_T is then the torque of one such unit."""
-
-_SPELLINGS = {
-    "µs": "us", "μs": "us", "sec": "s", "seconds": "s", "second": "s",
-    "nm": "Nm", "newtonmeter": "Nm", "mnm": "mNm", "amp": "A", "ampere": "A", "a": "A",
-    "ma": "mA", "milliampere": "mA",
-    "°": "deg", "degree": "deg", "degrees": "deg", "°/s": "deg/s", "degrees/s": "deg/s",
-    "radian": "rad", "radians": "rad", "radians/s": "rad/s", "turn": "rev", "turns": "rev",
-    "radps": "rad/s", "degps": "deg/s",
-    "1/min": "rpm", "u/min": "rpm", "min-1": "rpm", "rev/min": "rpm", "hz": "rev/s",
-}  # fmt: skip
-
-_ENDINGS = {
-    "time": {"ms", "us", "ns", "sec"},
-    "torque": {"nm", "mnm", "mA"},
-    "angle": {"rad", "mrad", "deg", "rev"},
-    "speed": {"rpm", "radps", "degps"},
-}
-"""What the name of a column may end in after an underscore to be taken for its unit."""
 
 KINDS = {
     "time": "time",
@@ -63,7 +31,8 @@ KINDS = {
 LARGEST = 1e12  # of a rate or a factor
 SLOWEST = 0.01  # Hz, so that the time of a log is a number; what is too slow is said later
 
-_OPTIONS = ("rate", "scale", "unit", "torque_is")
+_OPTIONS = ("rate", "scale", "unit", "torque_is", "rows")
+_ROWS = re.compile(r"(\d*):(\d*)")
 
 
 @dataclass(frozen=True)
@@ -83,6 +52,8 @@ class LogMap:
     smooth : bool or None
         Whether the torque is a measured, smooth signal such as a current, rather than a command
         that is held until the next sample; None where nobody said.
+    rows : slice
+        Samples to take.
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
@@ -90,6 +61,7 @@ class LogMap:
     scale: Mapping[str, float] = field(default_factory=dict)
     unit: Mapping[str, str] = field(default_factory=dict)
     smooth: bool | None = None
+    rows: slice = field(default_factory=lambda: slice(None))
 
 
 @dataclass(frozen=True)
@@ -104,8 +76,8 @@ class Raw:
         [rad], [rad/s], [rad].
     stated : frozenset of str
         Signals whose unit somebody stated.
-    joined : str
-        Which signals came by clocks of their own and were brought to that of the motion, in words.
+    unit : dict of str to str
+        Units as the log has them, where they are known.
     """
 
     time: Array
@@ -114,7 +86,12 @@ class Raw:
     speed: Array | None
     load_angle: Array | None
     stated: frozenset[str]
-    joined: str = ""
+    unit: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the axis goes straight."""
+        return bool(LINEAR & {self.unit.get("angle"), self.unit.get("speed")})
 
 
 def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
@@ -134,7 +111,15 @@ def mapping_from(tables: Mapping[str, Any], *, source: str) -> LogMap:
         scale=dict(tables.get("scale", {})),
         unit=dict(tables.get("unit", {})),
         smooth=tables["torque_is"] == "smooth" if "torque_is" in tables else None,
+        rows=_rows(str(tables.get("rows", ":"))) or slice(None),
     )
+
+
+def _rows(text: str) -> slice | None:
+    """Return samples from A to before B from ``A:B``; None if it is none."""
+    found = _ROWS.fullmatch(text.strip())
+    first, last = (int(part) if part else None for part in found.groups()) if found else (1, 0)
+    return None if last is not None and last <= (first or 0) else slice(first, last)
 
 
 def _wrong(key: str, value: object) -> Iterator[str]:
@@ -148,6 +133,8 @@ def _wrong(key: str, value: object) -> Iterator[str]:
         yield f"rate is {value!r}; give the sampling rate in Hz, {SLOWEST:g} or more"
     elif key == "torque_is" and value not in ("held", "smooth"):
         yield f"torque_is is {value!r}; give 'held' or 'smooth'"
+    elif key == "rows" and not (isinstance(value, str) and _rows(value)):
+        yield f"rows is {value!r}; give samples as A:B, from A to before B, such as 0:5000"
     elif key in ("scale", "unit"):
         wanted = "a number other than 0" if key == "scale" else "a unit"
         for name, entry in value.items() if isinstance(value, Mapping) else [("", value)]:
@@ -172,8 +159,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     """Return the signals of a log in SI.
 
     A signal that the mapping does not name is taken from the column of its own name, if any, see
-    `column_names`. Where the file says which column of time belongs to which signal, as bags do,
-    all are brought to the clock of the motion.
+    `units.completed`.
 
     Raises
     ------
@@ -184,13 +170,9 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     given = completed(own | dict(mapping.columns), log.names)
     if mapping.rate is not None and "time" not in mapping.columns:
         given.pop("time", None)
-    motion = given.get("angle", given.get("speed", ""))
-    if mapping.rate is None and motion in log.clock:
-        given.setdefault("time", log.clock[motion])
     _check_columns(log, given, mapping)
     units = {name: _unit(log, name, column, mapping) for name, column in given.items()}
-    clocks = {log.clock[c] for c in given.values() if c in log.clock}
-    columns = log.load([*given.values(), *clocks])
+    columns = log.load([*given.values()])
     signals = {
         name: columns[column]
         * (_factor(log, name, column, units[name]) * mapping.scale.get(name, 1))
@@ -198,7 +180,6 @@ def pick(log: Log, mapping: LogMap) -> Raw:
     }
     for name, values in signals.items():
         _check_size(f"{log.source}: column {given[name]!r}", values)
-    joined = _joined(log, given, signals, columns, smooth=bool(mapping.smooth))
     if "time" not in signals:
         assert mapping.rate is not None  # checked above
         signals["time"] = np.arange(len(signals["torque"])) / mapping.rate
@@ -209,6 +190,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
             f"{log.source}: the columns differ in length: {text}. Columns of one log have a value "
             "each for every sample: are they of different rates?"
         )
+    signals = {name: values[mapping.rows] for name, values in signals.items()}
     return Raw(
         time=signals["time"],
         torque=signals["torque"],
@@ -216,7 +198,7 @@ def pick(log: Log, mapping: LogMap) -> Raw:
         speed=signals.get("speed"),
         load_angle=signals.get("load_angle"),
         stated=frozenset({n for n, u in units.items() if u} | ({"time"} - given.keys())),
-        joined=joined,
+        unit={name: spelt(text) for name, text in units.items() if text},
     )
 
 
@@ -271,9 +253,11 @@ def _check_columns(log: Log, given: Mapping[str, str], mapping: LogMap) -> None:
 def _unit(log: Log, name: str, column: str, mapping: LogMap) -> str:
     """Return the unit of a signal: as the mapping says, the file, or the end of the name."""
     stated = mapping.unit.get(name) or log.units.get(column, "")
-    ending, known = column.rpartition("_")[2], _ENDINGS[KINDS[name]]
+    known, parts = ENDINGS[KINDS[name]], column.split("_")
     # torque_mA is a current, torque_ma may be a moving average
-    return stated or next((text for text in (ending, ending.lower()) if text in known), "")
+    endings = [end for n in (2, 1) if len(parts) > n for end in ["_".join(parts[-n:])]]
+    found = (text for end in endings for text in (end, end.lower()) if text in known)
+    return stated or next(found, "")
 
 
 def _factor(log: Log, name: str, column: str, text: str) -> float:
@@ -281,40 +265,12 @@ def _factor(log: Log, name: str, column: str, text: str) -> float:
     factors = UNITS[KINDS[name]]
     if not text:
         return 1.0
-    plain = re.sub(r"[\s·*.^]", "", text)
-    unit = _SPELLINGS.get(plain.lower(), plain)
+    unit = spelt(text)
+    if unit == "Nm" and KINDS[name] == "angle":
+        unit = "nm"
     if unit not in factors:
         raise LogError(
             f"{log.source}: the unit {text!r} of {column} is not one of {', '.join(factors)} "
             f"for {name}; state it with --unit {name}=…"
         )
     return factors[unit]
-
-
-def _joined(
-    log: Log,
-    given: Mapping[str, str],
-    signals: dict[str, Array],
-    columns: Mapping[str, Array],
-    *,
-    smooth: bool,
-) -> str:
-    """Bring signals of other clocks to the time of the motion, in place; say which."""
-    own = log.clock.get(given.get("angle", given.get("speed", "")))
-    if own is None or given.get("time") != own:
-        return ""
-    moved = []
-    for name, column in given.items():
-        clock = log.clock.get(column, own)
-        if clock == own or name == "time":
-            continue
-        at, values, time = columns[clock], signals[name], signals["time"]
-        if (np.diff(at) <= 0).any():
-            raise LogError(f"{log.source}: {clock}, the time of {column}, does not always advance")
-        if name == "torque" and not smooth:  # a command stays until the next one
-            place = np.searchsorted(at, time, side="right") - 1
-            signals[name] = np.where(place < 0, np.nan, values[np.maximum(place, 0)])
-        else:
-            signals[name] = np.interp(time, at, values, left=np.nan, right=np.nan)
-        moved.append(f"{name} by {clock}")
-    return f"{', '.join(moved)} was brought to {own}" if moved else ""

@@ -21,6 +21,10 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         ("load-angle", "angle of the load: kept for comparison, no estimator gets it"),
     ):
         group.add_argument(f"--{name}", metavar="COLUMN", help=meaning)
+    group.add_argument(
+        "--axis", metavar="N", help="of several in a file: what stands for {} in names of columns"
+    )
+    group.add_argument("--rows", metavar="A:B", help="samples from A to before B")
     group.add_argument("--rate", type=float, metavar="HZ", help="of a log without time")
     group.add_argument(
         "--unit", action="append", default=[], metavar="SIGNAL=UNIT", help="such as angle=deg"
@@ -53,8 +57,10 @@ def tables_of(args: argparse.Namespace) -> dict[str, Any]:
     from flexaxis.experiments.logs.mapping import load_mapping
 
     tables = load_mapping(args.map) if args.map else {}
-    named = {name: getattr(args, name) for name in (*SIGNALS, "rate", "torque_is")}
+    named = {name: getattr(args, name) for name in (*SIGNALS, "rate", "torque_is", "rows")}
     tables |= {name: value for name, value in named.items() if value is not None}
+    if args.axis is not None:
+        tables |= {n: str(tables[n]).replace("{}", args.axis) for n in SIGNALS if n in tables}
     for key in ("unit", "scale"):
         given = dict(_pair(key, text) for text in getattr(args, key))
         if given:

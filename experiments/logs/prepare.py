@@ -19,6 +19,8 @@ FEWEST = 200  # samples
 ROUNDING = 1e-3  # of a turn
 SMALL = 0.1  # of the range of a counter: what it moves in a sample, and misses of its range
 MOST_RATE = 10  # times that of the log, to which it may be resampled
+MOST_GAPS = 10  # times the samples of a log that its grid may have
+LONGEST_STEP = 3.0  # periods between irregular stamps, beyond which nothing is known between them
 NEAR = 0.05  # of a period: time stamps nearer to the grid than that are on it
 SLOWEST = 1.01  # s, of a sample; spectra are averaged over four seconds
 LOWEST = 1e-6  # of a high-pass over the rate: that of a log of 1e6 samples
@@ -94,13 +96,16 @@ def prepare(
     LogError
         If time does not advance, the log is too short, or a rate or corner is impossible.
     """
-    period, index = _grid(raw.time)
+    period, index, uneven = _grid(raw.time)
     length = int(index[-1]) + 1
     time = raw.time[0] + period * np.arange(length)
     off = raw.time - time[index]
     even = float(np.max(abs(off))) <= NEAR * period
     signals, valid, wrap = {}, np.zeros(length, bool), Wrap()
     valid[index] = True
+    if uneven:  # a sample is there where stamps on both sides of it are near
+        after = np.clip(np.searchsorted(raw.time, time), 1, len(raw.time) - 1)
+        valid = np.diff(raw.time)[after - 1] <= LONGEST_STEP * period
     for name in ("torque", "angle", "speed", "load_angle"):
         values = getattr(raw, name)
         if values is None:
@@ -108,7 +113,8 @@ def prepare(
         there = np.isfinite(values)
         if there.sum() < FEWEST:
             raise LogError(f"{name} has {there.sum()} samples; {FEWEST} or more are needed")
-        valid[index[~there]] = False
+        if not uneven:
+            valid[index[~there]] = False
         values, at = values[there], raw.time[there]
         if name.endswith("angle"):
             values, turned = unwrapped(values)
@@ -147,21 +153,28 @@ def check_time(time: Array) -> None:
         )
 
 
-def _grid(time: Array) -> tuple[float, NDArray[np.int64]]:
-    """Return the period and the place of each sample on the grid."""
+def _grid(time: Array) -> tuple[float, NDArray[np.int64], bool]:
+    """Return the period, the place of each sample on the grid, and whether stamps are irregular.
+
+    Irregular ones go to the grid of their median step, on which samples are interpolated.
+    """
     check_time(time)
     steps = np.diff(time)
-    period = float(np.median(steps))
-    places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / period), 1))]).astype(int)
+    median = float(np.median(steps))
+    places = np.concatenate([[0], np.cumsum(np.maximum(np.rint(steps / median), 1))]).astype(int)
     # the median of jittered or rounded stamps is off by a little, which adds up: fit the grid
-    period = float(np.polyfit(places, time, 1)[0]) if places[-1] else period
+    period = float(np.polyfit(places, time, 1)[0]) if places[-1] else median
     places = np.rint((time - time[0]) / period).astype(int)
-    if (np.diff(places) <= 0).any() or places[-1] > 10 * len(time):
+    uneven = bool((np.diff(places) <= 0).any())
+    if uneven:
+        period = median
+        places = np.floor((time - time[0]) / period * (1 + 1e-12)).astype(int)
+    if places[-1] > MOST_GAPS * len(time):
         raise LogError(
-            "the time stamps are too irregular for an even grid (two samples within one period, "
-            "or mostly gaps); resample the log first, or give --rate HZ in place of the time"
+            "the time stamps are too irregular for an even grid (mostly gaps); resample the log "
+            "first, or give --rate HZ in place of the time"
         )
-    return period, places
+    return period, places, uneven
 
 
 def unwrapped(angle: Array) -> tuple[Array, Wrap]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log, Place, explored
+from flexaxis.experiments.logs.attempt import Attempt, Log
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.friction import friction, guessed_level, smooth_sign
 from flexaxis.experiments.logs.spectrum import (
@@ -19,12 +20,17 @@ from flexaxis.experiments.logs.spectrum import (
     measured_response,
     rough_guess,
 )
+from flexaxis.experiments.logs.ways import inverse_values
 
 Array = NDArray[np.float64]
 
+ENOUGH = 10_000  # samples, to tell which start is the best
+QUICK = 4000  # samples, to tell where not
+LIKELY = 3  # places that are looked at twice: those that the frequency response tells, and found
 RUNGS = 6
 FASTEST = 1.0  # rad a sample, of the resonances that are tried
-SMOOTHER = 10.0  # of the logarithm of the likelihood, that another kind of torque has to gain
+
+Place = tuple[Array, float]
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,7 @@ class Starts:
         log = self.log
         u, y = log.u[log.ok], log.y[log.ok]
         if level:
-            u = u - friction(u, y, smooth_sign(y, log.period), level)
+            u = u - friction(u, smooth_sign(y, log.period), level)
         return measured_response(u, y, period=log.period, floor=floor)
 
     def seen_by(self, attempt: Attempt, fitted: Fitted) -> Response | None:
@@ -72,15 +78,15 @@ class Starts:
         except LogError:
             return None
 
-    def search(self, attempt: Attempt, level: float = 0.0) -> tuple[Attempt, Fitted]:
-        """Fit from each start for two rounds, and on from the best."""
+    def search(self, attempt: Attempt, level: float = 0.0) -> Fitted:
+        """Fit from each start for two rounds."""
         first = explored(attempt, self.places(attempt, level), self.ladder(attempt, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
                 "with --start NAME=VALUE"
             )
-        return attempt, attempt.solve(first.z)
+        return first
 
     def places(self, attempt: Attempt, level: float) -> list[Place]:
         """Return parameters and delays [s] to start from."""
@@ -95,6 +101,9 @@ class Starts:
         if self.known:
             theta = attempt.model.parametrize(attempt.names).theta
             found.append((theta, 0.0))
+        rigid = inverse_values(attempt)
+        if rigid is not None:
+            found.append((rigid, 0.0))
         if not found:
             raise problems[0]
         return found
@@ -139,16 +148,31 @@ class Starts:
         return np.array([values[name] for name in names]), lag
 
 
-def smoother(attempt: Attempt, fitted: Fitted) -> tuple[Attempt, Fitted]:
-    """Return the fit with a smooth torque where that predicts better, else as it is."""
-    if attempt.log.smooth or attempt.delay is not None or fitted.z[-1] > 0.02 * attempt.log.period:
-        return attempt, fitted
-    other = replace(attempt, log=attempt.log.smoothed())
-    p = len(attempt.names)
-    tried = other.solve(fitted.z[:p], 0.0)
-    return (other, tried) if gained(fitted, tried) > SMOOTHER else (attempt, fitted)
+def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
+    """Return the best of a few rounds from each place, on a part of the log that is enough for it.
+
+    A rich model of the noise explains what a model that is far off leaves, and little leads away
+    from there, so that noise is taken for white at first; but where an axis drifts that is what
+    would be explained, so that from the likeliest places it is not, too. Of rungs, which nothing
+    speaks for, a short piece says which two are worth as much.
+    """
+    if rungs:
+        quick = attempt.part(QUICK)
+        judged = [quick.solve(*rung, rounds=1, fine=False, plain=True).square for rung in rungs]
+        places = [*places, *(rungs[i] for i in np.argsort(judged)[:2])]
+    short = attempt.part(ENOUGH)
+    starts = [(place, attempt.whiten) for place in places]
+    starts += [(place, False) for place in places[:LIKELY]]
+    tried = [short.solve(*place, rounds=2, fine=False, plain=plain) for place, plain in starts]
+    likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
+    found = best([*likely, *(short.solve(at.z, rounds=2, plain=True, fine=False) for at in likely)])
+    if short.log is attempt.log or not np.isfinite(found.square):
+        return found
+    # a part has an initial state of its own, so that no more than parameters are taken from it
+    theta, lag = found.z[: len(attempt.names)], float(found.z[-1])
+    return attempt.solve(theta, lag, rounds=2, fine=False)
 
 
-def gained(fitted: Fitted, other: Fitted) -> float:
-    """Return by how much the logarithm of the likelihood of another fit is greater."""
-    return 0.5 * float(fitted.good.sum() * np.log(fitted.square / other.square))
+def best(fits: Sequence[Fitted]) -> Fitted:
+    """Return the fit that predicts best."""
+    return min(fits, key=lambda fitted: fitted.square)

@@ -26,7 +26,7 @@ from flexaxis.experiments.logs.attempt import log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.likeness import at_limits, no_fit, poor_fit
+from flexaxis.experiments.logs.judging import at_limits, correlation, fit_of
 from flexaxis.experiments.logs.load_angle import Load, predicted_load
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
@@ -185,14 +185,14 @@ def track(
     changes = changes_along(
         lambda theta: [s[good] for s in look.at(theta)[1:]], record.time[good], last, names
     )
-    correlation = _correlation(residual[good])
-    white = abs(correlation) < WHITE
-    high, size = colour.high(colour.bridged(error, ok)), float(np.std(colour.high(measured)[good]))
-    fit = 100 * (1 - float(np.std(high[good])) / size)
+    past = correlation(residual[good])
+    white = abs(past) < WHITE
+    fit = fit_of(measured, error, ok, colour)
     bounds = _limits(estimator, len(names))
-    doubts = [*at_limits(names, last, bounds, nominal.theta), *no_fit(fit)]
-    if not (doubts or changes):  # one value does not fit what was before a change and after it
-        doubts = poor_fit(axis, fit, size, white=white)
+    doubts = at_limits(names, last, bounds, nominal.theta)
+    # one value does not fit what was before a change and after it
+    if not (doubts or changes or (white and axis.usual is None)):
+        doubts = [said for said in (fit.unlike(axis.usual),) if said]
     return Tracked(
         names=names,
         time=record.time,
@@ -200,9 +200,9 @@ def track(
         deviations=None if claimed is None else _deviations(claimed),
         nominal=nominal.theta,
         usable=good,
-        fit=fit,
+        fit=fit.percent,
         residual=residual,
-        correlation=correlation,
+        correlation=past,
         white=white,
         alarms=record.time[alarms],
         changes=changes,
@@ -275,9 +275,3 @@ def _limits(estimator: Estimator, p: int) -> Array:
 def _deviations(claimed: Array) -> Array:
     with np.errstate(invalid="ignore"):
         return np.sqrt(np.diagonal(claimed, axis1=1, axis2=2))
-
-
-def _correlation(residual: Array) -> float:
-    e = residual - residual.mean()
-    past = np.array([e[k:] @ e[: len(e) - k] for k in range(1, 21)]) / (e @ e)
-    return float(past[np.argmax(abs(past))])

@@ -17,23 +17,22 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.dates import dated, texts_in, unclear
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.finding import labels
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.own import labels
 from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.experiments.logs.refit import refit, seen
 from flexaxis.experiments.running.dispatch import spread
-from flexaxis.experiments.running.files import dumps, make_folder
-from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.names import LOCK, REPORT
-from flexaxis.experiments.running.rows import RowFile, read
+from flexaxis.experiments.running.files import make_folder
+from flexaxis.experiments.running.names import REPORT
+from flexaxis.experiments.running.store import Lines
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
-ROWS, RESULT = "rows.jsonl", "trend.json"
+ROWS, RESULT = "rows.sqlite", "trend.json"
 TEXTS = "texts"  # of a row: what in its log may be dates; names are read anew, they may change
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 4  # of the estimates; another number and all are made anew
+METHOD = 5  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -177,26 +176,24 @@ def estimate_all(
 
     Raises
     ------
-    StudyError
-        If another process is at work there.
+    OutputError
+        If they cannot be written there.
     KeyboardInterrupt
         On Ctrl-C, when what was at work is done: it is not lost.
     """
     make_folder(folder)
-    with locked(folder / LOCK):
-        rows = folder / ROWS
-        with RowFile(rows) as file:
-            there = {row["case"]: row for row in read(rows)}
-            missing = {
-                task.case: replace(task, known=there.get(task.case))
-                for task in wanted
-                if TEXTS not in there.get(task.case, ())
-            }
-            advance(len(wanted) - len(missing))
-            for line in spread(missing.values(), partial(row_of, plan), jobs=jobs):
-                file.append(line)
-                advance(1)
-        every = {row["case"]: row for row in read(rows)}
+    with Lines(folder / ROWS) as rows:
+        there = rows.all()
+        missing = {
+            task.case: replace(task, known=there.get(task.case))
+            for task in wanted
+            if TEXTS not in there.get(task.case, ())
+        }
+        advance(len(wanted) - len(missing))
+        for row in spread(missing.values(), partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
+            rows.put(row["case"], row)
+            advance(1)
+        every = rows.all()
     # the same content may come by another name, and with it by another date
     name, alike = labels([task.path for task in wanted]), dict[str, list[str]]()
     for task in wanted:
@@ -216,7 +213,7 @@ def _date(path: Path, row: dict[str, Any]) -> dict[str, Any]:
     return row | told | {"unclear": None if date else unclear(path, texts)}
 
 
-def row_of(plan: Plan, task: Task) -> bytes:
+def row_of(plan: Plan, task: Task) -> dict[str, Any]:
     """Return the row of a log: its estimates, or what is wrong with it, and its texts of dates."""
     row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
     row |= {TEXTS: [], **(task.known or {})}
@@ -228,7 +225,7 @@ def row_of(plan: Plan, task: Task) -> bytes:
         except Exception as error:  # whatever a strange log leads to: the others go on
             said = " ".join(str(error).split())
             row["problem"] = row["problem"] or f"unexpected {type(error).__name__}: {said}"
-    return dumps(row).encode() + b"\n"
+    return row
 
 
 def _texts(path: Path) -> dict[str, list[str]]:
@@ -247,7 +244,9 @@ def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any
             found = refit(record, axis, names)
     except (LogError, EstimatorError) as error:  # it was read, but is not like its axis
         return {"problem": " ".join(str(error).split()), "unlike": True}
-    numbers = np.array([*found.theta, *found.deviations, found.fit, found.offset, found.colour])
+    numbers = np.array(
+        [*found.theta, *found.deviations, found.fit.percent, found.offset, found.colour]
+    )
     if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
         raise LogError("this log tells nothing of the parameters: did the axis move?")
     return {
@@ -260,7 +259,7 @@ def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any
             )
         },
         "offset": {"value": found.offset, "sd": found.offset_deviation},
-        "fit": found.fit,
+        "fit": found.fit.percent,
         "late": {"value": found.late, "sd": found.late_deviation},
         "left": found.left,
         "colour": found.colour,

@@ -15,7 +15,7 @@ from flexaxis.experiments.logs.log_health import ailments
 from flexaxis.experiments.logs.log_page import LogPage, Remark, capital, write_page
 from flexaxis.experiments.logs.trend_charts import logs_chart, overview_chart, parameter_charts
 from flexaxis.experiments.logs.trend_words import log_remarks, remarks, sentences
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, Verdict
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
@@ -25,6 +25,7 @@ WORDS = {
     CHANGED: "changed",
     OPEN: "changed, worn or warm",
     EXPLAINED: "follows the covariate",
+    UNTOLD: "cannot be told",
     STEADY: "did not change",
 }
 

@@ -10,8 +10,9 @@ import numpy as np
 from flexaxis.experiments.logs.change_points import Change
 from flexaxis.experiments.logs.covariates import Clock
 from flexaxis.experiments.logs.log_health import ailments, common
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, Verdict
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, UNTOLD, Verdict
 
+SIGN = 3.0  # standard deviations of a slope whose sign is believed
 QUIET = "did not change"
 TOLD = 3  # logs of which it is told above all else what is wrong with them
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
@@ -30,6 +31,12 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
         lines = [
             f"moved by {moved:+.2g} %, as {' and '.join(covariates)} did, and not besides: "
             f"{', '.join(_slopes(found, covariates))}"
+        ]
+        lines += _asked(found, covariates)
+    elif found.kind == UNTOLD:
+        lines = [
+            "cannot be told: logs repeat so poorly that a change of less than "
+            f"±{100 * found.least:.2g} % would not be seen"
         ]
     elif found.kind == OPEN:
         assert found.change is not None
@@ -70,6 +77,18 @@ def _change(found: Verdict, change: Change, clock: Clock) -> str:
     return f"{verb} {clock.labels[at]} ({where})"
 
 
+def _asked(found: Verdict, covariates: Sequence[str]) -> list[str]:
+    """Return a question where friction grows with the temperature, as that of no grease does."""
+    slopes = zip(covariates, found.found.slopes, found.found.slope_deviations, strict=True)
+    wrong = [n for n, slope, sd in slopes if "temp" in n.lower() and slope > SIGN * sd]
+    if not wrong or not found.name.startswith("f_"):
+        return []
+    return [
+        f"friction that grows with {wrong[0]} is not that of grease: is the heat its consequence? "
+        "Then it is wear; log the temperature before the motion"
+    ]
+
+
 def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
     lines = []
     spans = np.ptp(found.series.covariates, axis=0)
@@ -93,8 +112,8 @@ def remarks(
     false_alarms: float,
 ) -> list[tuple[str, str]]:
     """Return the remarks of a page, kind and text, what changed first."""
-    kinds = {CHANGED: "problem", OPEN: "problem", EXPLAINED: "note"}
-    order = sorted(found, key=lambda v: (CHANGED, OPEN, EXPLAINED).index(v.kind)
+    kinds = {CHANGED: "problem", OPEN: "problem", EXPLAINED: "note", UNTOLD: "note"}
+    order = sorted(found, key=lambda v: [*kinds].index(v.kind)
                    if v.kind in kinds else len(kinds))  # fmt: skip
     quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
     lines = log_remarks(rows)

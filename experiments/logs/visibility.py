@@ -13,7 +13,7 @@ from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
-from flexaxis.experiments.logs.doubts.reversals import reversals_of
+from flexaxis.experiments.logs.doubts.moved import reversals_of
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.spectrum import measured_response, rough_guess

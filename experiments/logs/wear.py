@@ -22,6 +22,9 @@ from flexaxis.experiments.logs.errors import LogError
 Array = NDArray[np.float64]
 
 STEADY, CHANGED, EXPLAINED, OPEN = "steady", "changed", "explained", "open"
+UNTOLD = "untold"
+FOUND = 4.5  # standard deviations of a change that is found more often than not
+COARSE = 0.1  # part, of which a change has to be found for a parameter to be called steady
 SMALLEST = 0.01  # relative change that is worth a word, where nobody says another
 GONE = 3.0  # standard deviations of a size that is none; fewer would be found by itself
 OTHER = 2.0  # standard deviations by which a size is another one
@@ -35,9 +38,10 @@ class Verdict:
     Attributes
     ----------
     name : str
-    kind : {"steady", "changed", "explained", "open"}
+    kind : {"steady", "changed", "explained", "open", "untold"}
         Changed is beyond what the covariates explain; explained is a change that they explain;
-        open is one of which it cannot be said.
+        open is one of which it cannot be said; untold is a parameter of which the logs repeat so
+        poorly that a change of `COARSE` would not be found.
     logs : ndarray (n,) of int
         Numbers of the logs it is about.
     series : Series
@@ -52,6 +56,8 @@ class Verdict:
         Of kind explained and open: the change without covariates, with its size besides them.
     smallest : float
         Change that was worth a word, as a part.
+    least : float
+        Change half way that would be found more often than not, as a part.
     """
 
     name: str
@@ -63,6 +69,7 @@ class Verdict:
     bare: Explained
     change: Change | None = None
     smallest: float = SMALLEST
+    least: float = 0.0
 
     def percent(self, amount: Any) -> Any:
         """Return a difference of the series as a change in per cent."""
@@ -119,7 +126,11 @@ def verdict(
         gone = abs(change.size) < GONE * change.deviation
         other = abs(change.size - largest.size) > OTHER * change.deviation
         kind = EXPLAINED if gone and other else OPEN
-    return Verdict(name, kind, logs, series, proportional, found, bare, change, smallest)
+    half_way = Change("step", len(logs) // 2, 0, 0, 1.0)
+    least = FOUND * size_of(series, half_way).deviation
+    if kind == STEADY and not found.changes and least > max(COARSE, smallest):
+        kind = UNTOLD
+    return Verdict(name, kind, logs, series, proportional, found, bare, change, smallest, least)
 
 
 def fewest_logs(covariates: int) -> int:

@@ -192,7 +192,7 @@ def _simulate(
     ]
     total = sum(part.scenario.samples * len(part.seeds) for part in parts)
     found: dict[str, list[Record]] = {group: [] for group in wanted}
-    with closing(spread(parts, partial(_made, store=store), jobs=jobs)) as made:
+    with closing(spread(parts, partial(_made, store=store), jobs=jobs if jobs > 1 else 0)) as made:
         for group, records_ in made:
             found[group] += records_
             advance(sum(len(record.time) for record in records_) / total)

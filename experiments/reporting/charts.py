@@ -1,7 +1,7 @@
 """What a page can draw: charts of curves over a common axis, maps of cells, what a click opens.
 
-Plain values, drawn by the page itself (`assets/`), so that curves can be hidden, zoomed, read off.
-Labels are plain text; a symbol such as ``f_m`` in them is typeset by the page.
+Plain values: `drawing` makes HTML of them for pages, `figures` draws them with matplotlib. Labels
+are plain text; a symbol such as ``f_m`` in them is typeset there.
 """
 
 from __future__ import annotations
@@ -115,8 +115,7 @@ class Chart:
     spans : sequence of (float, float, str)
         What is shaded, such as burn-in.
     windows : sequence of (str, float, float)
-        Named ranges of x to switch between; the first is shown first, and beside the last one
-        where there is room.
+        Named ranges of x: the first and the last are shown, side by side where there is room.
     x_from : str
         Where x counts days: the date that is 0, as ISO 8601 has it; the axis then has dates.
     name : str
@@ -201,7 +200,6 @@ class Pick:
     command : str
         What repeats it, with a button to copy.
     charts : sequence of Chart
-        Drawn when it opens.
     """
 
     title: str
@@ -216,6 +214,11 @@ class Picks:
     """All that a click on the page can open, by the name that lines carry as `pick`.
 
     Stands in the content of a page under any name; the page finds it there.
+
+    Attributes
+    ----------
+    found : mapping of str to str
+        What is shown, as `flexaxis.experiments.reporting.page.packed` packs a `Pick`.
     """
 
-    found: Mapping[str, Pick] = field(default_factory=dict)
+    found: Mapping[str, str] = field(default_factory=dict)

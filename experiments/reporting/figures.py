@@ -1,20 +1,23 @@
-"""What figures drawn with matplotlib share: colours, symbols, marks, the trade-off.
+"""Charts drawn with matplotlib, for notebooks and papers; a page has them by `drawing`.
 
 Truth is dashed black, an estimator has the same colour everywhere, a fault is a thin vertical line,
-burn-in is shaded. Pages have charts of their own (`charts`); these are for notebooks and papers.
+burn-in is shaded.
 """
 
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedFormatter, FixedLocator, NullFormatter
 
-from flexaxis.experiments.reporting import looks
+from flexaxis.experiments.reporting import styles
+from flexaxis.experiments.reporting.charts import Array, Chart, Line
+from flexaxis.experiments.reporting.scales import across, upward
+from flexaxis.experiments.reporting.typeset import SYMBOL
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.scenario import Scenario
 
@@ -22,18 +25,18 @@ LONGEST = 40  # characters of a name in a legend
 
 
 def colour(estimator: str) -> str:
-    """Return the colour of an estimator, the same in every figure; see `looks`."""
-    return looks.look(estimator).light
+    """Return the colour of an estimator, the same in every figure; see `styles`."""
+    return styles.style(estimator).light
 
 
 def marker(estimator: str) -> str:
     """Return the marker of an estimator, the same in every figure of points."""
-    return looks.look(estimator).marker
+    return styles.style(estimator).marker
 
 
 def dash(estimator: str) -> Any:
     """Return the line style of an estimator, as matplotlib takes it."""
-    lengths = [float(part) for part in looks.look(estimator).dash.split()]
+    lengths = [float(part) for part in styles.style(estimator).dash.split()]
     return (0, lengths) if lengths else "-"
 
 
@@ -57,44 +60,86 @@ def mark(ax: Axes, scenario: Scenario) -> None:
         ax.axvline(event.index * scenario.period, color="0.3", lw=0.8)
 
 
-def draw_speed_variance(ax: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw it on given axes, with its legends beside them."""
-    shown = [row for row in rows if row["changed"] and row["lag"] is not None and row["std"]]
-    scenarios = list(dict.fromkeys(row["scenario"] for row in shown))
-    markers = dict(zip(scenarios, "osD^vP*X<>phd8H" * 4, strict=False))
-    for row in shown:
-        ax.errorbar(
-            row["std"],
-            row["lag"],
-            xerr=_bars(row["std"], row["std_interval"]),
-            yerr=_bars(row["lag"], row["lag_interval"]),
-            color=colour(row["estimator"]),
-            marker=markers[row["scenario"]],
-            markersize=7,
-            capsize=2,
-            lw=1,
-        )
-    ax.axhline(5.0, color="0.5", lw=0.8, ls=":")
-    ax.annotate(
-        "an estimator that never moves",
-        (0.99, 5.0),
-        xycoords=("axes fraction", "data"),
-        ha="right",
-        va="bottom",
-        fontsize=8,
-        color="0.4",
+def figure(chart: Chart) -> Figure:
+    """Draw a chart as a figure of its own, its panels below one another, the legend beside them."""
+    count = len(chart.panels)
+    found = Figure(figsize=(8.0, 0.8 + (3.6 if count == 1 else 2.6 * count)), layout="constrained")
+    axes = found.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for place in range(count):
+        draw(chart, axes[place], panel=place)
+    handles = {
+        label: line
+        for ax in axes
+        for line, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    found.legend(
+        handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8
     )
-    ax.set(xscale="log", yscale="log")
-    ax.grid(alpha=0.25, which="both")
-    ax.set_xlabel("standard deviation before the fault [% of nominal]")
-    ax.set_ylabel("lag after the fault [s]")
-    _legends(ax, list(dict.fromkeys(row["estimator"] for row in shown)), markers)
+    return found
 
 
-def _bars(value: float, interval: Sequence[float] | None) -> list[list[float]] | None:
-    if interval is None:
+def draw(chart: Chart, ax: Axes, *, panel: int = 0) -> Axes:
+    """Draw a panel of a chart on given axes, as pages have it.
+
+    Parameters
+    ----------
+    chart : Chart
+    ax : Axes
+    panel : int
+        Which.
+    """
+    shown = chart.panels[panel]
+    for line in shown.lines:
+        _draw_line(ax, line)
+    for begin, end, _ in chart.spans:
+        ax.axvspan(begin, end, color="0.5", alpha=0.12, lw=0)
+    for at, _ in chart.marks:
+        ax.axvline(at, color="0.3", lw=0.8)
+    x, y = across(chart)[0][1], upward(shown, across(chart)[0][1])
+    ax.set(xscale="log" if x.log else "linear", yscale="log" if y.log else "linear")
+    for axis, scale, limits in ((ax.xaxis, x, ax.set_xlim), (ax.yaxis, y, ax.set_ylim)):
+        limits(scale.low, scale.high)
+        axis.set_major_locator(FixedLocator([value for value, _ in scale.ticks]))
+        axis.set_major_formatter(FixedFormatter([text for _, text in scale.ticks]))
+        axis.set_minor_formatter(NullFormatter())
+    ax.grid(alpha=0.25)
+    ax.set_xlabel(_typeset(chart.x))
+    ax.set_ylabel(_typeset(shown.y))
+    ax.set_title(_typeset(shown.title), fontsize=10, loc="left")
+    return ax
+
+
+def _draw_line(ax: Axes, line: Line) -> None:
+    """Draw a curve or points as `drawing` does: truth dashed, bounds dotted, others in style."""
+    role = _ROLES.get(line.role, {})
+    own = {"color": colour(line.who)} if line.who else {}
+    solid = {"color": "0.4", "lw": 1.3, "ls": dash(line.who) if line.who else "-"}
+    look: dict[str, Any] = {**solid, **role, **own, "label": _shortened(line.label or line.who)}
+    if line.kind == "steps":
+        look["drawstyle"] = "steps-post"
+    if line.kind in {"points", "both"}:
+        look |= {"marker": marker(line.who) if line.who else "o", "ms": 5, "capsize": 2}
+        look |= {"ls": "none"} if line.kind == "points" else {}
+        bars = [_bars(line.x, line.x_low, line.x_high), _bars(line.y, line.low, line.high)]
+        ax.errorbar(line.x, line.y, xerr=bars[0], yerr=bars[1], **look)
+        return
+    if line.low is not None and line.high is not None:
+        ax.fill_between(line.x, line.low, line.high, color=look["color"], alpha=0.18, lw=0)
+    ax.plot(line.x, line.y, **look)
+
+
+_ROLES: dict[str, dict[str, Any]] = {
+    "truth": {"color": "k", "ls": "--", "lw": 1.0},
+    "bound": {"color": "k", "ls": ":", "lw": 1.0},
+    "data": {"color": "0.4", "ls": "-"},
+}
+
+
+def _bars(values: Array, low: Array | None, high: Array | None) -> Any:
+    """Return how far intervals reach below and above some values (2, n)."""
+    if low is None or high is None:
         return None
-    return [[max(0.0, value - interval[0])], [max(0.0, interval[1] - value)]]
+    return np.maximum(0.0, np.nan_to_num([values - low, high - values]))
 
 
 def _shortened(text: str) -> str:
@@ -106,14 +151,8 @@ def _shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:rest]} … {text[-rest:]}"
 
 
-def _legends(ax: Axes, estimators: Sequence[str], markers: Mapping[str, str]) -> None:
-    from matplotlib.lines import Line2D
-
-    lines = [Line2D([], [], color=colour(e), lw=3, label=_shortened(e)) for e in estimators]
-    points = [Line2D([], [], color="0.3", marker=m, lw=0, label=s) for s, m in markers.items()]
-    figure = ax.get_figure()
-    assert figure is not None
-    figure.legend(handles=lines + points, loc="outside right upper", frameon=False, fontsize=8)
+def _typeset(text: str) -> str:
+    return SYMBOL.sub(r"$\1_{\2}$", text)
 
 
 def svg(figure: Figure) -> str:

@@ -1,42 +1,49 @@
-"""Every page is made here: one environment of templates, one base page, one style sheet.
+"""Every page is made here: one environment of templates, one base, one style sheet, one script.
 
 A page extends `reporting/templates/page.html`; a template is named by its path in `experiments`.
 """
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, cached_property
 from html import unescape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup, escape
 
-from flexaxis.experiments.reporting import looks, script
-from flexaxis.experiments.reporting.cells import number, pair, settled
-from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Panel, Picks
-from flexaxis.experiments.reporting.glossary import TERMS
-from flexaxis.experiments.reporting.packing import packed
+from flexaxis.experiments.reporting import styles
+from flexaxis.experiments.reporting.charts import Chart, ChartError, Heat, Pick, Picks
+from flexaxis.experiments.reporting.drawing import drawn, swatch
+from flexaxis.experiments.reporting.tables import TERMS, number, pair, settled
+from flexaxis.experiments.reporting.typeset import symbols
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-DATA = "<!-- the data of this page -->"  # what is escaped cannot read so
-# A letter with an index that is no part of a longer word; as in assets/dom.js.
-CODE = re.compile(r"`([^`]+)`")
-SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9]{1,3})(?![\w-])")
+# What is escaped cannot read so: known only when the whole page is there.
+DATA, RULES, MARKS = "<!-- data -->", "/* the estimators of this page */", "<!-- marks -->"
+SCRIPT = ("dom", "state", "chart", "read", "table", "save", "pick", "bar", "start")
+"""The parts of `assets/`, in order: each uses those before it, and `start` sets all up."""
 
 
-class Charted(dict[str, Any]):
-    """A chart as a template sees it: `id`, `title`, `words`, and `html`, the place it is drawn."""
+class Charted:
+    """A chart as a template sees it: `id`, `title`, `words`, and `html`."""
 
     def __init__(self, chart: Chart | Heat) -> None:
-        place = chart.name or _slug(chart.title)
-        html = Markup('<figure class="chart" id="{}"></figure>').format(place)
-        super().__init__(id=place, title=chart.title, words=chart.words, html=html)
-        self.chart = chart
+        self.id = chart.name or re.sub(r"[^a-z0-9]+", "-", chart.title.lower()).strip("-")
+        self.title, self.words, self._chart = chart.title, chart.words, chart
+
+    @cached_property
+    def html(self) -> Markup:
+        """The figure."""
+        return drawn(self._chart, self.id)
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
@@ -48,46 +55,80 @@ def render(template: str, content: Mapping[str, Any]) -> str:
         Such as ``"reporting/templates/run.html"``.
     content : mapping of str to object
         What the template names; whatever text is in it is escaped. A name that is missing is an
-        error. Charts as `charted` returns them, and `Picks`, are found in it wherever they stand
-        and put into the page's block of data. What stands under ``glossary``, by term, is shown by
-        hover where something has that ``data-term``; estimators under ``aside`` are hidden first.
+        error. Charts come from `charted`; `Picks` are found in it wherever they stand. What stands
+        under ``glossary``, by term, is shown by hover where something has that ``data-term``;
+        estimators under ``aside`` are hidden in charts at first.
 
     Raises
     ------
     LookupError
         If something that the template names is missing.
+    ChartError
+        If two charts of the page have the same name.
     """
     from jinja2 import UndefinedError
 
-    code = script.source()
-    frame = {
-        "script": Markup(code),
-        "policy": script.policy(code),
-        "data": DATA,
-        "looks": looks.NINE,
-    }
+    code = source()
+    frame = {"script": Markup(code), "policy": policy(code), "data": DATA, "styles": styles.NINE}
     try:
         text = _environment().get_template(template).render({**content, **frame})
     except UndefinedError as error:  # a key that a table from a file has not
         raise LookupError(str(error)) from error
-    return text.replace(DATA, packed(_data(text, content)), 1)
+    return _completed(text, content)
+
+
+def _completed(text: str, content: Mapping[str, Any]) -> str:
+    """Return a page with what is known only of all of it: who is drawn how, and the data."""
+    places = re.findall(r'<figure class="chart" id="([^"]*)"', text)
+    for place in places:
+        if places.count(place) > 1:
+            raise ChartError(f"two charts of a page are named {place!r}: give one a `name`")
+    names = re.findall(r' data-(?:who|toggle)="([^"]+)"', text)
+    found = styles.assigned(unescape(name) for name in names)
+    picks: dict[str, str] = {}
+    for each in _picks(content):
+        picks |= each.found
+    aside = [name for name in content.get("aside", ()) if name in found]
+    rules = styles.rules(found) + "".join(
+        f"\nhtml:not(.scripted) svg .{styles.css_class(name)} {{ display: none; }}"
+        for name in aside
+    )
+    terms = {**TERMS, **content.get("glossary", {})}
+    data = {
+        "picks": picks,
+        "aside": aside,
+        "everyone": list(found),
+        "terms": {n: w for n, w in terms.items() if f'data-term="{escape(n)}"' in text},
+    }
+    block = json.dumps(data, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    for place, what in ((RULES, rules), (MARKS, styles.marks(found)), (DATA, block)):
+        text = text.replace(place, what, 1)
+    return text
+
+
+def _picks(content: Any) -> Iterator[Picks]:
+    """Yield every set of picks in what a page is given."""
+    if isinstance(content, Picks):
+        yield content
+    elif isinstance(content, Mapping):
+        for value in content.values():
+            yield from _picks(value)
+    elif isinstance(content, list | tuple):
+        for value in content:
+            yield from _picks(value)
+
+
+def packed(pick: Pick) -> str:
+    """Return what opens at a click as HTML, deflated, in base64: the script unpacks it then."""
+    html = _environment().get_template("reporting/templates/pick.html").render(
+        pick=pick, charts=[(c, drawn(c, f"pick-{i}")) for i, c in enumerate(pick.charts)]
+    )  # fmt: skip
+    return base64.b64encode(zlib.compress(html.encode(), 7)).decode()
 
 
 def charted(charts: Iterable[Chart | Heat]) -> list[Charted]:
     """Return charts as a template takes them: `id`, `title`, `words`, and `html` to put inside."""
     return [Charted(chart) for chart in charts]
-
-
-def symbols(text: str) -> Markup:
-    """Return text with its symbols as letter and index, such as f_m, 1/J_a, and `code` as such.
-
-    Examples
-    --------
-    >>> symbols("1/J_a < pause_fm")
-    Markup('1/<i>J</i><sub>a</sub> &lt; pause_fm')
-    """
-    typeset = SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", str(escape(text)))
-    return Markup(CODE.sub(r"<code>\1</code>", typeset))
 
 
 def term(text: str, name: str = "") -> Markup:
@@ -98,62 +139,29 @@ def term(text: str, name: str = "") -> Markup:
     return Markup('<dfn data-term="{}">{}</dfn>').format(known, text)
 
 
-def look(estimator: str) -> Markup:
-    """Return the place where the page draws how an estimator looks."""
-    return Markup('<span class="look" data-look="{}"></span>').format(estimator)
+def source(changed: Callable[[str], str] = lambda text: text) -> str:
+    """Return the script of a page.
+
+    Parameters
+    ----------
+    changed : callable, optional
+        What is to be done to the text, for a test that wants a feature dead.
+    """
+    folder = files("flexaxis.experiments.reporting") / "assets"
+    parts = [(folder / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPT]
+    return "(() => {\n" + '"use strict";\n' + changed("\n".join(parts)) + "\n})();"
 
 
-def _data(text: str, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the page's code works on: charts, picks, looks, terms."""
-    charts: dict[str, Chart | Heat] = {}
-    picks: dict[str, Any] = {}
-    for each in _within(content):
-        if isinstance(each, Picks):
-            picks |= each.found
-        elif each["id"] not in charts:
-            charts[each["id"]] = each.chart
-        elif charts[each["id"]] is not each.chart:
-            raise ChartError(f"two charts of a page are named {each['id']!r}: give one a `name`")
-    drawn = [*charts.values(), *(chart for pick in picks.values() for chart in pick.charts)]
-    return {
-        "charts": charts,
-        "picks": picks,
-        "aside": list(content.get("aside", ())),
-        "looks": looks.assigned([*_named(text), *_lines_of(drawn)]),
-        "terms": {
-            name: words
-            for name, words in {**TERMS, **content.get("glossary", {})}.items()
-            if f'data-term="{escape(name)}"' in text
-        },
-    }
+def policy(script: str) -> str:
+    """Return the Content-Security-Policy of a page with this script: it may ask for nothing.
 
-
-def _within(content: Any) -> Iterator[Any]:
-    """Yield every chart and every set of picks in what a page is given."""
-    if isinstance(content, Charted | Picks):
-        yield content
-    elif isinstance(content, Mapping):
-        for value in content.values():
-            yield from _within(value)
-    elif isinstance(content, list | tuple):
-        for value in content:
-            yield from _within(value)
-
-
-def _named(text: str) -> list[str]:
-    """Return the estimators that parts of the page are marked with."""
-    return [unescape(name) for name in re.findall(r' data-(?:who|look)="([^"]*)"', text) if name]
-
-
-def _lines_of(charts: Iterable[Chart | Heat]) -> Iterator[str]:
-    for chart in charts:
-        for panel in chart.panels:
-            parts = panel.lines if isinstance(panel, Panel) else [panel]
-            yield from (part.who for part in parts if part.who)
-
-
-def _slug(text: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-") or "chart"
+    Styles stand in the page, pictures are data, no other script runs than this one.
+    """
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return (
+        "default-src 'none'; base-uri 'none'; form-action 'none'; "
+        f"img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'"
+    )
 
 
 @cache
@@ -167,7 +175,7 @@ def _environment() -> Environment:
         loader=FunctionLoader(_source),
     )
     found.filters |= {"number": number, "pair": pair, "settled": settled}
-    found.filters |= {"symbols": symbols, "term": term, "look": look}
+    found.filters |= {"symbols": symbols, "term": term, "look": swatch}
     return found
 
 

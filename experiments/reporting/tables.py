@@ -1,10 +1,16 @@
-"""Tables of a page: heads with units, cells with values to sort by; `table.html` writes them."""
+"""Tables: heads with units, cells with values to sort by, how values are written, what words mean.
+
+`table.html` writes them into a page, `terminal` on a screen. Scores are defined in
+`flexaxis.experiments.scoring.table` and nowhere else.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
+
+from flexaxis.experiments.scoring.table import SCORES
 
 
 @dataclass(frozen=True)
@@ -19,14 +25,29 @@ class Column:
         The word of the glossary for it, if there is one.
     kind : {"number", "text", "command"}
         Numbers stand to the right; a command is in the letters of a terminal.
-    more : bool
-        Whether it is shown on demand.
+    more : bool or "again"
+        Whether it is shown on demand; ``"again"`` is left out on paper, for it is said elsewhere.
+    under : str
+        In small letters below the heading.
+    name : str
+        What it is called in a file, where the heading alone would not do.
+    link : str
+        The name of the place on the page that it leads to.
+    who : str
+        The estimator that it is of: with it the column is hidden.
+    down : bool
+        Whether what is large is better, and comes first.
     """
 
     heading: str
     term: str = ""
     kind: Literal["number", "text", "command"] = "number"
-    more: bool = False
+    more: bool | Literal["again"] = False
+    under: str = ""
+    name: str = ""
+    link: str = ""
+    who: str = ""
+    down: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,14 +58,27 @@ class Cell:
     ----------
     text : str
     value : float or str, optional
-        What it is sorted by and saved as; the text where it is None.
+        What it is sorted by and saved as; the text where it is None, and nothing where it is "".
     within : str
-        An interval, in small letters behind.
+        An interval or a remark, in small letters behind; a new line where there is one.
+    ends : pair of float or None, optional
+        The interval, to be saved.
+    mark : str
+        A sign before the text, saved beside the value.
+    link, opens : str
+        The place on the page that it leads to; the `Pick` that it opens.
+    who : str
+        The estimator that it is of: with it the cell is hidden.
     """
 
     text: str
     value: float | str | None = None
     within: str = ""
+    ends: Sequence[float | None] | None = None
+    mark: str = ""
+    link: str = ""
+    opens: str = ""
+    who: str = ""
 
 
 @dataclass(frozen=True)
@@ -79,15 +113,79 @@ class Table:
     rows : sequence of Row
     words : str
         What there is to know of it, below.
+    folded : str
+        What it is called where it is folded away; empty for one that is not.
     """
 
     heading: str
     columns: Sequence[Column]
     rows: Sequence[Row]
     words: str = ""
+    folded: str = ""
+
+
+def scored(value: float | None, *, within: str = "", digits: int = 3) -> Cell:
+    """Return a cell with a number, to be sorted by all of its digits."""
+    return Cell(number(value, digits), "" if value is None else value, within)
 
 
 def texts(heading: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     """Return a table of words."""
     lines = [Row([Cell(text) for text in row]) for row in rows]
     return Table(heading, [Column(head, kind="text") for head in heads], lines)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return a number for a table; what is not defined is a dash."""
+    if value is None:
+        return "–"
+    # 120 and not 1.2e+02
+    return f"{value:.0f}" if 10**digits <= abs(value) < 1e5 else f"{value:.{digits}g}"
+
+
+def pair(interval: Sequence[float | None] | None) -> str:
+    """Return an interval for a table; an end that is not finite is said in words."""
+    if interval is None:
+        return ""
+    return " … ".join("never" if end is None else f"{end:.3g}" for end in interval)
+
+
+def settled(value: float | None, changed: bool) -> str:
+    """Return a settling time for a table; never is said in words."""
+    return number(value) if value is not None or not changed else "never"
+
+
+TERMS = {score.heading: score.words for score in SCORES.values() if score.heading} | {
+    "bound": "The Cramér–Rao bound for whoever is told when the fault happens, and takes all "
+    "estimated parameters for unknown after it, with a wide prior: the mean size √(2/π)σ of a "
+    "Gaussian error on it. Not what no estimator can beat: who finds out that only one parameter "
+    "changed has a smaller one.",
+    "× bound": "Geometric mean of the lag over the mean lag of the bound, computed from the "
+    "torque of each record; who finds out that only one parameter has changed can "
+    "be below 1.",
+    "at equal noise": "Each estimator is run at several settings of its knob, and its lag "
+    "interpolated between the two on either side of the noise of the reference; at exactly that "
+    "noise it is not run.",
+    "knob": "The one option of an estimator that buys speed with noise, such as the forgetting "
+    "factor λ.",
+    "forgetting factor": "λ: the weight of a sample falls by this factor with each new one, so "
+    "that the last 1/(1−λ) samples count.",
+    "false alarms": "Changes that the estimator says it found where nothing had changed, in 1000 s "
+    "of motion.",
+    "error over bound": "Root mean square error 200 samples after the fault (1 s at 5 ms) over the "
+    "bound with all parameters unknown; below 1 knows more, for example that only one has changed.",
+    "detection": "How often, and how soon after a fault, an estimator says that something changed.",
+    "burn-in": "The time at the beginning in which estimators settle; no score counts it.",
+    "seed": "What the random parts of a run are drawn from: the same seed is the same run.",
+    "interval": "95 % interval over the seeds: Student’s t, for means with Hall’s correction for "
+    "skewness, on the jackknife’s values where lags are interpolated to equal noise; of medians by "
+    "order statistics. There is none with fewer than five seeds.",
+    "tie": "Marked ★: the best, and all that pairs on common seeds cannot tell from it at 5 %.",
+    "nominal": "The parameters of the axis as designed, on which θ is given: 1 is nominal.",
+    "scenario": "An axis, its excitation and what happens to it, frozen under a name.",
+    "fault": "A change of a physical parameter at a known time.",
+    "control": "An estimator that bounds the field and takes no part: doing nothing, or told all.",
+    "ECDF": "Share of all runs whose lag is at most so many times the bound: higher and more to "
+    "the left is better.",
+}
+"""What words of the pages mean: shown by hover and by keyboard wherever `term` marks one."""

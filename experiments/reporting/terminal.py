@@ -1,8 +1,9 @@
-"""The pooled scores as a table in the terminal."""
+"""What was found, in the terminal: scores at equal noise and as set, and what failed in words."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,16 +11,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from flexaxis.experiments.reporting.cells import number, pair, settled
+from flexaxis.estimators import RECOMMENDED
+from flexaxis.experiments.reporting.tables import number, pair, settled
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
-from flexaxis.experiments.scoring.table import SCORES, Score
+from flexaxis.experiments.scoring.score import Score
+from flexaxis.experiments.scoring.table import SCORES
 from flexaxis.experiments.streams import visible
 
 LEGENDS = (
     {
         "lag": "lag after the fault, ± 95 % half-width over seeds",
-        "std": "std before it [% of nominal]",
+        "std": "std and bias before it [% of nominal]",
     },
     {"score": "score: 0 for doing nothing, 100 on the Cramér–Rao bound with all θ unknown "
               "(steps only)"},
@@ -35,7 +38,17 @@ LEGENDS = (
 ALWAYS = ("estimator", "θ", "lag", "lost")
 """Columns that the narrowest terminal has: without the lost runs a lag would praise who loses."""
 
-SHOWN = [score for score in SCORES.values() if score.short]
+_SAMPLE = re.compile(r", sample \d+( \([^)]*\))?")
+ALIKE = 60  # characters by which two reasons are told apart
+
+BIAS = SCORES["bias"]  # beside the spread: who errs by more is not ahead
+SHOWN = [
+    each
+    for score in SCORES.values()
+    if score.short
+    for each in ((score, BIAS) if score.name == "std" else (score,))
+    if each is not BIAS or score.name == "std"
+]
 
 
 WIDE = 200  # columns where there is no terminal, as in the log of a build: no name is cut
@@ -49,6 +62,11 @@ def named(text: str) -> str:
     return escape(visible(text))
 
 
+def _called(estimator: str) -> str:
+    """Return an estimator for a cell; the one that is recommended says so."""
+    return named(estimator) + (" (recommended)" if estimator == RECOMMENDED else "")
+
+
 def show(table: Table) -> None:
     """Print a table, in a file or a pipe as wide as it needs."""
     Console(width=_width()).print(table)
@@ -57,6 +75,21 @@ def show(table: Table) -> None:
 def _width() -> int:
     console = Console()
     return console.width if console.is_terminal else WIDE
+
+
+def show_run(summary: Mapping[str, Any]) -> None:
+    """Print what the report of a run says first: scores at equal noise, then as set.
+
+    Parameters
+    ----------
+    summary : mapping
+        As in summary.json.
+    """
+    swept = summary.get("tradeoff") or {}
+    if swept.get("matched"):
+        show(equal_noise_table(swept["matched"], swept["overall"]))
+        Console(width=_width()).print("\nas set, not at equal noise")
+    show(score_table(summary["rows"]))
 
 
 def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -69,7 +102,10 @@ def score_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     shown = [r for r in rows if r["changed"] or (r["scenario"], r["estimator"]) not in found]
     lines = [_cells(row, _cross_talk(rows, row)) for row in shown]
     units = ["[s]" if score.unit == "s" else score.unit or "" for score in SHOWN]
-    short = [f"{score.short} {unit}".strip() for score, unit in zip(SHOWN, units, strict=True)]
+    short = [
+        f"{score.short or score.name} {unit}".strip()
+        for score, unit in zip(SHOWN, units, strict=True)
+    ]
     headings = ["estimator", "θ", *short, "x-talk", "µs"]
     kept = _fitting([headings, *lines], _width())
     heads = [headings[i] for i in kept]
@@ -119,7 +155,7 @@ def _left_out(headings: Sequence[str]) -> str:
 
 def _cells(row: Mapping[str, Any], cross_talk: float | None) -> list[str]:
     return [
-        "  " + named(row["estimator"]),
+        "  " + _called(row["estimator"]),
         named(row["parameter"]),
         *(_cell(score, row) for score in SHOWN),
         number(cross_talk, 2),
@@ -148,7 +184,9 @@ def _cell(score: Score, row: Mapping[str, Any]) -> str:
     return number(value, 2)
 
 
-def _cost(microseconds: float) -> str:
+def _cost(microseconds: float | None) -> str:
+    if microseconds is None:  # it failed in all runs
+        return "–"
     return f"{microseconds:.2f}" if microseconds < 10 else f"{microseconds:.0f}"
 
 
@@ -183,7 +221,7 @@ def equal_noise_table(
         for row in sorted(mine, key=lambda r: r["lag"] or math.inf):
             values = (row["over_bound"], row["std_after"], row["false_alarms_per_1000_s"])
             table.add_row(
-                ("* " if row["leads"] else "  ") + named(row["estimator"]),
+                ("* " if row["leads"] else "  ") + _called(row["estimator"]),
                 AT_MOST.get(row["how"], "") + number(row["lag"]),
                 pair(row["lag_interval"]),
                 *(number(value, 2) for value in values),
@@ -192,7 +230,7 @@ def equal_noise_table(
         table.add_row("[bold]score at equal excess error[/]")
     for row in overall:
         sign = AT_LEAST.get(row["how"], "")
-        name = ("* " if row["leads"] else "  ") + named(row["estimator"])
+        name = ("* " if row["leads"] else "  ") + _called(row["estimator"])
         table.add_row(name, f"{sign}{row['score']:.0f}", pair(row["score_interval"]))
     return table
 
@@ -202,3 +240,22 @@ lag where the std of θ before the fault is that of rpem-forgetting at its defau
 *: the best, and those that paired seeds cannot tell from it
 ≤, ≥: quieter, or noisier, than that at every setting of its knob
 after: std in the last 2 s of the window; false: false alarms in 1000 s"""
+
+
+def failures_in_words(failures: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
+    """Return a sentence for each kind of failure, and how many cases failed like that.
+
+    Parameters
+    ----------
+    failures : sequence of mapping
+        With `scenario`, `estimator`, `seed` and `error`.
+    """
+    told: dict[tuple[str, str], list[str]] = {}
+    for row in failures:
+        where = f"{row['scenario']}, seed {row['seed']}"
+        text = row["error"].partition(": ")[2]
+        if not text.startswith(row["estimator"]):  # else it says itself of whom and where
+            text = f"{row['estimator']} failed on {where}: {row['error']}"
+        alike = row["estimator"], _SAMPLE.sub("", row["error"].replace(where, ""))[:ALIKE]
+        told.setdefault(alike, []).append(text)
+    return [(texts[0], len(texts)) for texts in told.values()]

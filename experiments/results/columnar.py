@@ -1,54 +1,67 @@
-"""The rows of a folder column by column: a file beside the journal, made of it when first read.
+"""The rows of a folder column by column, read from its files when they are asked for.
 
-The journal (*.jsonl) survives whatever happens to the process and is slow to read; the columns are
-quick to read and can be made again at any time. They hold as long as the journal is the same: its
-files, their sizes and times, the columns and the axes. Where the journal is small the columns stay
-in memory, and where nothing can be written beside it in a temporary file.
+A few columns are in memory at a time: as many as take `ROOM`. Texts are numbers of texts.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
-import tempfile
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+import sqlite3
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from itertools import count, islice
+from functools import cached_property
 from pathlib import Path
 from typing import Any
-from uuid import uuid4
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columns import COLUMNS, NEEDED, axis_kind, columns_of
+from flexaxis.experiments.running.columns import COLUMNS, KEY, axis_kind
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import OutputError, writing
-from flexaxis.experiments.running.names import COLUMNS as FILE
-from flexaxis.experiments.running.rows import REMEDY, read, row_files
-from flexaxis.experiments.scoring.table import Kind
-from flexaxis.sim.hdf5_apart import gone_through
-from flexaxis.sim.hdf5_inside import only_inside
+from flexaxis.experiments.running.store import CASE, STORED, TEXTS, connect, row_files, said
+from flexaxis.experiments.scoring.score import Kind
 
-PART = 1 << 14  # rows that lie together in the file, and are read from it at a time
-READ = 1 << 7  # rows of the journal at a time: so few stay in the cache of the processor
-SMALL = 1 << 24  # bytes of journal up to which its columns are no file: they are read in a second
-SHARE = 0.25  # of the journal's size: room for the columns, which take some 7 % of it
-LARGER = 10  # times as large as the journal that the columns can be in memory
-CASE = "case"  # 64 bits, and not a text: as many as there are cases
+PART = 1 << 14  # rows that are read at a time where all their columns are wanted
+ROOM = 1 << 28  # bytes of columns in memory
 
 Index = NDArray[np.signedinteger[Any]]
-_STORED: Mapping[str, Any] = {
+_TYPES: Mapping[str, Any] = {
     "text": np.int32, "number": np.float64, "integer": np.int64, "truth": np.int8
 }  # fmt: skip
+_NUMBERS = tuple(name for name in STORED if COLUMNS.get(name) == "number")
 
 
 @dataclass(frozen=True, eq=False)
+class _File:
+    """A file of rows: those that were there when it was opened, and are in no file before."""
+
+    path: Path
+    db: sqlite3.Connection
+    ids: NDArray[np.int32]  # what a text of the file is among those of the folder
+    rows: NDArray[np.int64]  # their numbers in the file, in order
+
+    def columns(self, names: Sequence[str], rows: NDArray[np.int64]) -> NDArray[Any]:
+        """Return columns of some of its rows, as fields of an array."""
+        fields = [(name, np.float64 if name in _NUMBERS else np.int64) for name in names]
+        wanted = ", ".join(
+            f'coalesce("{name}", {"9e999" if name in _NUMBERS else -1})' for name in names
+        )
+        query = f"SELECT rowid, {wanted} FROM cells WHERE rowid BETWEEN ? AND ? ORDER BY rowid"
+        with said(self.path):
+            lines = self.db.execute(query, (int(rows[0]), int(rows[-1])))
+            try:
+                found = np.fromiter(lines, [("rowid", np.int64), *fields])
+            except (TypeError, ValueError, OverflowError) as error:
+                raise StudyError(f"{self.path}: is damaged: {error}") from error
+        if len(found) != len(rows):
+            found = found[np.isin(found["rowid"], rows)]
+        if len(found) != len(rows):
+            raise StudyError(f"{self.path}: rows were removed while they were read: read it again")
+        return found
+
+
+@dataclass(frozen=True)
 class Table:
     """The columns of a folder.
 
@@ -59,12 +72,14 @@ class Table:
     """
 
     axes: tuple[str, ...]
-    _file: h5py.File = field(repr=False)
-    _seen: dict[str, list[Any]] = field(default_factory=dict, repr=False)
+    _files: tuple[_File, ...] = field(repr=False)
+    _texts: tuple[str, ...] = field(repr=False)
+    _held: dict[str, Any] = field(default_factory=dict, repr=False)
+    _seen: dict[str, tuple[Any, list[Any]]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return int(self._file[CASE].shape[0])
+        return sum(len(file.rows) for file in self._files)
 
     @property
     def kinds(self) -> dict[str, Kind]:
@@ -86,18 +101,74 @@ class Table:
         rows : ndarray of int, optional
             Which, in increasing order; all by default.
         """
-        stored = self._file[_name(column)]
-        if rows is None:
-            return np.asarray(stored[:])
-        if not rows.size:
-            return np.empty(0, stored.dtype)
-        return np.asarray(stored[rows[0] : rows[-1] + 1])[rows - rows[0]]
+        stored = "axes" if column in self.axes else column
+        if rows is None or stored in self._held or (rows.size and rows[-1] - rows[0] > 2 * PART):
+            whole = self._whole(stored)
+            found = whole if rows is None else whole[rows]
+        elif not rows.size:
+            found = np.empty(0, np.int64)
+        else:
+            found = self._near(stored, int(rows[0]), int(rows[-1]) + 1)[rows - rows[0]]
+        return self._codes(column)[found] if self.coded(column) else found
+
+    def _whole(self, stored: str) -> NDArray[Any]:
+        """Return all of a column; some others are read with it, which are likely to come next."""
+        if stored not in self._held:
+            room = max(1, ROOM // (8 * max(1, len(self))))
+            place = STORED.index(stored)
+            names = [n for n in STORED[place : place + room] if n not in self._held]
+            while self._held and len(self._held) + len(names) > 2 * room:
+                del self._held[next(iter(self._held))]
+            parts = [
+                (file, file.columns(names, file.rows)) for file in self._files if len(file.rows)
+            ]
+            for name in names:
+                each = [_typed(name, found[name], file) for file, found in parts]
+                self._held[name] = np.concatenate(each) if each else np.empty(0, _type(name))
+        return np.asarray(self._held[stored])
+
+    def _near(self, stored: str, start: int, stop: int) -> NDArray[Any]:
+        """Return a part of a column; all columns of the part are kept until another is read."""
+        held = self._seen.get(_PLACE)
+        if held is None or held[0] != (start, stop):
+            pieces, first = [], 0
+            for file in self._files:
+                rows = file.rows[max(0, start - first) : max(0, stop - first)]
+                if len(rows):
+                    pieces.append((file, file.columns(STORED, rows)))
+                first += len(file.rows)
+            held = self._seen[_PLACE] = (start, stop), pieces
+        return np.concatenate([_typed(stored, found[stored], file) for file, found in held[1]])
 
     def texts(self, column: str) -> list[Any]:
         """Return the values of a column of texts, or of an axis, by their number."""
+        self._codes(column)
+        return self._seen[column][1]
+
+    def _codes(self, column: str) -> NDArray[np.int32]:
+        """Return the number among the values of a column of each text of the folder; −1 last."""
         if column not in self._seen:
-            self._seen[column] = [json.loads(t) for t in self._file[_name(column, "of ")].asstr()]
-        return self._seen[column]
+            axis = column in self.axes
+            there = np.zeros(len(self._texts) + 1, bool)
+            there[self._whole("axes" if axis else column)] = True
+            codes, values = np.full(len(there), -1, np.int32), dict[str, int]()
+            for number in np.flatnonzero(there[:-1]).tolist():
+                value = self._texts[number]
+                if axis:
+                    value = json.dumps(self._axes(value).get(column))
+                if not (axis and value == "null"):
+                    codes[number] = values.setdefault(value, len(values))
+            known = [json.loads(v) for v in values] if axis else list(values)
+            self._seen[column] = codes, known
+        codes = self._seen[column][0]
+        return codes
+
+    def _axes(self, text: str) -> dict[str, Any]:
+        try:
+            return dict(json.loads(text))
+        except (ValueError, TypeError) as error:
+            where = self._files[0].path
+            raise StudyError(f"{where}: is damaged: axes are {text[:40]!r}") from error
 
     def numbers(self, column: str, rows: Index | None = None) -> NDArray[np.float64]:
         """Return a column of numbers or truths (n,); NaN where it is not defined."""
@@ -136,11 +207,31 @@ class Table:
 
     def coded(self, column: str) -> bool:
         """Whether a column is stored as numbers of texts."""
-        return column in self.axes or (COLUMNS[column] == "text" and column != CASE)
+        return column in self.axes or column in TEXTS
+
+
+_PLACE = ""  # among what was seen: the rows that were read last, with all columns
+
+
+def _type(name: str) -> Any:
+    return np.uint64 if name == CASE else _TYPES[COLUMNS.get(name, "text")]
+
+
+def _typed(name: str, found: NDArray[Any], file: _File) -> NDArray[Any]:
+    """Return a column of a file as it is among those of the folder."""
+    if name == CASE:
+        return np.ascontiguousarray(found).view(np.uint64)
+    if name in TEXTS:
+        if found.size and found.max() >= len(file.ids):
+            raise StudyError(f"{file.path}: is damaged: a text of {name} is missing")
+        return file.ids[found]
+    if name in _NUMBERS:
+        return np.where(np.isinf(found), np.nan, found)
+    return found.astype(_type(name))
 
 
 def open_table(folder: Path, axes: Sequence[str]) -> Table:
-    """Return the columns of the rows in a folder; make them where the journal is newer.
+    """Return the columns of the rows in a folder.
 
     Parameters
     ----------
@@ -151,143 +242,48 @@ def open_table(folder: Path, axes: Sequence[str]) -> Table:
     Raises
     ------
     StudyError
-        If something else than rows stands in the journal.
-    OutputError
-        If the columns cannot be written.
+        If a file is damaged.
     """
-    journal = row_files(folder)
-    stats = [(path.name, path.stat()) for path in journal]
-    valid = json.dumps([[(n, s.st_size, s.st_mtime_ns) for n, s in stats], list(axes), [*COLUMNS]])
-    if sum(s.st_size for _, s in stats) <= SMALL:
-        memory = h5py.File(f"{FILE} {uuid4()}", "w", driver="core", backing_store=False)
-        return _filled(memory, journal, axes)
-    try:
-        rows = sum(s.st_size for _, s in stats)
-        gone_through(folder / FILE, OSError, most=LARGER * rows)
-        there = h5py.File(folder / FILE, "r", locking=False)
-        only_inside(there, OSError)
-        if there.attrs.get("valid") == valid:
-            return Table(tuple(axes), there)
-        there.close()
-    except OSError:  # none yet, or damaged
-        pass
-    return _written(folder, journal, axes, valid)
+    known: dict[str, int] = {}
+    files = [_opened(path, known) for path in row_files(folder)]
+    table = Table(tuple(axes), tuple(files), tuple(known))
+    if len(files) < 2:
+        return table
+    once = np.zeros(len(table), bool)  # shares that overlap have the same rows
+    keys = np.stack([table._whole(name) for name in KEY])
+    once[np.unique(keys, axis=1, return_index=True)[1]] = True
+    ends = np.cumsum([len(file.rows) for file in files])[:-1]
+    kept = [
+        _File(file.path, file.db, file.ids, file.rows[mine])
+        for file, mine in zip(files, np.split(once, ends), strict=True)
+    ]
+    return Table(tuple(axes), tuple(kept), tuple(known))
 
 
-def _written(folder: Path, journal: Sequence[Path], axes: Sequence[str], valid: str) -> Table:
-    needed = SHARE * sum(path.stat().st_size for path in journal)
-    kept = os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > needed
-    if not kept and shutil.disk_usage(tempfile.gettempdir()).free < needed:
-        raise OutputError(
-            f"{folder}: its rows are read through a file of columns, and there is no room for its "
-            f"{needed / 1e6:.0f} MB, neither there nor in {tempfile.gettempdir()}: make room"
-        )
-    part = (folder if kept else Path(tempfile.gettempdir())) / f"{FILE}.{os.getpid()}.part"
-    try:
-        with writing(part), h5py.File(part, "w", libver="latest", locking=False) as file:
-            _filled(file, journal, axes)
-            file.attrs["valid"] = valid
-        if kept:
-            os.replace(part, folder / FILE)
-        return Table(tuple(axes), h5py.File(folder / FILE if kept else part, "r", locking=False))
-    finally:
-        part.unlink(missing_ok=True)  # what is open stays readable
+def asked_of(table: Table, study: Mapping[str, Any]) -> NDArray[np.bool_]:
+    """Return which rows of a table are of what study.json says was asked for last (n,).
+
+    Of a comparison, and in folders of 0.1, that are all; of code of users those of the code then.
+    """
+    asked, found = study.get("asked") or {}, np.ones(len(table), bool)
+    if not asked.get("estimators"):
+        return found
+    for column, key in (("hash", "hashes"), ("method", "estimators"), ("seed", "seeds")):
+        if key in asked:
+            found &= table.among(column, asked[key])
+    for text, code in study.get("code", {}).items():
+        found &= ~(table.among("method", [text]) & ~table.among("code", [code]))
+    return found
 
 
-def _filled(file: h5py.File, journal: Sequence[Path], axes: Sequence[str]) -> Table:
-    coded = [*axes, *(name for name, kind in COLUMNS.items() if kind == "text" and name != CASE)]
-    types = {name: _STORED[kind] for name, kind in COLUMNS.items()} | {CASE: np.uint64}
-    types |= dict.fromkeys(coded, np.int32)
-    on_disk = {"compression": "lzf", "shuffle": True} if file.driver != "core" else {}
-    for name, stored in types.items():
-        file.create_dataset(_name(name), (0,), stored, maxshape=(None,), chunks=(PART,), **on_disk)
-    numbers: dict[str, dict[Any, int]] = {name: defaultdict(count().__next__) for name in coded}
-    for each in numbers.values():
-        each[None] = -1
-
-    def taken(name: str, given: list[Any]) -> NDArray[Any]:
-        try:
-            return _stored(name, given, types[name], numbers.get(name))
-        except (OverflowError, TypeError, ValueError) as error:
-            raise _misshapen(journal, f"{name}: {error}") from error
-
-    parts = (
-        {name: taken(name, given) for name, given in part.items()} for part in _parts(journal, axes)
-    )
-    while some := list(islice(parts, PART // READ)):
-        for name in types:
-            _append(file[_name(name)], np.concatenate([part[name] for part in some]))
-    _check_once(journal, np.asarray(file[CASE][:]), np.asarray(file["parameter"][:]))
-    for name, each in numbers.items():
-        texts = [text for text in each if text is not None]
-        if name not in axes:  # as JSON, as those are: no character is lost
-            texts = [json.dumps(text) for text in texts]
-        file.create_dataset(_name(name, "of "), data=texts, dtype=h5py.string_dtype())
-    return Table(tuple(axes), file)
-
-
-def _check_once(
-    journal: Sequence[Path], cases: NDArray[np.uint64], parameters: NDArray[Any]
-) -> None:
-    """Refuse a case that is there twice, as in files put together by hand: it would count twice."""
-    begins = np.diff(cases, prepend=~cases[:1]) != 0
-    first = parameters[begins][np.cumsum(begins) - 1]
-    begins |= parameters == first  # right after itself, too
-    known, times = np.unique(cases[begins], return_counts=True)
-    if known.size and times.max() > 1:
-        raise StudyError(
-            f"{', '.join(map(str, journal))}: the rows of case {known[times.argmax()]:016x} are "
-            f"there {times.max()} times. Remove all but one; `flexaxis merge` puts shares together"
-        )
-
-
-def _parts(journal: Sequence[Path], axes: Sequence[str]) -> Iterator[dict[str, list[Any]]]:
-    rows = (row for path in journal for row in read(path))
-    while part := list(islice(rows, READ)):
-        try:
-            yield columns_of(part, axes)
-        except (AttributeError, TypeError, ValueError) as error:  # a text where a table should be
-            raise _misshapen(journal, error) from error
-
-
-def _misshapen(journal: Sequence[Path], reason: object) -> StudyError:
-    names = ", ".join(map(str, journal))
-    return StudyError(f"{names}: a row is not as flexaxis writes them: {reason}. {REMEDY}")
-
-
-def _append(column: h5py.Dataset, values: NDArray[Any]) -> None:
-    there = column.shape[0]
-    column.resize((there + len(values),))
-    column[there:] = values
-
-
-def _stored(
-    name: str, given: list[Any], stored: Any, numbers: Mapping[Any, int] | None
-) -> NDArray[Any]:
-    """Return a part of a column as it is stored; `numbers` gives the next one to a new text."""
-    if name in NEEDED and None in given:
-        raise ValueError("is missing")
-    if name == "seed" and not all(seed >= 0 for seed in given):
-        raise ValueError(f"is {min(given):g}: seeds are 0, 1, 2, …")
-    if name == CASE:
-        return np.array([int(case, 16) for case in given], stored)
-    if numbers is not None:
-        if name not in COLUMNS:  # the values of an axis may be anything
-            given = [v if v is None else _json(v) for v in given]
-        elif not all(value is None or isinstance(value, str) for value in given):
-            raise TypeError("is to be a text")
-        return np.array([numbers[value] for value in given], stored)
-    if stored is np.float64:
-        return np.array(given, stored)
-    return np.array([-1 if value is None else value for value in given], stored)
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value) if isinstance(value, list | dict) else _short(value)
-
-
-_short = lru_cache(1 << 10, typed=True)(json.dumps)  # typed: 1 is not true
-
-
-def _name(column: str, prefix: str = "") -> str:
-    return prefix + column.replace("/", "|")  # a slash would be a group
+def _opened(path: Path, known: dict[str, int]) -> _File:
+    with said(path):
+        db = connect(path)
+        texts = list(db.execute("SELECT id, text FROM texts ORDER BY id"))
+        rows = np.fromiter((row for (row,) in db.execute("SELECT rowid FROM cells")), np.int64)
+        rows.sort()
+    ids = np.full(max((number for number, _ in texts), default=0) + 2, -1, np.int32)
+    for number, text in texts:
+        if text is not None:
+            ids[number] = known.setdefault(text, len(known))
+    return _File(path, db, ids, rows)

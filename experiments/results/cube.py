@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.results.columnar import Index, Table
-from flexaxis.experiments.results.columns import as_text, told
 from flexaxis.experiments.results.groups import ranks
 from flexaxis.experiments.running.axes import is_option
+from flexaxis.experiments.running.columns import as_text, told
 from flexaxis.experiments.running.errors import StudyError
 
 if TYPE_CHECKING:

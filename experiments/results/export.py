@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexaxis.experiments.results.columnar import Index, Table
-from flexaxis.experiments.results.columns import Kind, as_text, told
 from flexaxis.experiments.results.cube import Cube, cube_of
 from flexaxis.experiments.results.results import Results, needed
+from flexaxis.experiments.running.columns import Kind, as_text, nested, told
 from flexaxis.experiments.running.files import new_file, writing
+from flexaxis.experiments.running.rows import write
+from flexaxis.experiments.running.store import STORED
 from flexaxis.sim.netcdf import new_netcdf
 
 if TYPE_CHECKING:
@@ -37,6 +39,19 @@ def export_csv(results: Results, target: Path) -> int:
             columns = [_plain(table, name, kind, rows) for name, kind in kinds.items()]
             lines.writerows(zip(*map(_as_cells, columns), strict=True))
     return len(results.rows)
+
+
+def export_jsonl(results: Results, target: Path) -> int:
+    """Write strict JSON, a row a line in the form of flexaxis 0.1; return the number of rows.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    lines = results.lines
+    whole = (nested(line) for rows in results.parts() for line in lines(rows, STORED))
+    return write(target, whole)
 
 
 def _as_cells(values: Iterable[Any]) -> list[Any]:

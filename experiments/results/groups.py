@@ -72,11 +72,17 @@ class Groups:
         if name not in self._held:
             while len(self._held) >= HELD:
                 del self._held[next(iter(self._held))]
-            self._held[name] = self._table.numbers(name)[self.rows]
+            found = self._points() if name == "point" else self._table.numbers(name)
+            self._held[name] = found[self.rows]
         return self._held[name]
 
+    def _points(self) -> Array:
+        """Return a number for each row of the table: points are scenarios with estimators."""
+        scenario, estimator = (self._table.raw(column) for column in ("hash", "estimator"))
+        return scenario.astype(float) * (int(estimator.max(initial=0)) + 1) + estimator
+
     def pooled(self, scores: Sequence[str], scenario: ScenarioOf) -> list[dict[str, Any]]:
-        """Return a pooled row a group: its key, how many cases it has, and the scores.
+        """Return a pooled row a group: its key, how many runs and seeds it has, and the scores.
 
         Parameters
         ----------
@@ -86,8 +92,11 @@ class Groups:
             Gives the scenario of a row of the table, which the excess error needs.
         """
         spans = [self.span(group) for group in range(len(self))]
-        found = [key | {"cases": s.stop - s.start} for key, s in zip(self.keys, spans, strict=True)]
-        for name in scores:  # a score at a time: so a column is read once
+        found = [
+            key | {"runs": s.stop - s.start, "seeds": len(np.unique(self.column("seed")[s]))}
+            for key, s in zip(self.keys, spans, strict=True)
+        ]
+        for name in dict.fromkeys(("failed", *scores)):  # one at a time: so a column is read once
             each = self._excess(scenario) if name == "excess" else self._each(name)
             found = [row | pooled for row, pooled in zip(found, each, strict=True)]
         found = [row | pooling.cost(self.columns(group)) for group, row in enumerate(found)]
@@ -109,11 +118,15 @@ class Groups:
         found: list[dict[str, Any]] = [{"excess": None, "excess_interval": None}] * len(self)
         for groups in alike.values():
             first = self.span(groups[0])
-            same = all(np.array_equal(cases[self.span(g)], cases[first]) for g in groups)
-            if same and np.all(hashes[first] == hashes[first.start]):
-                of = scenario(int(self.rows[first.start]))
-                by_name = {self.keys[g]["parameter"]: self.columns(g) for g in groups}
-                shared = found[groups[0]] if of is None else pooling.excess(by_name, of)
+            of = scenario(int(self.rows[first.start]))
+            if of is None or np.any(hashes[first] != hashes[first.start]):
+                continue
+            by_name = {self.keys[g]["parameter"]: g for g in groups}
+            # What is estimated besides has no row of a case that failed.
+            asked = {name: g for name, g in by_name.items() if name in of.identify} or by_name
+            first = self.span(next(iter(asked.values())))
+            if all(np.array_equal(cases[self.span(g)], cases[first]) for g in asked.values()):
+                shared = pooling.excess({n: self.columns(g) for n, g in asked.items()}, of)
                 for group in groups:
                     found[group] = shared
         return found

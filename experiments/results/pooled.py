@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError, writing
+from flexaxis.experiments.running.files import OutputError, json_table, write_json, writing
 from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
-from flexaxis.experiments.running.sealed import read_sealed, write_sealed
 from flexaxis.experiments.scoring.curves import Curve
 
 LARGEST = 1e9  # bytes that all curves of a run may have
@@ -48,7 +47,7 @@ def save(folder: Path, pooled: Pooled) -> None:
     """Write curves.nc and summary.json, each at once or not at all."""
     with writing(folder / CURVES):
         _save_curves(folder / CURVES, pooled.curves)
-    write_sealed(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
+    write_json(folder / SUMMARY, pooled.summary)  # last: without it a folder is not complete
 
 
 def load(folder: Path) -> Pooled:
@@ -60,7 +59,7 @@ def load(folder: Path) -> Pooled:
         If a file is missing or damaged.
     """
     try:
-        summary = read_sealed(folder / SUMMARY, OutputError)
+        summary = json_table(folder / SUMMARY, OutputError)
         return Pooled(summary, _load_curves(folder / CURVES), folder)
     except (OSError, ValueError, LookupError, TypeError) as error:
         raise OutputError(
@@ -72,7 +71,7 @@ def load(folder: Path) -> Pooled:
 def _how_to_go_on(folder: Path) -> str:
     command = ""
     with suppress(OutputError):
-        command = str(read_sealed(folder / STUDY, OutputError).get("command"))
+        command = str(json_table(folder / STUDY, OutputError).get("command"))
     if not command.startswith("flexaxis run"):
         return " Make one with `flexaxis run … -o FOLDER`"
     return f" Go on with: {command} --resume"

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columnar import PART, Index, Table, open_table
-from flexaxis.experiments.results.columns import COLUMNS, as_text, axis_kind
+from flexaxis.experiments.results.columnar import PART, Index, Table, asked_of, open_table
 from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
 from flexaxis.experiments.running.axes import is_option
+from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.units import find_point
@@ -30,7 +30,7 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True)
 class Results:
-    """The rows in a folder, all or some of them; read when they are first asked for.
+    """The rows in a folder that were asked for last, all or some of them; read when needed.
 
     Attributes
     ----------
@@ -47,15 +47,22 @@ class Results:
     _held: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def load(cls, folder: str | Path) -> Self:
-        """Return all results in a folder, of what is finished or not.
+    def load(cls, folder: str | Path, *, whole: bool = False) -> Self:
+        """Return what a folder holds of what was asked for last, finished or not.
+
+        Parameters
+        ----------
+        folder : str or Path
+        whole : bool
+            Whether to return also what was asked for before.
 
         Raises
         ------
         StudyError
             If it holds none.
         """
-        return cls(Path(folder), read_study(Path(folder)))
+        study = read_study(Path(folder), whole=whole)
+        return cls(Path(folder), {k: v for k, v in study.items() if not (whole and k == "asked")})
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -97,18 +104,25 @@ class Results:
 
     def chosen(self) -> NDArray[np.bool_]:
         """Return which rows of the table are selected (n,)."""
-        found = np.ones(len(self.table), bool)
+        if "asked" not in self._held:
+            self._held["asked"] = asked_of(self.table, self.study)
+        found: NDArray[np.bool_] = self._held["asked"].copy()
         for column, values in self.where.items():
             found &= self.table.among(column, values)
         return found
 
     def ran(self) -> NDArray[np.bool_]:
-        """Return which of them are of cases that could be run (n,)."""
-        return self.chosen() & (self.table.raw("error") < 0)
+        """Return which of them have scores (n,): all but those of records that nobody can make.
+
+        A case that failed is among them, as a run lost at its first sample.
+        """
+        return self.chosen() & (self.table.raw("parameter") >= 0)
 
     def failures(self) -> list[Line]:
-        """Return the rows of the cases that could not be run; `error` says why."""
-        return list(self.lines(np.flatnonzero(self.chosen() & (self.table.raw("error") >= 0))))
+        """Return the first row of each case that failed; `error` says why."""
+        rows = np.flatnonzero(self.chosen() & (self.table.raw("error") >= 0))
+        _, first = np.unique(self.table.raw("case")[rows], return_index=True)
+        return list(self.lines(rows[np.sort(first)]))
 
     @property
     def cases(self) -> int:
@@ -131,7 +145,7 @@ class Results:
         bins: Bins | None = None,
         cases: bool = False,
     ) -> Groups:
-        """Return the rows of what could be run, group by group, as `pooled` pools them.
+        """Return the rows that have scores, group by group, as `pooled` pools them.
 
         With `cases` they are one of each case, and no parameters are told apart: for what is the
         same in all rows of a case.

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import Any, Self
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.engine import Means, write_outcome
+from flexaxis.experiments.running.engine import Means, tell_kept
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.folder import check_code, opened
-from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.folder import opened
+from flexaxis.experiments.running.plan import Plan, make_plan
+from flexaxis.experiments.running.store import Store
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.work import Outcome, Row
+from flexaxis.experiments.running.work import Row
 from flexaxis.sim.scenario import Scenario
 
 Runs = list[list[Row]]
@@ -29,16 +25,16 @@ Runs = list[list[Row]]
 class Bench:
     """Where cases are run that are asked for bit by bit, as a search or a comparison does.
 
-    Each case is run once. A context manager; with a folder, that is taken for as long.
+    Each case is run once. A context manager.
 
     Parameters
     ----------
     scenarios : sequence of Scenario
         All that will be asked for.
     folder : Path, optional
-        Where the rows are kept, and found again.
+        Where the rows are kept, and found again; else they are in memory.
     means : Means, optional
-    resume, replace, about
+    overwrite, about
         As for `flexaxis.experiments.running.folder.opened`.
     repeat : int
         As in `flexaxis.sim.simulate.simulate`; such rows are in no folder.
@@ -52,45 +48,35 @@ class Bench:
         folder: Path | None = None,
         means: Means | None = None,
         *,
-        resume: bool = False,
-        replace: bool = False,
+        overwrite: bool = False,
         about: Mapping[str, Any] | None = None,
         repeat: int = 0,
         traced: bool = False,
     ) -> None:
         self._study = Study("cases", tuple(scenarios), (), ())
         self._folder, self._means = folder, means or Means()
-        self._how: dict[str, Any] = {"resume": resume, "replace": replace, "about": about}
+        self._how: dict[str, Any] = {"overwrite": overwrite, "about": about}
         self._repeat, self._traced = repeat, traced and folder is not None
-        self._known: dict[tuple[str, str], dict[int, list[Row]]] = defaultdict(dict)
-        self._file: rows.RowFile | None = None
+        self._store = Store(None) if folder is None else None
         self._stack = ExitStack()
 
-    def __enter__(self) -> Bench:
-        """Take the folder, and read what it holds."""
+    def __enter__(self) -> Self:
+        """Take the folder."""
         if self._folder is not None:
-            with ExitStack() as stack:
-                self._file = stack.enter_context(self._opened(self._folder))
-                self._stack = stack.pop_all()  # kept, where nothing went wrong
+            self._store = self._stack.enter_context(
+                opened(make_plan(self._study), self._folder, **self._how)
+            )
+            tell_kept(self._folder)
         return self
 
-    @contextmanager
-    def _opened(self, folder: Path) -> Iterator[rows.RowFile]:
-        with opened(make_plan(self._study), folder, **self._how) as path:
-            for row in (r for file in rows.row_files(folder) for r in rows.read(file)):
-                check_code(row["estimator"], row.get("code"), folder)
-                self._learn(row)
-            with rows.RowFile(path) as file:
-                yield file
-
     def __exit__(self, *error: object) -> None:
-        """Leave the folder to others."""
+        """Leave the folder."""
         self._stack.close()
 
     @property
     def cases(self) -> int:
         """Number of cases that are known."""
-        return sum(map(len, self._known.values()))
+        return 0 if self._store is None else self._store.cases
 
     def runs(
         self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
@@ -104,42 +90,38 @@ class Bench:
         StudyError
             As from `run_study`.
         """
-        if self._folder is not None and self._file is None:
-            raise ValueError("a Bench with a folder takes it by `with Bench(…) as bench:`")
-        study = Study("cases", tuple(scenarios), tuple(dict.fromkeys(estimators)), tuple(seeds))
-        plan = make_plan(study, repeat=self._repeat, run_code=True)
-        with closing(self._means.outcomes(plan, self._done(), traced=self._traced)) as outcomes:
-            for outcome in outcomes:
-                self._take(outcome)
-        found = {
-            (s.hash, e): [self._known[s.hash, e][seed] for seed in study.seeds]
-            for s in scenarios
-            for e in study.estimators
-        }
+        found = self.with_failed(scenarios, estimators, seeds)
         check_failures(row for runs in found.values() for run in runs for row in run)
         return found
 
-    def _take(self, outcome: Outcome) -> None:
-        if self._file is not None:
-            assert self._folder is not None
-            write_outcome(self._folder, self._file, outcome)
-        for line in outcome.lines.splitlines():
-            self._learn(json.loads(line))
-        if self._means.advance:
-            self._means.advance(outcome)
+    def with_failed(
+        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
+    ) -> dict[tuple[str, str], Runs]:
+        """Return the same with the cases that failed: their rows are of lost runs."""
+        if self._store is None:
+            raise ValueError("a Bench with a folder takes it by `with Bench(…) as bench:`")
+        study = Study("cases", tuple(scenarios), tuple(dict.fromkeys(estimators)), tuple(seeds))
+        plan = make_plan(study, repeat=self._repeat, run_code=True)
+        done = self._store.done(plan.codes)
+        with closing(self._means.outcomes(plan, done, traced=self._traced)) as outcomes:
+            for outcome in outcomes:
+                self._store.add(outcome.rows, outcome.traces)
+                if self._means.advance:
+                    self._means.advance(outcome)
+        return {
+            (s.hash, e): self._known(s.hash, e, plan) for s in scenarios for e in study.estimators
+        }
 
-    def _learn(self, row: Row) -> None:
-        runs = self._known[row["hash"], row["estimator"]]
-        if row["seed"] not in runs or runs[row["seed"]][0]["parameter"] == row["parameter"]:
-            runs[row["seed"]] = []
-        runs[row["seed"]].append(row)
-
-    def _done(self) -> Any:
-        ids = [int(run[0]["case"], 16) for runs in self._known.values() for run in runs.values()]
-        return np.unique(np.array(ids, np.uint64))
+    def _known(self, key: str, estimator: str, plan: Plan) -> Runs:
+        assert self._store is not None
+        runs: dict[int, list[Row]] = {seed: [] for seed in plan.study.seeds}
+        for row in self._store.rows(key, estimator, plan.codes[estimator]):
+            if row["seed"] in runs:
+                runs[row["seed"]].append(row)
+        return list(runs.values())
 
 
-def check_failures(found: Iterable[Row]) -> None:
+def check_failures(found: Iterable[Mapping[str, Any]]) -> None:
     """Raise what the first of some rows that has failed says.
 
     Raises

@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.scoring.nominal import nominal_runs
-from flexaxis.experiments.scoring.spending import spent
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.record import Record
@@ -30,7 +29,6 @@ from flexaxis.sim.record_file import SIGNALS
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate, versions
 
-PLANT, KEEPING = "plant", "record cache"  # accounts of what they take
 LIMIT = 2 * 1024**3  # bytes
 SHARE = 1 / 64  # of its limit, by which a process may overfill a folder before it looks again
 _put: dict[Path, int] = {}
@@ -46,14 +44,14 @@ class RecordCache:
 
     def get(self, scenario: Scenario, seed: int, *, repeat: int = 0) -> Record | None:
         """Return a record, or None if it is not here; a damaged entry is removed."""
-        path = self._path(scenario, seed, repeat)
+        path, run = self._path(scenario, seed, repeat), scenario.drawn(seed)
         try:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
                 record = Record(
                     **{name: stored[name] for name in SIGNALS},
-                    true_parameters=scenario.true_parameters(),
+                    true_parameters=run.true_parameters(),
                     parameter_names=scenario.parameter_names,
-                    scenario=scenario.resolved(),
+                    scenario=run.resolved(),
                     hash=scenario.hash,
                     seed=seed,
                     burn_in=scenario.burn_in,
@@ -150,18 +148,15 @@ def records(
 
     A cached record is bit for bit what simulating it gives, whatever the batch.
     """
-    with spent(KEEPING):
-        known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
+    known = {seed: store.get(scenario, seed, repeat=repeat) for seed in seeds} if store else {}
     missing = [seed for seed in seeds if known.get(seed) is None]
-    with spent(PLANT):
-        made = simulate(scenario, missing, repeat=repeat) if missing else []
-    with spent(KEEPING):
-        for seed, record in zip(missing, made, strict=True):
-            known[seed] = record
-            if store:
-                store.put(scenario, record, repeat=repeat)
-        if store and made:
-            store.make_room()
+    made = simulate(scenario, missing, repeat=repeat) if missing else []
+    for seed, record in zip(missing, made, strict=True):
+        known[seed] = record
+        if store:
+            store.put(scenario, record, repeat=repeat)
+    if store and made:
+        store.make_room()
     return [record for record in known.values() if record], len(missing)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from typing import Any, NamedTuple
 
@@ -15,16 +15,14 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
 from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.building.specs import Spec
+from flexaxis.experiments.building.specs import Spec, piped
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
-from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.scoring.theta import known_names
+from flexaxis.experiments.scoring.windows import claimed_at
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
-
-ESTIMATOR = "estimator "  # and its name: the account of what it takes
-MAKING, SCORES = "making estimators", "scores"
+from flexaxis.sim.timing import sample_index
 
 
 class Ran(NamedTuple):
@@ -34,7 +32,7 @@ class Ran(NamedTuple):
     ----------
     theta : ndarray (N, p)
     seconds : float
-        That it took.
+        That it took, by `clock_of`.
     names : tuple of str
     claimed : ndarray (p, p) or None
     innovations : ndarray (N, 2) or None
@@ -64,6 +62,20 @@ def case_id(scenario_hash: str, estimator: str, seed: int | None) -> str:
     return sha256(f"{scenario_hash} {estimator} {seed}".encode()).hexdigest()[:16]
 
 
+def identity_of(scenario: Scenario, estimator: str, seed: int | None) -> dict[str, Any]:
+    """Return what tells a case from others, and the onset [s] where that is drawn."""
+    found = {
+        "case": case_id(scenario.hash, estimator, seed),
+        "hash": scenario.hash,
+        "scenario": scenario.name,
+        "estimator": estimator,
+        "seed": seed,
+    }
+    if scenario.onset_spread is None:
+        return found
+    return found | {"onset": scenario.drawn(seed or 0).events()[0].index * scenario.period}
+
+
 def run_case(
     scenario: Scenario,
     record: Record,
@@ -81,17 +93,12 @@ def run_case(
     EstimatorError
         If the estimator raises, or returns what it may not.
     """
+    mine = scenario.drawn(record.seed or 0)
     if ran is None:
-        ran = _ran(scenario, record, spec)
+        ran = _ran(mine, record, spec)
     theta, seconds, names, *rest = ran
-    track = track_of(scenario, record, names, theta, *rest)
-    identity = {
-        "case": case_id(scenario.hash, spec.text, record.seed),
-        "hash": scenario.hash,
-        "scenario": scenario.name,
-        "estimator": spec.text,
-        "seed": record.seed,
-    }
+    track = track_of(mine, record, names, theta, *rest)
+    identity = identity_of(scenario, spec.text, record.seed)
     cost = {
         "us_per_sample": 1e6 * seconds / len(theta),
         "seconds": seconds,
@@ -99,24 +106,26 @@ def run_case(
     }
     seed = record.seed or 0
     about: dict[str, Any] = {"identity": identity, "cost": cost, "whole": whole}
-    with spent(SCORES):
-        return scored(track, estimator=spec.text, seed=seed, **about)
+    return scored(track, estimator=spec.text, seed=seed, written=scenario, **about)
 
 
 def _ran(scenario: Scenario, record: Record, spec: Spec) -> Ran:
-    with spent(MAKING):
-        estimator = ready(spec, scenario)
-    start = time.perf_counter()
-    with spent(account(spec)):
-        theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
-    seconds = time.perf_counter() - start
+    estimator = ready(spec, scenario)
+    clock = clock_of(spec.text)
+    start = clock()
+    theta, claimed, innovations = followed(spec.text, estimator, scenario, record)
+    seconds = clock() - start
     findings = getattr(estimator, "findings", None)
     return Ran(theta, seconds, tuple(estimator.names), claimed, innovations, findings)
 
 
-def account(spec: Spec) -> str:
-    """Return the account on which the time of an estimator goes."""
-    return ESTIMATOR + spec.text.partition("[")[0]
+def clock_of(text: str) -> Callable[[], float]:
+    """Return what tells how long an estimator takes [s]: the time of this thread alone.
+
+    What else runs on the machine does not count. A program works in a process of its own: there
+    it is the clock on the wall.
+    """
+    return time.perf_counter if piped(text) else time.thread_time
 
 
 def track_of(  # noqa: PLR0917
@@ -182,7 +191,7 @@ def followed(
     -------
     theta : ndarray (N, p)
     claimed : ndarray (p, p) or None
-        Covariance that it claims at the last sample before the first fault, or at the end.
+        Covariance that it claims before the first fault, as `claimed_at` has it.
     innovations : ndarray (N, 2) or None
 
     Raises
@@ -201,7 +210,7 @@ def followed(
         at: dict[str, Any] = {"first": part.start, "period": scenario.period}
         parts.append(_estimates(text, estimator, u, y[part], gaps, where=where, **at))
         innovations.append(_innovations(text, estimator, len(u), where=where))
-        if claimed is None:
+        if part.stop <= claimed_at(scenario) + 1:
             claimed = getattr(estimator, "covariance", None)
     known = [each for each in innovations if each is not None]
     whole = np.concatenate(known) if len(known) == len(innovations) else None
@@ -209,10 +218,13 @@ def followed(
 
 
 def pieces(scenario: Scenario, estimator: Any, samples: int) -> list[slice]:
-    """Return a record in two where an estimator is asked before the first fault what it claims."""
-    events = scenario.events()
-    stop = events[0].index if events and hasattr(estimator, "covariance") else samples
-    return [part for part in (slice(0, stop), slice(stop, None)) if part.start < samples]
+    """Return a record in seconds where an estimator is asked before a fault what it claims.
+
+    Cut at the fault alone, it would be told when that comes.
+    """
+    second = samples if not hasattr(estimator, "covariance") else sample_index(1.0, scenario.period)
+    starts = range(0, samples, second)
+    return [slice(start, min(start + second, samples)) for start in starts]
 
 
 def _innovations(

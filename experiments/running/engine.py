@@ -14,24 +14,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from flexaxis.experiments.building.consent import require
+from flexaxis.experiments.building.consent import names_code, require
 from flexaxis.experiments.building.guest import time_limit
-from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.dispatch import spread
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.folder import opened
+from flexaxis.experiments.running.dispatch import Lost, spread
+from flexaxis.experiments.running.errors import NotRun
+from flexaxis.experiments.running.folder import cases as all_cases
+from flexaxis.experiments.running.folder import done, opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.previous import unfinish
 from flexaxis.experiments.running.processes import Workers
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.traces import write_traces
+from flexaxis.experiments.running.told import remark
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
 from flexaxis.experiments.running.units import Unit
-from flexaxis.experiments.running.work import Outcome, run_unit
-from flexaxis.experiments.scoring.spending import spent
+from flexaxis.experiments.running.work import Outcome, died, run_unit
 
-WRITING = "writing rows and traces"  # the account of what that takes
 Keep = Literal["none", "worst", "all"]
 Worker = Callable[[Unit], Outcome]
 
@@ -44,6 +41,9 @@ class Means:
     ----------
     jobs : int
         Processes; one stays in this process.
+    apart : bool
+        Whether code of users has a process of its own also where that is one. A script that asks
+        for it needs ``if __name__ == "__main__":``.
     executor : concurrent.futures.Executor, optional
         Where to work instead, for example that of a Dask client.
     in_flight : int, optional
@@ -59,6 +59,7 @@ class Means:
     """
 
     jobs: int = 1
+    apart: bool = False
     executor: Executor | None = None
     in_flight: int | None = None
     store: RecordCache | None = None
@@ -69,7 +70,8 @@ class Means:
     @contextmanager
     def kept(self) -> Iterator[Means]:
         """Give the same means, with processes that all calls inside share."""
-        if self.jobs == 1 or self.executor is not None or self.workers is not None:
+        here = self.jobs == 1 and not self.apart
+        if here or self.executor is not None or self.workers is not None:
             yield self
             return
         with Workers(self.jobs) as workers:
@@ -93,13 +95,14 @@ class Means:
 
         Raises
         ------
-        StudyError
+        NotRun
             If cases are missing at the end though nobody has stopped the work.
         """
         work = self.work or partial(
             run_unit, store=self.store, whole=whole, traced=traced, time_limit=time_limit()
         )
         wanted = found = 0
+        missing: list[str] = []
 
         def units() -> Iterator[Unit]:
             nonlocal wanted
@@ -107,16 +110,21 @@ class Means:
                 wanted += unit.cases
                 yield unit
 
-        where: dict[str, Any] = {"jobs": self.jobs, "executor": self.executor}
-        where |= {"in_flight": self.in_flight, "workers": self.workers}
+        own = self.apart and any(map(names_code, plan.codes))
+        jobs = self.jobs if self.jobs > 1 or own else 0
+        where: dict[str, Any] = {"jobs": jobs, "executor": self.executor}
+        where |= {"in_flight": self.in_flight, "workers": self.workers if jobs else None}
+        where |= {"lost": Lost(Unit.apart, died)}
         with closing(spread(units(), work, **where)) as outcomes:
             for outcome in outcomes:
                 found += outcome.cases
+                missing += outcome.missing
                 yield outcome
         if found != wanted:
-            raise StudyError(
-                f"{wanted - found} of {wanted} cases are missing, though nothing stopped the work; "
-                "what is done is kept: go on with --resume, and please report this"
+            why = missing[0] if missing else "nothing says why: please report this"
+            raise NotRun(
+                f"{wanted - found} of {wanted} cases were not run: {why}. What is done is kept, "
+                "and the same line goes on"
             )
 
 
@@ -144,15 +152,13 @@ def run_study(
     folder: Path | str,
     means: Means | None = None,
     *,
-    resume: bool = False,
-    replace: bool = False,
+    overwrite: bool = False,
     keep: Keep = "none",
     traced: bool = False,
     run_code: bool = False,
     about: Mapping[str, Any] | None = None,
-    then: Callable[[], object] | None = None,
 ) -> Finished:
-    """Run what is missing of a study and append its rows to a folder.
+    """Run what is missing of a study and add its rows to a folder.
 
     Parameters
     ----------
@@ -162,7 +168,7 @@ def run_study(
         Made if it is missing.
     means : Means, optional
         With what: one process and no cache by default.
-    resume, replace, about
+    overwrite, about
         As for `flexaxis.experiments.running.folder.opened`.
     keep : {"none", "worst", "all"}
         Whose estimates to write to the folder `trajectories`: nobody's, those of the worst case
@@ -172,18 +178,15 @@ def run_study(
     run_code : bool
         Whether estimators may name code (`path.py:Class`, `module:Class`, `pipe:COMMAND`), which
         is then run, here or wherever the executor works.
-    then : callable, optional
-        Called when all is run, while nobody else may work in the folder.
 
     Raises
     ------
     CodeRefused
         If they do, and may not.
     StudyError
-        If the study is wrong, the folder is in use or holds something else, or a worker dies
-        again and again.
+        If the study is wrong, or does not go with what is in the folder.
     OutputError
-        If rows cannot be written. Those that were stay, and `resume` goes on.
+        If rows cannot be written. Those that were stay, and the same call goes on.
     """
     folder = Path(folder)
     whole = study.study if isinstance(study, Plan) else study
@@ -191,28 +194,25 @@ def run_study(
     plan = study if isinstance(study, Plan) else make_plan(study, run_code=run_code)
     means = means or Means()
     cases = failed = simulated = 0
-    with opened(plan, folder, resume=resume, replace=replace, about=about) as path:
-        with rows.RowFile(path) as file:
-            outcomes = means.outcomes(plan, rows.done(folder), whole=keep == "all", traced=traced)
-            with closing(outcomes):
-                for outcome in outcomes:
-                    write_outcome(folder, file, outcome)
-                    cases, failed = cases + outcome.cases, failed + outcome.failed
-                    simulated += outcome.simulated
-                    if means.advance:
-                        means.advance(outcome)
-        if keep == "worst":
-            keep_worst(folder, plan)
-        if then:
-            then()
+    with opened(plan, folder, overwrite=overwrite, about=about) as store:
+        there = done(folder, plan)
+        tell_kept(folder, plan.work(there).cases)
+        outcomes = means.outcomes(plan, there, whole=keep == "all", traced=traced)
+        with closing(outcomes):
+            for outcome in outcomes:
+                keep_all(folder, outcome.kept)  # first: a case that has rows has it
+                store.add(outcome.rows, outcome.traces)
+                cases, failed = cases + outcome.cases, failed + outcome.failed
+                simulated += outcome.simulated
+                if means.advance:
+                    means.advance(outcome)
+    if keep == "worst":
+        keep_worst(folder, plan)
     return Finished(cases, failed, simulated)
 
 
-def write_outcome(folder: Path, file: rows.RowFile, outcome: Outcome) -> None:
-    """Write what became of a unit."""
-    # First what goes with the rows: a case that has rows has it.
-    with spent(WRITING):
-        keep_all(folder, outcome.kept)
-        write_traces(folder, outcome.traces)
-        unfinish(folder)  # what is made of the rows that are there is not of these
-        file.append(outcome.lines)
+def tell_kept(folder: Path, missing: int | None = None) -> None:
+    """Say how many cases a folder holds, and how many more are to be run."""
+    if there := all_cases(folder):
+        more = "" if missing is None else f"; {missing} of those asked for are still to be run"
+        remark(f"{folder}: {there} case{'s'[: there != 1]} there, and kept{more}")

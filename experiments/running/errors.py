@@ -12,6 +12,10 @@ class StudyError(FlexaxisError):
     """A study is wrong, or cannot go on; the message has one line for each problem."""
 
 
+class NotRun(FlexaxisError):
+    """Cases are missing, for no fault of theirs: a full disk, no memory; the same line goes on."""
+
+
 def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
     """Return the error for a folder that holds neither a run nor a study."""
     why = f"{STUDY} is missing or damaged" + (f": {reason}" if reason else "")

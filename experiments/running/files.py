@@ -11,6 +11,7 @@ from typing import Any
 
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
+from flexaxis.sim.reading import Refusal, json_value, read_text
 
 
 class OutputError(FlexaxisError):
@@ -73,3 +74,28 @@ def write_json(path: Path, content: Any) -> None:
     """Write strict JSON to be read by people too; errors as from `new_file`."""
     text = json.dumps(content, allow_nan=False, ensure_ascii=False, indent=1)
     write_text(path, text + "\n")
+
+
+def json_table(path: Path, refuse: Refusal) -> dict[str, Any]:
+    """Return the table that a JSON file holds; `refuse` makes the error of another one."""
+    content = json_value(read_text(path, refuse), source=str(path), refuse=refuse)
+    if not isinstance(content, dict):
+        raise refuse(f"{path}: holds no table")
+    return content
+
+
+@contextmanager
+def as_written(folder: Path) -> Iterator[None]:
+    """Say that a result cannot be read, in the place of what a table of another shape leads to.
+
+    Raises
+    ------
+    OutputError
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:
+        raise OutputError(
+            f"{folder}: its files are damaged, changed by hand, or of another version: {error!r}. "
+            "Make the result again"
+        ) from error

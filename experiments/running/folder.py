@@ -1,272 +1,191 @@
-"""The folder of a study, or of a run: who may write to it, and what fits together."""
+"""The folder of a study, or of a run: what it is about, what is in it, and what may be added."""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.building.code import digest
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.running.errors import StudyError, no_study
-from flexaxis.experiments.running.files import make_folder
-from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.names import LOCK, SCORES, STUDY
+from flexaxis.experiments.running.files import json_table, make_folder, write_json, writing
+from flexaxis.experiments.running.names import COMPLETE, MADE, STUDY, SWEEP, TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan, expected
-from flexaxis.experiments.running.previous import is_unfinished, set_aside
-from flexaxis.experiments.running.rows import done as cases_done
-from flexaxis.experiments.running.rows import row_files, share_of
-from flexaxis.experiments.running.sealed import read_sealed, write_sealed
+from flexaxis.experiments.running.store import (
+    Store,
+    cases_in,
+    connect,
+    done_in,
+    file_of,
+    row_files,
+    said,
+)
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.told import remark
 from flexaxis.experiments.running.work import made_with
 
-
-def rows_name(shard: tuple[int, int] = (1, 1)) -> str:
-    """Return the name of a share's file of rows."""
-    mine, shares = shard
-    return SCORES if shares == 1 else f"scores-{mine}-of-{shares}.jsonl"
+OVERWRITE = "--overwrite"
+"""The only word that removes anything."""
 
 
 @contextmanager
 def opened(
-    plan: Plan,
-    folder: Path,
-    *,
-    resume: bool = False,
-    replace: bool = False,
-    about: Mapping[str, Any] | None = None,
-) -> Iterator[Path]:
-    """Take a folder for a plan, give its file of rows, and leave it to others at the end.
-
-    Shares of one study may work side by side; anyone else is refused.
+    plan: Plan, folder: Path, *, overwrite: bool = False, about: Mapping[str, Any] | None = None
+) -> Iterator[Store]:
+    """Give the file of rows of a folder, for a plan; others may add to the folder meanwhile.
 
     Parameters
     ----------
     plan : Plan
     folder : Path
         Made if it is missing.
-    resume : bool
-        Whether rows may be there already, to go on from.
-    replace : bool
-        Whether a result that is there may make room: it is kept in the folder `previous` until
-        the new one is complete (`completed`).
+    overwrite : bool
+        Whether what is there is removed first; else rows are added to it.
     about : mapping, optional
         What else is to stand in study.json.
 
     Raises
     ------
     StudyError
-        If the folder holds something else or is in use, or holds rows and may not.
+        If it holds what rows of this do not go with.
     OutputError
         If it cannot be written to.
     """
     make_folder(folder)
-    with ExitStack() as stack:
-        alone = plan.shard[1] == 1
-        stack.enter_context(locked(folder / LOCK, shared=not alone))
-        name = rows_name(plan.shard)
-        if not alone:
-            stack.enter_context(locked(folder / f".{name.removesuffix('.jsonl')}{LOCK}"))
-        if replace and not resume:
-            _make_room(plan.study, folder, about or {})
-        check(plan.study, folder, plan.shard)
-        rows = folder / name
-        if not resume and rows.exists() and rows.stat().st_size:
-            raise StudyError(
-                f"{folder} holds rows of this study already: add --resume to go on with it, or "
-                "choose another folder with -o"
-            )
-        content = described(plan)
-        if _binds(folder, plan.shard):
-            content = _with_those_before(folder, content)
-        content |= dict(about or {})
-        write_sealed(folder / STUDY, content)
-        yield rows
+    if overwrite:
+        clear(folder)
+    there = check(plan.study, folder)
+    content = described(plan) | dict(about or {})
+    write_json(folder / STUDY, _with_those_before(there, content) if there else content)
+    with Store(folder / file_of(plan.shard), plan.study.axes) as store:
+        yield store
 
 
-def _make_room(study: Study, folder: Path, about: Mapping[str, Any]) -> None:
-    """Move a result out of the way that may be replaced, and say so; refuse what may not.
+def clear(folder: Path) -> None:
+    """Remove a result and its rows; files of others stay. First goes what says it is complete."""
+    rows = sorted(path.name for path in folder.glob("scores*"))
+    with writing(folder):
+        for name in (*COMPLETE, *rows, *MADE, TRAJECTORIES, SWEEP, STUDY):
+            path = folder / name
+            if path.is_dir():
+                shutil.rmtree(path)
+            path.unlink(missing_ok=True)
+
+
+def done(folder: Path, plan: Plan) -> NDArray[np.uint64]:
+    """Return the cases of the estimators of a plan, with their code, that a folder has; sorted."""
+    found = [np.empty(0, np.uint64)]
+    for path in row_files(folder):
+        with said(path), closing(connect(path)) as db:
+            found.append(done_in(db, plan.codes))
+    return np.unique(np.concatenate(found))
+
+
+def cases(folder: Path) -> int:
+    """Return how many cases the files of rows in a folder have."""
+    found = 0
+    for path in row_files(folder):
+        with said(path), closing(connect(path)) as db:
+            found += cases_in(db)
+    return found
+
+
+def _with_those_before(there: Mapping[str, Any], content: dict[str, Any]) -> dict[str, Any]:
+    """Return what study.json is to hold: what is added to a folder takes nothing from it."""
+    for key in ("estimators", "seeds"):
+        content[key] = list(dict.fromkeys([*there.get(key, []), *content[key]]))
+    hashes = {entry["hash"] for entry in content["scenarios"]}
+    before = [entry for entry in there["scenarios"] if entry["hash"] not in hashes]
+    code = there.get("code", {}) | content["code"]
+    return content | {"code": code, "scenarios": [*content["scenarios"], *before]}
+
+
+def check(study: Study, folder: Path) -> dict[str, Any] | None:
+    """Return what study.json of a folder with rows says, None where there are none.
 
     Raises
     ------
     StudyError
-        If what is there is a study with axes, which may have taken days, shares, or an unfinished
-        run of something else.
+        If rows of the study do not go with those.
     """
-    if (folder / STUDY).exists() and _binds(folder, (1, 1)):
-        there = read_study(folder)
-        done = not is_unfinished(folder)
-        if there["axes"] or any(share_of(path) for path in row_files(folder)):
-            what = f"a study of {_summary(there)}" if there["axes"] else "shares of a run"
-            raise StudyError(f"{folder} holds {what}: choose another folder with -o")
-        if not done and there["identity"] != study.identity:
-            raise StudyError(
-                f"{folder} holds an unfinished run of {_summary(there)}: go on with it by "
-                "--resume and its own line, remove it, or choose another folder with -o"
-            )
-        if done and not _contains(study, about, there):
-            _tell_replaced(study, folder, there)
-    set_aside(folder)
-
-
-def _contains(study: Study, about: Mapping[str, Any], there: Mapping[str, Any]) -> bool:
-    """Whether a study will have all that is there, or is of the same line on the same scenarios."""
-    if there["identity"] != study.identity:
-        return False
-    if there.get("command") and there["command"] == about.get("command"):
-        return True
-    estimators, seeds = there.get("estimators"), there.get("seeds")
-    if not (estimators and seeds):  # as of a comparison
-        return False
-    return {*estimators} <= {*study.estimators} and {*seeds} <= {*study.seeds}
-
-
-def _tell_replaced(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
-    """Say what goes that nobody may have meant to lose."""
-    count = cases_done(folder).size
-    of = there.get("command") or _summary(there)
-    keep = "--resume" if there["identity"] == study.identity else "another folder with -o"
-    remark(f"{folder}: replaces {count} case{'s'[: count != 1]} of: {of}; {keep} keeps them")
-
-
-def _with_those_before(folder: Path, content: dict[str, Any]) -> dict[str, Any]:
-    """Return what study.json is to hold: what is added to a study takes nothing from it."""
+    found = row_files(folder)
+    if not found or not cases(folder):
+        return None  # what was killed before its first row says nothing of those to come
     if not (folder / STUDY).exists():
-        return content
-    there = read_study(folder)
-    for key in ("estimators", "seeds"):
-        content[key] = list(dict.fromkeys([*there.get(key, []), *content[key]]))
-    code = there.get("code", {}) | content["code"]
-    return content | {"code": code, "cases": all_cases([there, content])}
-
-
-def all_cases(studies: Sequence[Mapping[str, Any]]) -> int | None:
-    """Return how many cases a whole of several studies has; None where that is not known.
-
-    Parameters
-    ----------
-    studies : sequence of mapping
-        As in study.json, of one identity.
-    """
-    lists = [{tuple(study[key]) for study in studies} for key in ("estimators", "seeds")]
-    if all(len(each) == 1 for each in lists):
-        return max((study.get("cases") or 0 for study in studies), default=0)
-    if studies[0]["axes"]:  # which estimator was run at which points is not told
-        return None
-    sizes = [len({one for each in given for one in each}) for given in lists]
-    return len(studies[0]["scenarios"]) * sizes[0] * sizes[1]
-
-
-def check(study: Study, folder: Path, shard: tuple[int, int] = (1, 1)) -> None:
-    """Raise a StudyError if a folder holds anything that rows of a study do not go with."""
-    if not _binds(folder, shard):
-        return
-    if not (folder / STUDY).exists():
-        if found := row_files(folder):
-            raise StudyError(
-                f"{folder} holds {found[0].name}, which is not of a study: choose another folder "
-                "with -o"
-            )
-        return
-    there = read_study(folder)
-    _check_identity(study, folder, there)
-    _check_code(study, folder, there)
-    _check_shares(folder, shard)
-
-
-def _binds(folder: Path, shard: tuple[int, int]) -> bool:
-    """Whether what a folder holds binds: it has rows, or another share is about to have some.
-
-    What was killed may leave study.json without rows: that says nothing of those to come.
-    """
-    return shard[1] > 1 or any(path.stat().st_size for path in row_files(folder))
-
-
-def _check_identity(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
-    mine = _scenarios(study)
-    names = {entry["hash"]: entry["definition"]["name"] for entry in there["scenarios"]}
-    if there["identity"] != study.identity:
-        axes = _axes(study.axes, study.streams)
         raise StudyError(
-            f"{folder} holds another study: of {_summary(there)}, and this is of "
-            f"{', '.join(f'{name} ({key[:8]})' for key, name in mine.items())} over {axes}. Choose "
-            "another folder with -o. (Estimators, seeds and values on the same axes may be added "
-            "to a study, other axes and scenarios may not)"
+            f"{folder} holds {found[0].name}, which is not of a study: choose another folder with "
+            "-o"
         )
-    for key, name in mine.items():
-        if names[key] != name:
-            raise StudyError(
-                f"{folder} has the scenario {name} under the name {names[key]}, and its rows would "
-                "go by two names: give it that name again, or choose another folder with -o"
-            )
-
-
-def _check_code(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
+    there = read_study(folder, whole=True)
+    _check_axes(study, folder, there)
     made = there.get("made_with", made_with())
     if made != made_with():
         raise StudyError(
             f"{folder} was made with {made}; this is {made_with()}. Rows of both would be mixed: "
-            "choose another folder with -o, or go on there with what it was made with"
+            f"choose another folder with -o, or remove what is there with {OVERWRITE}"
         )
-    for text, known in there.get("code", {}).items():
-        if text in study.estimators:
-            check_code(text, known, folder)
+    for text in study.estimators:
+        if is_given(text) and text in there["estimators"]:
+            raise StudyError(
+                f"{folder} holds rows of {text}, a class of a session, of which nobody knows "
+                f'whether it is what they were made with: put it in a file and give "path/file.py:'
+                f'{text}", or remove what is there with overwrite=True'
+            )
+    return there
 
 
-def check_code(estimator: str, known: str | None, folder: Path) -> None:
-    """Raise a StudyError if the code of an estimator is not that of its rows in a folder."""
-    if digest(estimator) != known:
+def _check_axes(study: Study, folder: Path, there: Mapping[str, Any]) -> None:
+    before = _axes(there["axes"], there.get("streams", "own"))
+    if before != (mine := _axes(study.axes, study.streams)):
         raise StudyError(
-            f"{folder} holds rows of {estimator} as its code was before (digest {known}, now "
-            f"{digest(estimator)}). Rows of both would be mixed: choose another folder with -o"
+            f"{folder} holds rows over {before}, and this is over {mine}: choose another folder "
+            f"with -o, or remove what is there with {OVERWRITE}. (Scenarios, estimators, seeds and "
+            "values on the same axes may be added, other axes may not)"
         )
-
-
-def _check_shares(folder: Path, shard: tuple[int, int]) -> None:
-    others = {share_of(path) for path in row_files(folder)} - {None, shard[1]}
-    if others and shard[1] > 1:
-        raise StudyError(
-            f"{folder} holds shares of {min(o for o in others if o)}, and this is one of "
-            f"{shard[1]}: they overlap, so that cases would be run and counted twice. Give "
-            "--shard with the same N, or choose another folder with -o"
-        )
+    names = {entry["hash"]: entry["definition"]["name"] for entry in there["scenarios"]}
+    for scenario in study.scenarios:
+        name = names.get(scenario.hash, scenario.name)
+        if name != scenario.name:
+            raise StudyError(
+                f"{folder} has the scenario {scenario.name} under the name {name}, and its rows "
+                "would go by two names: give it that name again, or choose another folder with -o"
+            )
 
 
 def _axes(axes: Sequence[str], streams: str) -> str:
-    return f"{', '.join(axes)} with {streams} streams" if axes else "no axes"
-
-
-def _scenarios(study: Study) -> dict[str, str]:
-    return {scenario.hash: scenario.name for scenario in study.scenarios}
-
-
-def _summary(content: Mapping[str, Any]) -> str:
-    axes = _axes(content["axes"], content.get("streams", "own"))
-    names = (f"{s['definition']['name']} ({s['hash'][:8]})" for s in content["scenarios"])
-    return f"{', '.join(names)} over {axes}"
+    return f"{', '.join(sorted(axes))} with {streams} streams" if axes else "no axes"
 
 
 def described(plan: Plan) -> dict[str, Any]:
     """Return what study.json holds."""
     study = plan.study
+    codes = {entry.method: entry.code for v in plan.variants for entry in v.entries}
     return {
         "name": study.name,
-        "identity": study.identity,
         "scenarios": [{"hash": s.hash, "definition": s.resolved()} for s in study.scenarios],
         "estimators": list(study.estimators),
         "seeds": list(study.seeds),
         "axes": list(study.axes),
         "streams": study.streams,
         "points": len(study.points),
-        "cases": expected(plan),
         "made_with": made_with(),
-        "code": {text: digest(text) for text in study.estimators if digest(text)},
+        "code": {text: code for text, code in codes.items() if code},
+        "asked": {
+            "scenarios": [s.hash for s in study.scenarios],
+            "estimators": list(study.estimators),
+            "seeds": list(study.seeds),
+            "hashes": sorted(variant.hash for variant in plan.variants),
+            "cases": expected(plan),
+        },
     }
 
 
-def read_study(folder: Path) -> dict[str, Any]:
-    """Return what study.json holds.
+def read_study(folder: Path, *, whole: bool = False) -> dict[str, Any]:
+    """Return what study.json holds: of what was asked for last, or of the `whole` folder.
 
     Raises
     ------
@@ -274,10 +193,19 @@ def read_study(folder: Path) -> dict[str, Any]:
         If there is none, or it is damaged.
     """
     try:
-        content = read_sealed(folder / STUDY, StudyError)
-        content["identity"], [*map(str, content["axes"])]
+        content = json_table(folder / STUDY, StudyError)
+        [*map(str, content["axes"])]
         for entry in content["scenarios"]:
             entry["hash"], entry["definition"]["name"]
-    except (StudyError, KeyError, TypeError) as error:
+        return content if whole else _narrowed(content)
+    except (StudyError, KeyError, TypeError, AttributeError) as error:
         raise no_study(folder, error) from error
-    return content
+
+
+def _narrowed(content: dict[str, Any]) -> dict[str, Any]:
+    asked = content.get("asked", {})
+    if not asked.get("estimators"):  # as of a comparison
+        return content
+    mine = {entry["hash"]: entry for entry in content["scenarios"]}
+    narrowed = {key: asked[key] for key in ("estimators", "seeds")}
+    return content | narrowed | {"scenarios": [mine[key] for key in asked["scenarios"]]}

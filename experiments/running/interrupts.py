@@ -1,4 +1,4 @@
-"""Ctrl-C: once stops the work and keeps what is done, twice ends at once.
+"""Ctrl-C: once ends after the cases that are under way, which are kept; twice ends at once.
 
 SIGTERM, by which a queue of jobs or `timeout` ends a command, is the same; it comes also to what
 was started in the background, where there may be no Ctrl-C.
@@ -11,24 +11,23 @@ import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, TypeVar
 
-from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
-from flexaxis.experiments.running.stopping import patient
 
 Item = TypeVar("Item")
+Handler = Callable[[int, FrameType | None], None]
 
-PATIENCE = 0.5
-"""For how long a wait may last before it looks whether anything was asked [s]: less than a person
-waits for an answer, and rarely enough to cost nothing."""
-GRACE = 1.5
-"""How long what is at work may take to stop before it is lost [s]: much longer than it needs, and
-as long as a person believes that a key was heard."""
+AGAIN = 0.01  # s after which a signal is sent again that could not be heeded
+_KINDS: dict[signal.Signals, object] = {
+    signal.SIGINT: signal.default_int_handler,
+    signal.SIGTERM: signal.SIG_DFL,
+}
+"""What asks a command to end, and how each is handled where nobody has said."""
+_ours: list[Handler] = []
 
 
 class Interrupts:
@@ -39,21 +38,12 @@ class Interrupts:
     asked : bool
         Whether nothing new is to be begun.
     stop : callable
-        Stops what is at work elsewhere; what is at work in this process is stopped anyway.
-    over : bool
-        Whether what Ctrl-C is for has ended.
+        Asks what is at work elsewhere to end; what is at work in this process is asked anyway.
     """
 
     def __init__(self) -> None:
         self.asked = False
-        self.stop: Callable[[], None] = lambda: None
-        self._until = float("inf")
-        self.over = False
-
-    @property
-    def overdue(self) -> bool:
-        """Whether what was at work has had its time to stop."""
-        return time.monotonic() > self._until
+        self.stop: Callable[[], object] = lambda: None
 
     def until(self, items: Iterable[Item]) -> Iterator[Item]:
         """Yield items until Ctrl-C."""
@@ -70,86 +60,68 @@ class Interrupts:
     def ask(self) -> None:
         """Take a Ctrl-C."""
         self.tell()
-        self.asked, self._until = True, time.monotonic() + GRACE
+        self.asked = True
         # Not by print: what is interrupted may be in the middle of one.
-        os.write(2, b"\nflexaxis: stopping; what is done is kept. Ctrl-C again ends at once\n")
+        os.write(2, b"\nflexaxis: stopping after the cases that are under way; what is done is "
+                    b"kept. Ctrl-C again ends at once\n")  # fmt: skip
+        stopping.ask()
         self.stop()
-        if STOP is not None and stopping.heed():
-            signal.raise_signal(STOP)  # which comes again where it is lost
-        else:
-            stopping.ask()
-
-
-def _at_once() -> None:
-    raise KeyboardInterrupt
-
-
-_endings: list[Callable[[int, FrameType | None], None]] = []
-"""The handlers of every `one_stage` that is open: a signal that comes late is for no other."""
-_KINDS: dict[signal.Signals, object] = {
-    signal.SIGINT: signal.default_int_handler,
-    signal.SIGTERM: signal.SIG_DFL,
-}
-"""What asks a command to end, and how each is handled where nobody has said."""
-
-
-@contextmanager
-def _handling(react: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
-    before = {kind: signal.getsignal(kind) for kind in _KINDS}
-    here = threading.current_thread() is threading.main_thread()
-    ours = [kind for kind, usual in _KINDS.items() if here and before[kind] in {usual, *_endings}]
-    for kind in ours:
-        signal.signal(kind, react)
-    try:
-        yield
-    finally:
-        for kind in ours:
-            signal.signal(kind, before[kind])
 
 
 @contextmanager
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    # Of what was before, a signal may still come; of what is around this, it is meant for this too.
-    around = stopping.begin(lambda: interrupts.asked or around())
-    with _handling(patient(interrupts.ask, lambda: not interrupts.over)):
-        try:
-            yield interrupts
-        finally:
-            interrupts.over = True
-            stopping.begin(around)
+    stopping.begin()
+    with _handling(interrupts.ask):
+        yield interrupts
 
 
 @contextmanager
 def one_stage() -> Iterator[None]:
     """Let Ctrl-C end what is done inside, but never in the middle of compiled code."""
-    over = threading.Event()
-    ending = patient(_at_once, lambda: not over.is_set())
-    with _handling(ending), _dropped_in_silence():
-        _endings.append(ending)
-        try:
-            yield
-        finally:
-            over.set()
-            _endings.remove(ending)
+    with _handling(_at_once):
+        yield
+
+
+def _at_once() -> None:
+    raise KeyboardInterrupt
 
 
 @contextmanager
-def _dropped_in_silence() -> Iterator[None]:
-    """Say nothing of a Ctrl-C that Python drops, for it comes again."""
-    usual = sys.unraisablehook
+def _handling(react: Callable[[], None]) -> Iterator[None]:
+    """Handle Ctrl-C inside, unless this is no main thread, or somebody else does already."""
 
-    def drop(what: sys.UnraisableHookArgs) -> None:
-        if not issubclass(what.exc_type, KeyboardInterrupt | stopping.Stopped):
-            usual(what)
+    def handle(number: int, frame: FrameType | None) -> None:
+        if _in_numba(frame):
+            later = threading.Timer(AGAIN, signal.raise_signal, [number])
+            later.daemon = True
+            later.start()
+        else:
+            react()
 
-    sys.unraisablehook = drop
+    before = {kind: signal.getsignal(kind) for kind in _KINDS}
+    here = threading.current_thread() is threading.main_thread()
+    ours = [kind for kind, usual in _KINDS.items() if here and before[kind] in {usual, *_ours}]
+    _ours.append(handle)
+    for kind in ours:
+        signal.signal(kind, handle)
     try:
         yield
     finally:
-        sys.unraisablehook = usual
+        for kind in ours:
+            signal.signal(kind, before[kind])
+        _ours.remove(handle)
+
+
+def _in_numba(frame: FrameType | None) -> bool:
+    """Whether compiled code has called Python, for a type; it takes no exception from there.
+
+    Numba (0.68) goes on with what it did not get, which ends the process with a segmentation fault.
+    """
+    while frame is not None and frame.f_code.co_name != "_numba_unpickle":
+        frame = frame.f_back
+    return frame is not None
 
 
 def threads_left() -> bool:

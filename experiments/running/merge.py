@@ -1,25 +1,23 @@
-"""One folder of several: the shares of a study that were run apart."""
+"""One folder of several: shares that were run apart, and folders of flexaxis 0.1."""
 
 from __future__ import annotations
 
-import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import new_file, writing
-from flexaxis.experiments.running.folder import all_cases, read_study
-from flexaxis.experiments.running.lock import locked
-from flexaxis.experiments.running.names import LOCK, SCORES, STUDY, TRAJECTORIES
-from flexaxis.experiments.running.sealed import write_sealed
-from flexaxis.experiments.running.traces import trace_files
+from flexaxis.experiments.running.files import make_folder, write_json, writing
+from flexaxis.experiments.running.folder import read_study
+from flexaxis.experiments.running.names import STUDY, TRAJECTORIES
+from flexaxis.experiments.running.store import Store, file_of, row_files
 from flexaxis.sim.files import atomic
+
+AT_ONCE = 10_000  # rows of text
 
 
 @dataclass(frozen=True)
@@ -45,69 +43,100 @@ class Merged:
 
 
 def merge(folders: Sequence[Path], target: Path) -> Merged:
-    """Copy the complete cases of all folders to a new one, each once; the first folder wins.
-
-    The same merge again copies nothing.
+    """Add the cases of all folders to one, each once; the first folder wins.
 
     Raises
     ------
     StudyError
-        If the folders are of different studies, or of different code of an estimator, or the new
-        one holds something else already.
+        If the folders are of different studies, or the new one holds another one.
     OutputError
         If it cannot be written to.
     """
-    studies = {folder: read_study(folder) for folder in folders}
+    studies = {folder: read_study(folder, whole=True) for folder in folders}
+    make_folder(target)
+    if (target / STUDY).exists():
+        studies = {target: read_study(target, whole=True)} | studies
     content = _together(studies)
-    with writing(target):
-        target.mkdir(parents=True, exist_ok=True)
-    with locked(target / LOCK):
-        if rows.row_files(target):
-            cases, doubles = _as_before(folders, target, content)
-        else:
-            cases, doubles = _made(folders, target, content)
+    write_json(target / STUDY, content)  # before the rows, which without it are of no study
+    found = 0
+    with Store(target / file_of(), content["axes"]) as store:
+        for folder in folders:
+            _copy_trajectories(folder, target)
+            found += sum(cases for cases in _taken(store, folder))
+        total = store.cases
     makers = dict.fromkeys(study.get("made_with", "unknown versions") for study in studies.values())
-    missing = None if content["cases"] is None else max(0, content["cases"] - cases)
-    return Merged(cases, doubles, missing, tuple(makers))
+    wanted = content.get("asked", {}).get("cases")
+    missing = None if wanted is None else max(0, wanted - total)
+    return Merged(total, max(0, found - total), missing, tuple(makers))
 
 
-def _as_before(
-    folders: Sequence[Path], target: Path, content: Mapping[str, Any]
-) -> tuple[int, int]:
-    """Take what is there for this merge if it is the same, as where its report was stopped."""
-    found = [rows.done(folder) for folder in folders]
-    mine = np.unique(np.concatenate(found))
-    same = np.array_equal(mine, rows.done(target)) and (target / STUDY).exists()
-    if not (same and read_study(target) == content):
-        raise StudyError(f"{target} holds other rows already: choose a new folder with -o")
-    return len(mine), sum(map(len, found)) - len(mine)
+def _taken(store: Store, folder: Path) -> Iterator[int]:
+    """Add the rows of a folder, and yield the numbers of cases in its files."""
+    old = [] if any(folder.glob("*.sqlite")) else rows.row_files(folder)
+    for path in old:
+        every, before = rows.read(path), store.cases
+        while some := [_as_now(row) for row in islice(every, AT_ONCE)]:
+            try:
+                store.add(some)
+            except StudyError:
+                raise
+            except ValueError as error:
+                raise StudyError(f"{path}: {error}") from error
+        yield store.cases - before
+    for path in () if old else row_files(folder):
+        yield store.take(path)
 
 
-def _made(folders: Sequence[Path], target: Path, content: Mapping[str, Any]) -> tuple[int, int]:
-    with new_file(target / SCORES) as part:
-        found = _copy(folders, target, part)
-        # Before the rows, which come all at once: rows without it are of no study.
-        write_sealed(target / STUDY, content)
-    return found
+def _as_now(row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row of 0.1 with what such rows did not say."""
+    failed = row.get("error") is not None
+    return {"base": row.get("scenario"), "method": row.get("estimator"), "failed": failed} | row
 
 
 def _together(studies: Mapping[Path, Mapping[str, Any]]) -> dict[str, Any]:
     """Return what study.json of the whole holds."""
     first, *others = studies
-    content = dict(studies[first]) | {"cases": all_cases(list(studies.values()))}
+    content = {k: v for k, v in studies[first].items() if k not in {"identity", "seal"}}
+    asked = dict(content.pop("asked", {}) or _asked(content))
     for folder in others:
         study = studies[folder]
-        if study["identity"] != content["identity"]:
+        if _identity(study) != _identity(content):
             raise StudyError(
                 f"{folder} and {first} are of different studies: {study['name']} over "
                 f"{study['axes']}, and {content['name']} over {content['axes']}, or "
                 "of other scenarios. Merge what was run from one file"
             )
         _check_code(first, content, folder, study)
+        its = study.get("asked") or _asked(study)
+        if its != asked:
+            asked = {
+                k: list(dict.fromkeys([*v, *its[k]])) for k, v in asked.items() if k != "cases"
+            }
+            asked["cases"] = _all_cases(content, asked)
         for key in ("estimators", "seeds"):
             content[key] = list(dict.fromkeys([*content[key], *study[key]]))
         content["code"] = content.get("code", {}) | study.get("code", {})
-    return content
+    return content | {"asked": asked}
+
+
+def _asked(study: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was asked for in a folder of 0.1: all that it has."""
+    found = {key: study.get(key, []) for key in ("estimators", "seeds")}
+    hashes = [entry["hash"] for entry in study["scenarios"]]
+    return found | {"scenarios": hashes, "cases": study.get("cases")}
+
+
+def _all_cases(study: Mapping[str, Any], asked: Mapping[str, Any]) -> int | None:
+    """Return how many cases there are of all that was asked, where nothing is swept."""
+    if study["axes"]:  # which estimator was run at which points is not told
+        return None
+    return len(asked["scenarios"]) * len(asked["estimators"]) * len(asked["seeds"])
+
+
+def _identity(study: Mapping[str, Any]) -> Any:
+    """Return what is alike in the shares of one study."""
+    hashes = sorted(entry["hash"] for entry in study["scenarios"])
+    return hashes, sorted(study["axes"]), study.get("streams", "own") if study["axes"] else None
 
 
 def _check_code(
@@ -122,23 +151,10 @@ def _check_code(
             )
 
 
-def _copy(folders: Sequence[Path], target: Path, journal: Path) -> tuple[int, int]:
-    seen: set[int] = set()
-    doubles = 0
-    for folder in folders:  # before the rows that they go with
-        for source in [*(folder / TRAJECTORIES).glob("[!.]*.nc"), *trace_files(folder)]:
-            place = target / source.parent.name / source.name
-            with writing(place):
-                place.parent.mkdir(exist_ok=True)
-                with atomic(place) as part:
-                    shutil.copyfile(source, part)
-    with journal.open("wb") as file:
-        for path in (path for folder in folders for path in rows.row_files(folder)):
-            for block in rows.blocks(path):
-                doubles += block.case in seen
-                if block.case not in seen:
-                    file.writelines(block.lines)
-                    seen.add(block.case)
-        file.flush()
-        os.fsync(file.fileno())
-    return len(seen), doubles
+def _copy_trajectories(folder: Path, target: Path) -> None:
+    for source in (folder / TRAJECTORIES).glob("[!.]*.nc"):
+        place = target / TRAJECTORIES / source.name
+        with writing(place):
+            place.parent.mkdir(exist_ok=True)
+            with atomic(place) as part:
+                shutil.copyfile(source, part)

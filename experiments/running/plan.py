@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
+from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import check_made
 from flexaxis.experiments.running.axes import applies, in_words, is_option
-from flexaxis.experiments.running.case import MAKING, case_id
+from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.study import Point, Study
 from flexaxis.experiments.running.units import Entry, Unit, Variant, varied
-from flexaxis.experiments.scoring.spending import spent
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
@@ -88,6 +88,11 @@ class Plan:
                     if number % shares == mine - 1:
                         yield from _missing(Unit(variants, some, self.repeat), done)
                     number += 1
+
+    @property
+    def codes(self) -> dict[str, str | None]:
+        """The estimators, at each setting, with the digests of their code."""
+        return {entry.text: entry.code for v in self.variants for entry in v.entries}
 
     def work(self, done: NDArray[np.uint64] | None = None) -> Work:
         """Return how much there is to do."""
@@ -217,6 +222,7 @@ class _Problems:
 def _entries(study: Study, problems: _Problems, run_code: bool) -> dict[str, dict[str, Entry]]:
     """Return for each point of the scenario axes the estimators, by their text."""
     options = [key for key in study.axes if is_option(key, study.estimators)]
+    codes = {method: digest(method) for method in study.estimators}
     found: dict[str, dict[str, Entry]] = {}
     for point in study.points:
         # Points are told apart as text, for a value may be an array.
@@ -226,7 +232,7 @@ def _entries(study: Study, problems: _Problems, run_code: bool) -> dict[str, dic
         for method in study.estimators:
             axes = {key: point[key] for key in options if applies(key, method)}
             try:
-                entry = Entry(method, _text(method, axes, run_code), axes)
+                entry = Entry(method, _text(method, axes, run_code), axes, codes[method])
             except EstimatorError as error:
                 problems.add(error, in_words(axes))
             else:
@@ -257,8 +263,7 @@ def _try_estimators(
         if names_code(text) and not run_code:
             continue
         try:
-            with spent(MAKING):
-                check_made(specs.parse(text), base)
+            check_made(specs.parse(text), base)
         except EstimatorError as error:
             problems.add(error, in_words(entry.axes))
 

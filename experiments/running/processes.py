@@ -16,7 +16,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from flexaxis.experiments.building.inherited import STOP
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.interrupts import threads_left
 from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
@@ -38,15 +37,15 @@ def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
         raise FlexaxisError(f"{what} {str(jobs)[:40]}: give at most {MOST} processes")
 
 
-def _start_worker() -> None:
+def _start_worker(stop: Any) -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     forget_safe_path()
     without_its_style()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for kind in (signal.SIGINT, signal.SIGTERM):  # a queue of jobs sends that to all
+        signal.signal(kind, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it
-    stopping.begin()
-    stopping.heed()
+    stopping.begin(stop)
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
@@ -64,8 +63,23 @@ def _end_with(sentinel: int) -> None:
     os._exit(1)
 
 
+class Pool(ProcessPoolExecutor):
+    """Processes that can be asked to end what they are doing, and give back what is done."""
+
+    def __init__(self, jobs: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._stop = context.Event()
+        super().__init__(
+            jobs, mp_context=context, initializer=_start_worker, initargs=(self._stop,)
+        )
+
+    def ask(self) -> None:
+        """Ask them."""
+        self._stop.set()
+
+
 @contextmanager
-def process_pool(jobs: int) -> Iterator[Executor]:
+def process_pool(jobs: int) -> Iterator[Pool]:
     """Give a pool of processes with one BLAS thread each, which end with this process.
 
     They are killed where the block is left by an error or by Ctrl-C.
@@ -74,11 +88,7 @@ def process_pool(jobs: int) -> Iterator[Executor]:
     before = {key: os.environ.get(key) for key in single}
     os.environ.update(single)  # read by the children when they import NumPy
     with safe_path():  # its locks have a process of their own
-        pool = ProcessPoolExecutor(
-            jobs,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-        )
+        pool = Pool(jobs)
     try:
         yield pool
     except BaseException:  # nobody waits for what they do any more
@@ -107,7 +117,7 @@ class Workers:
 
     def __init__(self, jobs: int) -> None:
         self._jobs, self._stack = jobs, ExitStack()
-        self._pool: Executor | None = None
+        self._pool: Pool | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -116,7 +126,7 @@ class Workers:
         self._end(lost=kind is not None)
 
     @contextmanager
-    def lent(self) -> Iterator[Executor]:
+    def lent(self) -> Iterator[Pool]:
         """Give the pool as `process_pool` does, but for its end."""
         if self._pool is None:
             self._pool = self._stack.enter_context(process_pool(self._jobs))
@@ -133,14 +143,6 @@ class Workers:
         if pool is not None and lost:  # nobody waits for what they do any more
             kill(pool)
         self._stack.close()
-
-
-def stop(pool: Executor) -> None:
-    """Tell the processes of a pool to stop what they are doing, and give back what is done."""
-    for process in _workers(pool):
-        if STOP is not None and process.pid is not None:
-            with suppress(ProcessLookupError):
-                os.kill(process.pid, STOP)
 
 
 def kill(pool: Executor) -> None:

@@ -6,11 +6,9 @@ A run is a study without axes: its points are one, at which nothing is changed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import sha256
 from typing import Any
 
 from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import dumps
 from flexaxis.sim.scenario import Scenario
 
 Point = dict[str, Any]
@@ -66,14 +64,3 @@ class Study:
                 f"{self.name}: two scenarios have the name {min(doubles)!r}, under which their "
                 "results would be mixed: give each a `name` of its own"
             )
-
-    @property
-    def identity(self) -> str:
-        """What a folder holds rows of: the same scenarios and the same axes.
-
-        Values on the axes, estimators and seeds may be added later.
-        """
-        content: list[Any] = [sorted(s.hash for s in self.scenarios), sorted(self.axes)]
-        if self.axes and self.streams == "common":  # folders from before there was a choice: own
-            content.append(self.streams)
-        return sha256(dumps(content).encode()).hexdigest()

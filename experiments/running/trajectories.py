@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.estimate import estimates_file
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.running.names import TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan
+from flexaxis.experiments.running.store import row_files, rows_in
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Kept, run_unit
 
@@ -65,8 +65,8 @@ class _Ranked:
 def _worst(folder: Path, plan: Plan) -> dict[tuple[int, str], _Ranked]:
     numbers = {variant.hash: number for number, variant in enumerate(plan.variants)}
     found: dict[tuple[int, str], _Ranked] = {}
-    for path in rows.row_files(folder):
-        for row in rows.read(path):
+    for path in row_files(folder):
+        for row in rows_in(path):
             if row["hash"] in numbers and row["error"] is None:
                 key = numbers[row["hash"]], row["estimator"]
                 ranked = _Ranked(_badness(row), row["case"], row["seed"])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from flexaxis.sim.errors import ScenarioError
@@ -22,11 +22,14 @@ class Entry:
         With the options set.
     axes : dict
         The options, by their swept keys.
+    code : str, optional
+        Digest of the code of a user, as it was when this was planned.
     """
 
     method: str
     text: str
     axes: Mapping[str, Any]
+    code: str | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,13 @@ class Unit:
     variants: tuple[Variant, ...]
     seeds: tuple[int, ...]
     repeat: int = 0
+
+    def apart(self) -> Iterator[Unit]:
+        """Yield the same case by case."""
+        for variant in self.variants:
+            for entry in variant.entries:
+                for seed in self.seeds:
+                    yield Unit((replace(variant, entries=(entry,)),), (seed,), self.repeat)
 
     @property
     def cases(self) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,10 +10,12 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.axes import applies
+from flexaxis.experiments.running.columns import flat, nested
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.rows import Block, blocks, parsed, row_files
+from flexaxis.experiments.running.store import cases_of, row_files, rows_of
 from flexaxis.experiments.running.units import Entry, Unit, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.sim.errors import ScenarioError
@@ -75,7 +76,7 @@ def verify(
     CodeRefused
         If a row names code that may not be run; then nothing is.
     """
-    content = read_study(folder)
+    content = read_study(folder, whole=True)
     bases = [
         stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
     ]
@@ -88,14 +89,14 @@ def verify(
 
 def _sample(folder: Path, sample: int, random: Random) -> list[list[dict[str, Any]]]:
     """Return that many cases, each as likely as any other (Vitter 1985, algorithm R)."""
-    chosen: list[tuple[Path, Block]] = []
-    found = ((path, block) for path in row_files(folder) for block in blocks(path))
+    chosen: list[tuple[Path, Any]] = []
+    found = ((path, case) for path in row_files(folder) for case in cases_of(path))
     for number, each in enumerate(found):
         if number < sample:
             chosen.append(each)
         elif (place := random.randrange(number + 1)) < sample:
             chosen[place] = each
-    return [list(parsed(*each)) for each in chosen]
+    return [rows_of(*each) for each in chosen]
 
 
 def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
@@ -119,14 +120,14 @@ def _again(rows: list[dict[str, Any]], bases: Sequence[Scenario]) -> Repeated:
 
 def _run(row: Mapping[str, Any], bases: Sequence[Scenario]) -> list[dict[str, Any]]:
     axes = {key: value for key, value in row["axes"].items() if not applies(key, row["method"])}
-    entry = Entry(row["method"], row["estimator"], {})
+    entry = Entry(row["method"], row["estimator"], {}, digest(row["estimator"]))
     variant = find_point(bases, axes, row["hash"])
     if variant is None:
         raise ScenarioError(
             f"no scenario of the study gives the hash {row['hash'][:12]} of this row"
         )
     made = run_unit(Unit((replace(variant, entries=(entry,)),), (row["seed"],)))
-    return [json.loads(line) for line in made.lines.splitlines()]
+    return [nested(flat(row)) for row in made.rows]
 
 
 def differences(row: Any, other: Any, *, exact: bool, key: str = "") -> Iterator[str]:

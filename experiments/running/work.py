@@ -1,11 +1,11 @@
-"""What a worker does: simulate some seeds, run estimators on them, give back rows as text."""
+"""What a worker does: simulate some seeds, run estimators on them, give back rows."""
 
 from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -16,19 +16,18 @@ from threadpoolctl import threadpool_limits
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building import specs
-from flexaxis.experiments.building.code import digest, own_digest
-from flexaxis.experiments.building.guest import Remark, limited, noted
-from flexaxis.experiments.running.batches import has_batch, run_batch
+from flexaxis.experiments.building.code import own_digest
+from flexaxis.experiments.building.crashes import is_its_own
+from flexaxis.experiments.building.guest import Remark, is_guest, limited, noted
 from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
-from flexaxis.experiments.running.case import case_id, run_case, warm
-from flexaxis.experiments.running.compiling import COMPILING, compiled_apart
-from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.stopping import check, stoppable
-from flexaxis.experiments.running.together import Together, ran_together
+from flexaxis.experiments.running.case import identity_of, run_case, warm
+from flexaxis.experiments.running.errors import NotRun
+from flexaxis.experiments.running.stopping import asked
 from flexaxis.experiments.running.traces import Trace
 from flexaxis.experiments.running.units import Entry, Unit, Variant
+from flexaxis.experiments.scoring.case import failed_track
 from flexaxis.experiments.scoring.pooling import Case
-from flexaxis.experiments.scoring.spending import ledger, spent
+from flexaxis.experiments.scoring.table import rows as score_rows
 from flexaxis.experiments.scoring.table import undefined
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
@@ -36,7 +35,6 @@ from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import versions
 
 Row = dict[str, Any]
-ROWS = "rows as text"  # the account of what they take
 
 
 @dataclass(frozen=True)
@@ -58,59 +56,59 @@ class Outcome:
 
     Attributes
     ----------
-    lines : bytes
-        Rows of all its cases, as they go to the file.
+    rows : tuple of dict
+        Of all its cases, those of one behind each other.
     cases, failed : int
         How many, and how many of them could not be run.
     kept : tuple of Kept
         Estimates, where they were asked for.
-    traces : tuple of Trace
-        What trajectories are drawn from, where it was asked for.
+    traces : tuple of (dict, bytes)
+        What trajectories are drawn from, where it was asked for, with a row of each case.
     simulated : int
         Records that were not in the cache.
     simulating, estimating : float
         Time taken [s].
+    missing : tuple of str
+        Why cases were not run, for no fault of their estimators: no memory, a full disk, a package
+        that is not there.
     remarks : tuple of Remark
         What is to be known of users' code.
-    spent : mapping of str to float
-        Processor time by account [s].
     """
 
-    lines: bytes
+    rows: tuple[Row, ...]
     cases: int
     failed: int
     kept: tuple[Kept, ...] = ()
-    traces: tuple[Trace, ...] = ()
+    traces: tuple[tuple[Row, bytes], ...] = ()
     simulated: int = 0
     simulating: float = 0.0
     estimating: float = 0.0
+    missing: tuple[str, ...] = ()
     remarks: tuple[Remark, ...] = ()
-    spent: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass
 class _Done:
     """The cases of a unit, as they come: of each its rows, and what goes with them."""
 
-    cases: list[tuple[list[Row], Kept | None, Trace | None]] = field(default_factory=list)
+    cases: list[tuple[list[Row], Kept | None, bytes | None]] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
     simulated: int = 0
     simulating: float = 0.0
     estimating: float = 0.0
 
     def outcome(self, remarks: Sequence[Remark]) -> Outcome:
         """Return what became of the unit, as far as it has come."""
-        rows = [rows for rows, _, _ in self.cases]
-        with spent(ROWS):
-            lines = "".join(dumps(row) + "\n" for case in rows for row in case).encode()
         return Outcome(
-            lines=lines,
-            cases=len(rows),
-            failed=sum(case[0]["error"] is not None for case in rows),
+            rows=tuple(row for rows, _, _ in self.cases for row in rows),
+            cases=len(self.cases),
+            failed=sum(rows[0]["error"] is not None for rows, _, _ in self.cases),
             kept=tuple(kept for _, kept, _ in self.cases if kept is not None),
-            traces=tuple(trace for _, _, trace in self.cases if trace is not None),
+            traces=tuple((rows[0], trace) for rows, _, trace in self.cases if trace is not None),
             simulated=self.simulated,
             simulating=self.simulating,
             estimating=self.estimating,
+            missing=tuple(self.missing),
             remarks=tuple(remarks),
         )
 
@@ -124,8 +122,8 @@ def run_unit(
 ) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
 
-    Where the work is stopped (`flexaxis.experiments.running.stopping`), the outcome has the cases
-    that were done by then.
+    Where it is asked to end (`flexaxis.experiments.running.stopping`), the outcome has the cases
+    that were done by then; what is missing besides it says in `missing`.
 
     Parameters
     ----------
@@ -141,12 +139,10 @@ def run_unit(
     """
     # One thread: wherever it is run, to the last bit the same.
     done = _Done()
-    with ledger() as seconds, threadpool_limits(1), limited(time_limit), noted() as remarks:
-        with stoppable(), kept_runs(store), compiled_apart():
-            check()
+    with threadpool_limits(1), limited(time_limit), noted() as remarks:
+        with kept_runs(store):
             _run(done, unit, store, whole, traced)
-        found = done.outcome(remarks)
-    return replace(found, spent=dict(seconds))
+        return done.outcome(remarks)
 
 
 def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced: bool) -> None:
@@ -158,14 +154,32 @@ def _run(done: _Done, unit: Unit, store: RecordCache | None, whole: bool, traced
         scenario = variant.scenario()
         for seed, text in failed.items():
             for entry in variant.entries:
-                done.cases.append((_failure(variant, entry, seed, text, scenario.name), None, None))
-        together = ran_together(scenario, [entry.text for entry in variant.entries], found)
-        check()
+                done.cases.append((_failure(variant, entry, scenario, seed, text), None, None))
         for entry in variant.entries:
-            for rows, case in _cases(variant, scenario, entry, found, together):
+            for rows, case in _cases(variant, scenario, entry, found, done.missing):
                 done.cases.append(_with_what_goes(rows, case, whole=whole, traced=traced))
-                check()
+                if asked():
+                    break
     done.estimating = time.perf_counter() - between
+
+
+def died(unit: Unit) -> Outcome:
+    """Return what became of a case whose process died twice, the second time alone.
+
+    Raises
+    ------
+    NotRun
+        If it is of no code of a user: then the system has ended it, as where memory runs out.
+    """
+    (variant,), (seed,) = unit.variants, unit.seeds
+    (entry,), scenario = variant.entries, variant.scenario()
+    what = "its process died: its code ended it, memory ran out, or it was killed"
+    if not is_guest(entry.text):
+        raise NotRun(f"{unit}: {what}")
+    text = f"EstimatorCrash: {entry.text} crashed on {scenario.name}, seed {seed}: {what}"
+    (record,), _, _ = _records(unit, [seed], None)
+    rows = _failure(variant, entry, scenario, seed, text, record)
+    return Outcome(tuple(rows), cases=1, failed=1)
 
 
 def _records(
@@ -196,32 +210,34 @@ def _cases(
     scenario: Scenario,
     entry: Entry,
     found: Sequence[Record],
-    together: Together,
+    missing: list[str],
 ) -> Iterator[tuple[list[Row], Case | None]]:
-    """Yield the rows of each record, and what was scored; None for what could not be run."""
-    spec, problem, batch = None, None, None
+    """Yield the rows of each record, and what was scored; None for what could not be run.
+
+    Of what is for no fault of the estimator there is nothing; `missing` gets the reason.
+    """
+    spec, problem = None, None
     try:
         spec = specs.parse(entry.text)
-        whole = found and all(record.valid is None for record in found)
-        if whole and has_batch(spec, scenario):
-            batch = run_batch(scenario, found, spec)
-        else:
-            with spent(COMPILING):
-                warm(spec, scenario)
+        warm(spec, scenario)
     except EstimatorError as error:
         problem = error
     columns = _columns(variant, entry)
-    for place, record in enumerate(found):
-        ran = together.get((entry.text, place)) if batch is None else batch[place]
+    for record in found:
+        if asked():
+            return
         failure, case = problem, None
         if spec is not None and failure is None:
             try:
-                case = run_case(scenario, record, spec, whole=True, ran=ran)
+                case = run_case(scenario, record, spec, whole=True)
             except EstimatorError as error:
                 failure = error
+        if failure is not None and not is_its_own(failure):
+            missing.append(str(failure))
+            continue
         if case is None:
             text = f"{type(failure).__name__}: {failure}"
-            yield _failure(variant, entry, record.seed or 0, text, scenario.name), None
+            yield _failure(variant, entry, scenario, record.seed or 0, text, record), None
             continue
         more = columns | {"rows": len(case.rows), "error": None}
         yield [row | more | {"cost": row["cost"] | {"versions": made_with()}}
@@ -230,7 +246,7 @@ def _cases(
 
 def _with_what_goes(
     rows: list[Row], case: Case | None, *, whole: bool, traced: bool
-) -> tuple[list[Row], Kept | None, Trace | None]:
+) -> tuple[list[Row], Kept | None, bytes | None]:
     if case is None:
         return rows, None, None
     first, kept, trace = rows[0], None, None
@@ -238,24 +254,27 @@ def _with_what_goes(
         period = first["seconds"] / len(case.theta)
         kept = Kept(first["case"], case.estimator, first["hash"], case.seed, period, case.names,
                     case.theta)  # fmt: skip
-    if traced:
-        trace = Trace(first["case"], first["hash"], case.estimator, case.names, case.curve,
-                      case.relative, case.detail)  # fmt: skip
+    if traced and case.detail is not None:
+        trace = Trace(case.estimator, case.names, case.curve, case.relative, case.detail).packed()
     return rows, kept, trace
 
 
-def _failure(variant: Variant, entry: Entry, seed: int, problem: str, name: str) -> list[Row]:
-    identity = {
-        "case": case_id(variant.hash, entry.text, seed),
-        "hash": variant.hash,
-        "scenario": name,
-        "estimator": entry.text,
-        "seed": seed,
-    }
+def _failure(  # noqa: PLR0917
+    variant: Variant, entry: Entry, scenario: Scenario, seed: int, problem: str,
+    record: Record | None = None,
+) -> list[Row]:  # fmt: skip
+    """Return the rows of a case that failed: of a run lost at its first sample.
+
+    Without a record nobody could have run: then there is one row, in which every score is null.
+    """
+    identity = identity_of(scenario, entry.text, seed)
     cost = {"us_per_sample": None, "seconds": None, "host": None, "versions": made_with()}
-    more = _columns(variant, entry) | {"rows": 1, "error": problem}
-    # A case that fails has one row, in which every score is null.
-    return [identity | undefined() | {"cost": cost} | more]
+    found = [undefined()]
+    if record is not None and record.true_parameters is not None:
+        lost = failed_track(scenario.drawn(seed), record.true_parameters, record.torque)
+        found = score_rows(lost) or found
+    more = {"cost": cost} | _columns(variant, entry) | {"rows": len(found), "error": problem}
+    return [identity | row | more for row in found]
 
 
 def _columns(variant: Variant, entry: Entry) -> Row:
@@ -265,7 +284,7 @@ def _columns(variant: Variant, entry: Entry) -> Row:
         "method": entry.method,
         "axes": dict(variant.axes) | dict(entry.axes),
         "seconds": variant.duration,
-        "code": digest(entry.text),
+        "code": entry.code,
     }
 
 

@@ -1,5 +1,5 @@
 """
-What theory allows: Cramér–Rao after a jump, the theory of tracking, a posterior bound.
+What theory allows: Cramér–Rao after a jump.
 
 docs/scores.md has the formulas with their sources. All of them take the gradient ψ of the predictor
 along the true parameters, and a white output noise of variance σ².
@@ -116,85 +116,3 @@ def noise_variance(scenario: Scenario) -> float:
     counts = scenario.encoder.counts
     step = 2 * np.pi / counts if counts else 0.0
     return 2 * (scenario.noise.angle**2 + step**2 / 12) / scenario.period**2
-
-
-def tracking_covariance(
-    Q: ArrayLike, variance: float, *, forgetting: float, walk: ArrayLike
-) -> Array:
-    """
-    Return the covariance Π (p, p) of θ̂ − θ with forgetting, for θ a random walk.
-
-    Π = ½ [ν σ² Q⁻¹ + W/ν], ν = 1−λ: noise let in, and change not followed. For slow adaptation.
-
-    Parameters
-    ----------
-    Q : (p, p) array_like
-        E ψψᵀ.
-    variance : float
-        σ².
-    forgetting : float
-        λ.
-    walk : (p, p) array_like
-        W, covariance that θ gains in a sample.
-    """
-    nu = 1 - forgetting
-    return (nu * variance * np.linalg.inv(np.asarray(Q, float)) + np.asarray(walk) / nu) / 2
-
-
-def drift_tracking_variance(
-    Q: ArrayLike, variance: float, *, P: ArrayLike, walk: ArrayLike
-) -> Array:
-    """
-    Return the variances Π_ii (p,) with covariance modification: σ² P_ii/2 + W_ii/(2 P_ii Q_ii).
-
-    Parameters
-    ----------
-    Q, variance, walk
-        As for `tracking_covariance`.
-    P : (p, p) array_like
-        Steady state, as from `flexaxis.estimators.offline.adaptation.steady_P`.
-    """
-    P_ii, Q_ii = np.diag(np.asarray(P)), np.diag(np.asarray(Q))
-    return variance * P_ii / 2 + np.diag(np.asarray(walk)) / (2 * P_ii * Q_ii)
-
-
-def posterior_bound(psi: ArrayLike, variance: float, *, walk: ArrayLike, start: ArrayLike) -> Array:
-    """
-    Return the bound (N, p, p) on the covariance of any estimate of a random walk.
-
-    J ← (W + J⁻¹)⁻¹ + ψψᵀ/σ², and J⁻¹ is the bound.
-
-    Parameters
-    ----------
-    psi : (N, p) array_like
-        Gradient along the true path.
-    variance : float
-        σ².
-    walk : (p, p) array_like
-        W.
-    start : (p, p) array_like
-        Covariance before the first sample.
-    """
-    J, W = np.linalg.inv(np.asarray(start, float)), np.asarray(walk, float)
-    bounds = np.empty((len(np.asarray(psi)), *W.shape))
-    for k, row in enumerate(np.asarray(psi, float)):
-        J = np.linalg.inv(W + np.linalg.inv(J)) + np.outer(row, row) / variance
-        bounds[k] = np.linalg.inv(J)
-    return bounds
-
-
-def validity(time_constants: ArrayLike, poles: ArrayLike, *, period: float) -> float:
-    """
-    Return how much slower the adaptation is than the memory of the plant; below 1, mistrust.
-
-    min τ_i T · min |Re pole|: the theory takes the gradient for that of constant parameters.
-
-    Parameters
-    ----------
-    time_constants : (p,) array_like
-        τ_i of the estimates [samples].
-    poles : (n,) array_like
-        Poles of the plant [1/s]; one at the origin is left out.
-    """
-    damping = np.abs(np.real(np.asarray(poles)))
-    return float(np.min(time_constants) * period * damping[damping > 1e-9].min())

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring.theta import (
+    known_names,
     nominal_theta,
     physical,
     started_theta,
@@ -54,6 +55,8 @@ class Track:
         y − ŷ before y was used, and the variance that the estimator claims of it.
     findings : sequence, optional
         Each with ``alarm`` (sample) and ``parameters`` (names).
+    failed : bool
+        Whether the estimator raised something, or its process died: then it has no estimates.
     memo : dict
         What several scores are made of, computed once.
     """
@@ -66,6 +69,7 @@ class Track:
     claimed: Any = None
     innovations: Array | None = None
     findings: Sequence[Any] | None = None
+    failed: bool = False
     memo: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @cached_property
@@ -173,6 +177,23 @@ class Track:
             if w.stop - w.start > length
         ]
         return np.concatenate(parts) if parts else np.empty(0)
+
+
+def failed_track(scenario: Scenario, true_parameters: Array, torque: Array | None = None) -> Track:
+    """Return the track of a case that failed: a run lost at its first sample.
+
+    Nobody knows what it would have estimated; it is lost in each parameter of `identify`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    true_parameters : ndarray (N, P)
+    torque : ndarray (N,), optional
+        Of the record, for the bounds.
+    """
+    names = known_names(scenario, scenario.identify)
+    none = np.full((len(true_parameters), len(names)), np.nan)
+    return Track(scenario, names, none, true_parameters, torque, failed=True)
 
 
 def box(nominal: Array, truth: Array) -> tuple[Array, Array]:

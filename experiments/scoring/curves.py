@@ -63,13 +63,34 @@ def after(scenario: Scenario) -> int:
     return round(AFTER / scenario.period) + 1
 
 
-def detail_of(track: Track) -> Detail:
-    """Return what is kept of a track besides its trajectory."""
+def later(drawn: Scenario, written: Scenario) -> int:
+    """Return by how many samples the first fault of a run is later than it is written."""
+    if not (drawn.events() and written.events()):
+        return 0
+    return drawn.events()[0].index - written.events()[0].index
+
+
+def shifted(values: Array, late: int) -> Array:
+    """Return values (N, …) some samples earlier; those at the ends stay there.
+
+    Examples
+    --------
+    >>> shifted(np.arange(4.0), 1).tolist(), shifted(np.arange(4.0), -1).tolist()
+    ([1.0, 2.0, 3.0, 3.0], [0.0, 0.0, 1.0, 2.0])
+    """
+    if not late:
+        return values
+    return values[np.clip(np.arange(len(values)) + late, 0, len(values) - 1)]
+
+
+def detail_of(track: Track, late: int = 0) -> Detail:
+    """Return what is kept of a track besides its trajectory, as if it were `late` earlier."""
     near = track.theta[near_fault(track.scenario)] / track.nominal
+    innovations = track.innovations
     return Detail(
         near=near.astype(np.float32),
-        residual=_shown(track.innovations),
-        findings=tuple(_told(each, track.scenario.period) for each in track.findings or ()),
+        residual=_shown(None if innovations is None else shifted(innovations, late)),
+        findings=tuple(_told(f, track.scenario.period, late) for f in track.findings or ()),
     )
 
 
@@ -95,12 +116,12 @@ def residual(epsilon: Array) -> Single:
     return np.where(count > 0, found, np.nan).astype(np.float32)
 
 
-def _told(finding: Any, period: float) -> dict[str, Any]:
+def _told(finding: Any, period: float, late: int) -> dict[str, Any]:
     """Return a finding as JSON; one of a user's need have no more than alarm and parameters."""
     ratio = [float(each) for each in getattr(finding, "ratio", None) or ()]
     return {
-        "time": float(finding.alarm * period),
-        "onset": float(getattr(finding, "onset", finding.alarm) * period),
+        "time": float((finding.alarm - late) * period),
+        "onset": float((getattr(finding, "onset", finding.alarm) - late) * period),
         "parameters": [str(name) for name in finding.parameters],
         "ratio": [each if np.isfinite(each) else None for each in ratio],
         "reason": str(getattr(finding, "reason", "") or ""),

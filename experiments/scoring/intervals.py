@@ -1,13 +1,15 @@
 """Intervals over seeds: what each is for, and how often it covers what it is for.
 
-All are at 95 % and None below five values: of fewer nobody can say how far they spread. Runs are
-taken as independent draws, one a seed. `tests/experiments/test_intervals.py` measures the coverage.
+All are at 95 % and None below five seeds: of fewer nobody can say how far they spread. A seed is
+one draw: runs of one seed at several points of a sweep share their noise, and what is pooled over
+them is first put together seed by seed (`by_seed`). `tests/experiments/test_intervals.py` measures
+the coverage.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,80 +52,146 @@ def _hall(t: float, skewness: float, n: int) -> float:
 
 def log_interval(values: ArrayLike) -> Interval | None:
     """Return the interval of the geometric mean of positive values: Student's t on logarithms."""
-    x = np.log(np.maximum(np.asarray(values, float), FLOOR))
+    within = t_interval(np.log(np.maximum(np.asarray(values, float), FLOOR)))
+    return within and [math.exp(end) for end in within]
+
+
+def t_interval(values: ArrayLike) -> Interval | None:
+    """Return the interval of the mean of values (n,) by Student's t."""
+    x = np.asarray(values, float)
     if not _enough(x):
         return None
-    half = 0.0 if _constant(x) else _t(len(x)) * x.std(ddof=1) / math.sqrt(len(x))
-    return [math.exp(x.mean() - half), math.exp(x.mean() + half)]
+    half = 0.0 if _constant(x) else _t(len(x)) * float(x.std(ddof=1)) / math.sqrt(len(x))
+    return [float(x.mean()) - half, float(x.mean()) + half]
 
 
-def stratified_interval(points: Sequence[tuple[ArrayLike, ArrayLike]]) -> Interval | None:
-    """Return the interval of the geometric mean over fixed points: their levels are no draws.
+def by_seed(values: ArrayLike, seeds: ArrayLike, points: ArrayLike) -> Array:
+    """Return what each of m seeds says of the mean of values over fixed points: (m,).
 
-    Each point has a mean of its own, and only what scatters about it says how far the mean over
-    all points might be off. Runs of one seed at several points share their noise, so that a seed
-    counts as one draw (the variance of clusters; W. G. Cochran, *Sampling Techniques*, 3rd ed.,
-    chapters 5 and 9). With the same seeds at all points it is `log_interval` of the mean over
-    points, seed by seed.
+    Their mean is that of the values, and their scatter that of it: of a seed with the deviations
+    d_i = x_i − x̄ of its point, x̄ + m/n Σ d_i, the variance of clusters (W. G. Cochran, *Sampling
+    Techniques*, 3rd ed., chapters 5 and 9). The levels of points are no draws. With the same seeds
+    at all points it is the mean over points, seed by seed. Where a point has a single run, the
+    points are draws themselves.
 
     Parameters
     ----------
-    points : sequence of (array_like (n,), array_like (n,))
-        Positive values and seeds of the runs at each point, two or more at each.
-
-    Returns
-    -------
-    list of float or None
-        None with fewer than five seeds.
+    values, seeds, points : (n,) array_like
+        Of the runs; points by any number that tells them apart.
     """
-    logs = [np.log(np.maximum(np.asarray(values, float), FLOOR)) for values, _ in points]
-    seeds = np.concatenate([np.asarray(each) for _, each in points])
-    apart = np.concatenate([x - x.mean() for x in logs])
-    known, place = np.unique(seeds, return_inverse=True)
-    n = len(known)
-    if n < LEAST or not np.isfinite(apart).all():
-        return None
-    sums = np.bincount(place, weights=apart) / len(apart)
-    half = _t(n) * math.sqrt(float(sums @ sums) * n / (n - 1))
-    centre = float(np.concatenate(logs).mean())
-    return [math.exp(centre - half), math.exp(centre + half)]
+    x = np.asarray(values, float)
+    seed, m = _numbered(seeds)
+    point, runs = _fixed(points)
+    if m == len(x) and len(runs) < 2:
+        return x
+    apart = x - (np.bincount(point, weights=x) / runs)[point]
+    apart *= np.sqrt(runs / (runs - 1) * (m - 1) / m)[point]
+    return np.asarray(x.mean() + m / len(x) * np.bincount(seed, weights=apart))
 
 
-def median_interval(values: ArrayLike) -> list[float | None] | None:
-    """Return the interval of the median by order statistics; an end at infinity is None."""
+def _fixed(points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the number of the point of each run, and the runs at each; all one with one run."""
+    point, _ = _numbered(points)
+    runs = np.bincount(point)
+    if runs.size and runs.min() < 2:
+        return np.zeros_like(point), np.array([len(point)])
+    return point, runs
+
+
+def _numbered(labels: ArrayLike) -> tuple[NDArray[np.intp], int]:
+    known, place = np.unique(np.asarray(labels), return_inverse=True)
+    return place, len(known)
+
+
+def median_interval(
+    values: ArrayLike, seeds: ArrayLike | None = None, points: ArrayLike | None = None
+) -> list[float | None] | None:
+    """Return the interval of the median by order statistics; an end at infinity is None.
+
+    Where seeds come more than once, of as many independent values as would leave the share of
+    those below the median as uncertain as it is (L. Kish, *Survey Sampling*, 1965, section 8.2).
+
+    Parameters
+    ----------
+    values : (n,) array_like
+    seeds, points : (n,) array_like, optional
+        As for `by_seed`; without, each value is of a seed of its own.
+    """
     x = np.sort(np.asarray(values, float))
-    rank = int(binom.ppf(MISS / 2, len(x), 0.5)) if len(x) >= LEAST else 0
-    if len(x) < LEAST or rank < 1:  # six values are the fewest that hold the median so surely
+    n = m = len(x)
+    if seeds is not None and points is not None and (m := _numbered(seeds)[1]) < n:
+        middle, each = x[[(n - 1) // 2, n // 2]], np.asarray(values, float)
+        below = ((each <= middle[0]) * 1.0 - (each >= middle[1])) / 2
+        variance = float(by_seed(below, seeds, points).var(ddof=1)) / m if m > 1 else 0.0
+        m = int(np.clip(0.25 / variance, m, n)) if variance > 0 else n
+    if m < LEAST:
         return None
-    return [float(v) if np.isfinite(v) else None for v in (x[rank - 1], x[len(x) - rank])]
+    rank = int(binom.ppf(MISS / 2, m, 0.5)) * n // m
+    if rank < 1:  # six values are the fewest that hold the median so surely
+        return None
+    return [float(v) if np.isfinite(v) else None for v in (x[rank - 1], x[n - rank])]
 
 
-def spread_interval(std: ArrayLike, bias: ArrayLike) -> Interval | None:
-    """Return the interval of the standard deviation over time and seeds, as `pools.spread` has it.
+def spread_interval(
+    std: ArrayLike,
+    bias: ArrayLike,
+    seeds: ArrayLike | None = None,
+    points: ArrayLike | None = None,
+) -> Interval | None:
+    """Return the interval of the standard deviation over time and runs, as `pools.spread` has it.
 
-    The variance is that within the runs plus that of their means. The first has the interval of
-    the mean of lognormal values (Cox's), the second that of a normal variance (χ², n−1 degrees of
-    freedom), and the sum theirs, put together by recovery of variances (G. Y. Zou and
-    A. Donner, Stat. Methods Med. Res. 17, 2008, 1–10).
+    The variance is that within the runs, that of their means about those of their points, and that
+    of these. The first has the interval of the mean of lognormal values (Cox's), the second that
+    of a normal variance (χ², with the degrees of freedom of `_freedom`), the third a normal one;
+    and the sum theirs, put together by recovery of variances (G. Y. Zou and A. Donner, Stat.
+    Methods Med. Res. 17, 2008, 1–10).
 
     Parameters
     ----------
     std, bias : (n,) array_like
         Root mean square about zero, and mean, of each run.
+    seeds, points : (n,) array_like, optional
+        As for `by_seed`; without, each run is of a seed of its own.
     """
     rms, mean = np.asarray(std, float), np.asarray(bias, float)
-    if not (_enough(rms) and np.isfinite(mean).all()):
+    seed, m = _numbered(np.arange(len(rms)) if seeds is None else seeds)
+    point, runs = _fixed(np.zeros(len(rms)) if points is None else points)
+    if not (m >= LEAST and np.isfinite(rms).all() and np.isfinite(mean).all()):
         return None
-    n = len(rms)
-    within = np.maximum(rms**2 - mean**2, 0.0)
-    between = float(mean.var(ddof=1)) if not _constant(mean) else 0.0
+    level = (np.bincount(point, weights=mean) / runs)[point]
+    within = by_seed(np.maximum(rms**2 - mean**2, 0.0), seed, point)
+    apart = mean - level if not _constant(mean) else np.zeros_like(mean)
+    between = float(np.mean(apart**2 * (runs / (runs - 1))[point]))
+    freedom = _freedom(apart, seed, point)
     low_w, high_w = _cox(within)
-    low_b, high_b = (between * (n - 1) / float(chdtri(n - 1, q)) for q in (MISS / 2, 1 - MISS / 2))
+    low_b, high_b = (
+        between * freedom / float(chdtri(freedom, q)) for q in (MISS / 2, 1 - MISS / 2)
+    )
+    levels = float(np.mean((level - mean.mean()) ** 2))
+    moved = by_seed(2 * (level - mean.mean()) * apart, seed, point)
+    half = 0.0 if _constant(moved) else _t(m) * float(moved.std(ddof=1)) / math.sqrt(m)
     centre_w = float(within.mean())
-    total = centre_w + between
-    low = total - math.hypot(centre_w - low_w, between - low_b)
-    high = total + math.hypot(high_w - centre_w, high_b - between)
+    total = centre_w + between + levels
+    low = total - math.hypot(centre_w - low_w, between - low_b, half)
+    high = total + math.hypot(high_w - centre_w, high_b - between, half)
     return [math.sqrt(max(0.0, low)), math.sqrt(high)]
+
+
+def _freedom(apart: Array, seed: NDArray[np.intp], point: NDArray[np.intp]) -> float:
+    """Return the degrees of freedom of the mean square of what runs differ from their points by.
+
+    Satterthwaite's, (m − 1)(tr C)²/tr C² of the covariance C of the points over m seeds: m − 1
+    where all points share their noise, as many times more as there are points where they do not.
+    tr C² is less by what chance adds to it.
+    """
+    table = np.zeros((seed.max() + 1, point.max() + 1))
+    table[seed, point] = apart
+    C = table.T @ table
+    m, whole, square = len(table), float(np.trace(C)) ** 2, float((C * C).sum())
+    if square == 0 or len(C) == 1:
+        return m - 1
+    square -= (whole - square) / (m - 1)
+    return min((m - 1) * whole / max(square, whole / len(C)), len(apart) - len(C))
 
 
 def _cox(values: Array) -> tuple[float, float]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring.bounds import jump_bound, lag_bound, noise_variance
 from flexaxis.experiments.scoring.case import finite
 from flexaxis.experiments.scoring.described import describes, tracked, with_structure
-from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.scoring.theta import physical, started_theta, theta_over_time
 from flexaxis.experiments.scoring.windows import Window, windows
 from flexaxis.sim.faults import Step
@@ -21,7 +20,6 @@ from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
 
-BOUNDS = "bounds"  # the account of what they take
 RMSE_AT = (20, 50, 100, 200, 400, 1000)  # samples after onset
 
 
@@ -87,8 +85,7 @@ class _Record:
 
 @lru_cache(maxsize=64)
 def _remembered(record: _Record) -> list[Limits]:
-    with spent(BOUNDS):
-        return limits(record.scenario, record.scenario.identify, record.torque)
+    return limits(record.scenario, record.scenario.identify, record.torque)
 
 
 def record_limits(scenario: Scenario, torque: Array) -> list[Limits]:
@@ -112,9 +109,8 @@ def _with_structure(record: _Record, name: str) -> float | None:
     if window is None:
         return None
     unknown = with_structure(scenario, tracked(scenario, scenario.identify))
-    with spent(BOUNDS):
-        allowed = jump_bound(scenario, unknown, window.start, window.stop, record.torque).unknown
-        return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
+    allowed = jump_bound(scenario, unknown, window.start, window.stop, record.torque).unknown
+    return lag_bound(allowed[:, unknown.index(name)], window.D, period=scenario.period)
 
 
 def bounded(scenario: Scenario, names: Sequence[str]) -> dict[str, Window]:

@@ -40,7 +40,7 @@ class Setting:
     factor : float
         Turn of the knob, 1 for the default.
     rows : sequence of mapping
-        Of scores.jsonl, one a seed, in the order of the seeds, which all settings share.
+        Rows of scores, one a seed, in the order of the seeds, which all settings share.
     biases : ndarray (n, p)
         Biases of the scenario's `identify` [% of nominal].
     information : ndarray (p, p) or None

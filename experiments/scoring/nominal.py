@@ -53,6 +53,7 @@ def _nominal_torque(known: Known) -> Array:
             "name": "nominal",
             "fault": [],
             "nuisance": None,
+            "onset_spread": None,
             "duration": 40.0,
             "start": 1.0,
             "noise": {},
@@ -78,7 +79,7 @@ def _design_torque(known: Known) -> Array:
     scenario = known.scenario
     told = started_nominal(scenario.override({"start": 1.0}))
     linear: dict[str, Any] = {key: None for key in scenario.nonlinear}
-    linear |= {"fault": [], "nuisance": None, "told": None, "substeps": None}
+    linear |= {"fault": [], "nuisance": None, "onset_spread": None, "told": None, "substeps": None}
     linear |= {"identify": list(DEFAULT_IDENTIFY), "output": "speed", "burn_in": 5.0}
     if isinstance(scenario.excitation, Standstill):
         linear |= {"excitation": {"kind": "multisine"}}

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.case import Track, finite, relative_error
-from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of
+from flexaxis.experiments.scoring.curves import CURVE_STEP, Detail, detail_of, later, shifted
 from flexaxis.experiments.scoring.excess import information
-from flexaxis.experiments.scoring.intervals import mean_interval
+from flexaxis.experiments.scoring.intervals import by_seed, mean_interval
 from flexaxis.experiments.scoring.limits import RMSE_AT
 from flexaxis.experiments.scoring.table import SCORES, rows
 from flexaxis.experiments.scoring.table import columns as kinds
@@ -42,7 +42,7 @@ class Case:
     names : tuple of str
         Estimated parameters.
     rows : list of dict
-        Scores, one row for each parameter, as they stand in scores.jsonl.
+        Scores, one row for each parameter, as they are kept.
     curve : ndarray (M, p)
         Every tenth estimate over its nominal value.
     relative : dict of str to ndarray (n,)
@@ -72,6 +72,7 @@ def scored(
     identity: Mapping[str, Any],
     cost: Mapping[str, Any],
     whole: bool = False,
+    written: Scenario | None = None,
 ) -> Case:
     """Return the case of a track: its rows, and what its figures are made of.
 
@@ -85,7 +86,10 @@ def scored(
         What stands in each row before and after the scores.
     whole : bool
         Whether to keep all estimates.
+    written : Scenario, optional
+        Before its onset was drawn: the figures of all runs are drawn about the one onset there.
     """
+    late = later(track.scenario, written or track.scenario)
     with np.errstate(over="ignore", invalid="ignore"):  # a lost run may hold anything
         relative = relative_error(track)
         return Case(
@@ -94,9 +98,9 @@ def scored(
             seed=seed,
             names=track.names,
             rows=[dict(identity) | row | {"cost": dict(cost)} for row in rows(track)],
-            curve=(track.theta[::CURVE_STEP] / track.nominal).astype(np.float32),
+            curve=(shifted(track.theta, late)[::CURVE_STEP] / track.nominal).astype(np.float32),
             relative={name: error.astype(np.float32) for name, error in relative.items()},
-            detail=detail_of(track),
+            detail=detail_of(track, late),
             theta=track.theta if whole else None,
         )
 
@@ -135,7 +139,7 @@ def pool_group(group: Sequence[Case], scenario: Scenario) -> list[dict[str, Any]
         scores = pool_columns(columns) | shared | cost(columns)
         errors = [case.relative[name] for case in group if name in case.relative]
         curve = of_trajectories(errors, scores["bound"], period=scenario.period)
-        found.append(identity | {"seeds": len(group)} | scores | curve)
+        found.append(identity | {"seeds": len(group), "runs": len(group)} | scores | curve)
     return found
 
 
@@ -145,9 +149,13 @@ def columns_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
     Parameters
     ----------
     rows : sequence of mapping
-        As in scores.jsonl, all of one parameter.
+        As they are kept, all of one parameter.
     """
-    found: dict[str, Array] = {}
+    points = [f"{row.get('hash')} {row.get('estimator')}" for row in rows]
+    found: dict[str, Array] = {
+        "seed": np.array([row.get("seed", place) for place, row in enumerate(rows)], float),
+        "point": np.unique(points, return_inverse=True)[1].astype(float),
+    }
     for name in NUMBERS:
         score, _, part = name.partition(".")
         given = [row.get(score) for row in rows]
@@ -204,10 +212,10 @@ def excess(by_name: Mapping[str, pools.Columns], scenario: Scenario) -> dict[str
         [np.nan_to_num(by_name[n]["bias"]) if n in by_name else none for n in scenario.identify]
     )
     values = None if lost.any() else pools.excess_values(each, biases, M)
-    within = None if values is None else mean_interval(values)
+    within = values is not None and mean_interval(by_seed(values, first["seed"], first["point"]))
     return {
         "excess": finite(max(0.0, pools.excess(each, lost, biases, M))),
-        "excess_interval": within and [max(0.0, end) for end in within],
+        "excess_interval": [max(0.0, end) for end in within] if within else None,
     }
 
 

@@ -2,8 +2,10 @@
 
 Each takes columns, all of one parameter of one estimator on one scenario, and the name of a score;
 each returns what goes into the pooled row. A column is an array with a number for each run, in the
-order of the seeds: NaN is what is not defined, 1 and 0 are true and false. Lost runs count in all
-of them but the consistency of the claim: of an estimate that is not there nothing was claimed.
+order of the seeds: NaN is what is not defined, 1 and 0 are true and false. ``seed`` and ``point``
+are among them, for seeds are the unit of chance (`flexaxis.experiments.scoring.intervals`). Lost
+runs count in all but the consistency of the claim: of an estimate that is not there nothing was
+claimed.
 """
 
 from __future__ import annotations
@@ -17,10 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from flexaxis.experiments.scoring.case import finite, settling
 from flexaxis.experiments.scoring.intervals import (
     FLOOR,
-    log_interval,
+    by_seed,
     mean_interval,
     median_interval,
     spread_interval,
+    t_interval,
 )
 
 Array = NDArray[np.float64]
@@ -45,24 +48,39 @@ def by(statistic: Callable[[Array], float]) -> Pool:
     return pooled
 
 
+def _drawn(columns: Columns, where: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return seeds and points of some runs."""
+    return columns["seed"][where], columns["point"][where]
+
+
+def _by_seed(columns: Columns, name: str, of: Callable[[Array], Array]) -> Array:
+    """Return what each seed says of the mean of a function of the defined values."""
+    return by_seed(of(values(columns, name)), *_drawn(columns, ~np.isnan(columns[name])))
+
+
 def geometric(columns: Columns, name: str) -> Pooled:
     """Pool by the geometric mean: what a ratio of two estimators is a ratio of."""
     x = values(columns, name)
     if not x.size:
         return {name: None, f"{name}_interval": None}
-    centre = float(np.exp(np.log(np.maximum(x, FLOOR)).mean()))
-    return {name: finite(centre), f"{name}_interval": log_interval(x)}
+    logs = _by_seed(columns, name, lambda x: np.log(np.maximum(x, FLOOR)))
+    within = t_interval(logs)
+    return {
+        name: finite(float(np.exp(np.log(np.maximum(x, FLOOR)).mean()))),
+        f"{name}_interval": within and [float(np.exp(end)) for end in within],
+    }
 
 
 def mean(columns: Columns, name: str) -> Pooled:
     """Pool by the mean."""
-    return by(np.mean)(columns, name) | {f"{name}_interval": mean_interval(values(columns, name))}
+    within = mean_interval(_by_seed(columns, name, np.asarray))
+    return by(np.mean)(columns, name) | {f"{name}_interval": within}
 
 
 def root_mean_square(columns: Columns, name: str) -> Pooled:
     """Pool by the root of the mean square."""
     x = values(columns, name)
-    within = mean_interval(x**2)
+    within = mean_interval(_by_seed(columns, name, np.square))
     return {
         name: finite(np.sqrt(np.mean(x**2))) if x.size else None,
         f"{name}_interval": within and [float(np.sqrt(max(0.0, end))) for end in within],
@@ -77,7 +95,7 @@ def median(columns: Columns, name: str) -> Pooled:
     x = np.where(np.isnan(columns[name]), np.inf, columns[name])
     with np.errstate(invalid="ignore"):  # the mean of a number and never is never
         middle = finite(float(np.median(x)))
-    return {name: middle, f"{name}_interval": median_interval(x)}
+    return {name: middle, f"{name}_interval": median_interval(x, columns["seed"], columns["point"])}
 
 
 def count(columns: Columns, name: str) -> Pooled:
@@ -106,7 +124,9 @@ def deviation(bias: str, lost: str) -> Pool:
         std, mean, gone = columns[name][here], columns[bias][here], columns[lost][here] > 0
         return {
             name: finite(scatter(std, mean, gone)) if here.any() else None,
-            f"{name}_interval": None if gone.any() else spread_interval(std, mean),
+            f"{name}_interval": None
+            if gone.any()
+            else spread_interval(std, mean, *_drawn(columns, here)),
         }
 
     return pooled
@@ -124,15 +144,19 @@ def parts(names: Sequence[str], statistic: Callable[[Array], float]) -> Pool:
 
 
 def found(names: Sequence[str]) -> Pool:
-    """Return the pool of what findings are worth: the mean of each part, missed of all faults."""
+    """Return the pool of what findings are worth: the mean of each part, missed of all faults.
+
+    A run that failed had the faults of the others, and missed them.
+    """
 
     def pooled(columns: Columns, name: str) -> Pooled:
         part = {key: values(columns, f"{name}.{key}") for key in names}
         if not part["alarms"].size:
             return {name: None}
         means = {key: finite(float(x.mean())) if x.size else None for key, x in part.items()}
-        faults = part["faults"].sum()
-        return {name: means | {"missed": float(part["missed"].sum() / faults) if faults else 0.0}}
+        failed = float(np.sum(columns["failed"] > 0)) * float(part["faults"].mean())
+        faults, missed = part["faults"].sum() + failed, part["missed"].sum() + failed
+        return {name: means | {"missed": float(missed / faults) if faults else 0.0}}
 
     return pooled
 

@@ -27,7 +27,7 @@ Scores = Sequence[float | None]
 """A score seed by seed; None where an estimator has none, such as where it could not be run."""
 
 
-def difference(first: Scores, second: Scores) -> LogRatios:
+def difference(first: Scores | Array, second: Scores | Array) -> LogRatios:
     """Return the paired difference first − second of two scores, on the seeds that both have."""
     d = np.array(first, float) - np.array(second, float)
     d = d[~np.isnan(d)]
@@ -40,7 +40,8 @@ def difference(first: Scores, second: Scores) -> LogRatios:
 def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     """Return the best and all that cannot be told apart from it.
 
-    Each is compared with the best on common seeds. The best is found on the same seeds, so that
+    Any two are compared on the seeds that both have, and the best is who is behind the fewest: no
+    mean over seeds of its own makes anybody the best. The best is found on the same seeds, so that
     any pair might be the one that is compared: k estimators share the level as all k(k−1)/2 pairs
     would (Bonferroni over the choice of the best, Holm over the rest). With fewer than five seeds
     nobody can be told apart.
@@ -57,16 +58,23 @@ def leaders(values: Mapping[str, Scores], *, most: bool = False) -> list[str]:
     list of str
         The best first.
     """
-    given = {name: np.array(each, float) for name, each in values.items()}
-    order = sorted(given, key=lambda name: np.nanmean(given[name]) * (-1 if most else 1))
-    if not order:
-        return []
-    best, others = order[0], order[1:]
-    if np.sum(~np.isnan(given[best])) < LEAST:
+    sign = -1 if most else 1
+    given = {name: sign * np.array(each, float) for name, each in values.items()}
+    order = sorted(given, key=lambda name: _place(given, name))
+    if not order or np.sum(~np.isnan(given[order[0]])) < LEAST:
         return order
-    p = [difference(values[name], values[best]).p for name in others]
-    levels = holm_levels(p, 2 * LEVEL / len(order))
-    return [best, *(n for n, each, level in zip(others, p, levels, strict=True) if each > level)]
+    best, others = order[0], order[1:]
+    apart = [difference(given[name], given[best]) for name in others]
+    levels = holm_levels([each.p for each in apart], 2 * LEVEL / len(order))
+    beside = zip(others, apart, levels, strict=True)
+    return [best, *(n for n, each, level in beside if each.mean <= 0 or each.p > level)]
+
+
+def _place(given: Mapping[str, Array], name: str) -> tuple[bool, int, float]:
+    """Return what orders those that are compared: seeds enough, how many are ahead, the mean."""
+    mine = given[name]
+    ahead = sum(difference(mine, other).mean > 0 for other in given.values())
+    return bool(np.sum(~np.isnan(mine)) < LEAST), ahead, float(np.nanmean(mine))
 
 
 def worse(first: Row, second: Row) -> list[str]:

@@ -69,6 +69,7 @@ def summary(values: Array) -> tuple[NDArray[np.int64], Array, Array]:
     # Equal values have a standard deviation of rounding errors; it is none.
     spread = np.abs(off).max(axis=-1, initial=0.0) > ROUNDING
     sd = np.sqrt((off**2).sum(axis=-1) / np.maximum(n - 1, 1))
+    mean = np.where(spread | (np.abs(mean) > ROUNDING), mean, 0.0)
     return n, mean, np.where(spread & (n > 1), sd, 0.0)
 
 

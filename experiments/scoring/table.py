@@ -6,66 +6,12 @@ that a new score is one entry.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import Any
 
 from flexaxis.experiments.scoring import case, excess, innovations, limits, pools, theory
 from flexaxis.experiments.scoring.case import Track
-
-Kind = Literal["text", "number", "integer", "truth"]
-
-
-@dataclass(frozen=True)
-class Score:
-    """One score.
-
-    Attributes
-    ----------
-    name : str
-        Key in rows and summaries.
-    of : callable
-        ``of(track, i)`` of the i-th estimated parameter; None where it is not defined.
-    words : str
-        What it is, in a sentence.
-    unit : str
-        Empty for a plain number; every number must say which.
-    better : {"less", "more"}, optional
-        Which way is better; None for what is neither.
-    pool : callable, optional
-        ``pool(columns, name)``, what stands in the pooled row, as those of
-        `flexaxis.experiments.scoring.pools`: ``pools.mean``, ``pools.by(np.max)``. None for what is
-        of one run only.
-    heading : str
-        Of its column in the report; one without has none.
-    short : str
-        Of its column in the terminal; one without has none.
-    kind : {"number", "integer", "truth", "text"}
-        What its column holds.
-    parts : mapping of str to str
-        Keys of a score that is a table, with their units; each is a column of its own.
-    margin : float, optional
-        A change smaller than this share does not matter to `compare`, which leaves out scores
-        without one unless told.
-    """
-
-    name: str
-    of: Callable[[Track, int], Any]
-    words: str
-    unit: str | None = None
-    better: Literal["less", "more"] | None = None
-    pool: pools.Pool | None = None
-    heading: str = ""
-    short: str = ""
-    kind: Kind = "number"
-    parts: Mapping[str, str] = field(default_factory=dict)
-    margin: float | None = None
-
-    @property
-    def compared(self) -> bool:
-        """Whether `compare` can take ratios of it: a positive number of which less is better."""
-        return self.better == "less" and self.kind == "number"
-
+from flexaxis.experiments.scoring.score import Kind, Score
 
 AFTER = tuple(map(str, limits.RMSE_AT))  # samples after onset
 
@@ -84,6 +30,7 @@ SCORES: Mapping[str, Score] = {
             heading="lag",
             short="lag",
             margin=0.02,
+            zero=1e-3,
         ),
         Score(
             "t10",
@@ -95,6 +42,7 @@ SCORES: Mapping[str, Score] = {
             pool=pools.median,
             heading="t10",
             short="t10",
+            zero=0.01,
         ),
         Score(
             "std",
@@ -107,6 +55,7 @@ SCORES: Mapping[str, Score] = {
             heading="std",
             short="std",
             margin=0.02,
+            zero=1e-3,
         ),
         Score(
             "bias",
@@ -115,6 +64,8 @@ SCORES: Mapping[str, Score] = {
             unit="%",
             pool=pools.mean,
             heading="bias",
+            margin=0.2,
+            guard=True,
         ),
         Score(
             "std_after",
@@ -125,6 +76,7 @@ SCORES: Mapping[str, Score] = {
             better="less",
             pool=pools.deviation("bias_after", "lost_after"),
             heading="std after",
+            zero=1e-3,
         ),
         Score(
             "bias_after",
@@ -141,6 +93,7 @@ SCORES: Mapping[str, Score] = {
             better="less",
             pool=pools.root_mean_square,
             heading="cross-talk",
+            zero=1e-3,
         ),
         Score(
             "excess",
@@ -151,6 +104,7 @@ SCORES: Mapping[str, Score] = {
             better="less",
             pool=pools.mean,
             heading="excess error",
+            zero=1e-4,
         ),
         Score(
             "diverged",
@@ -161,6 +115,15 @@ SCORES: Mapping[str, Score] = {
             pool=pools.count,
             heading="diverged",
             short="lost",
+            kind="truth",
+        ),
+        Score(
+            "failed",
+            lambda track, _: track.failed,
+            "Lost runs in which the estimator raised something or its process died; they are "
+            "lost from the first sample on.",
+            pool=pools.count,
+            heading="failed",
             kind="truth",
         ),
         Score("lost_at", case.lost_at_of, "When the run was lost.", unit="s"),
@@ -270,14 +233,14 @@ SCORES: Mapping[str, Score] = {
 }  # fmt: skip
 
 METRICS = tuple(score.name for score in SCORES.values() if score.compared)
-"""What `compare` can compare: positive numbers of which less is better."""
+"""What `compare` can compare."""
 
 MARGINS = {score.name: score.margin for score in SCORES.values() if score.margin is not None}
 """What it compares unless told otherwise, and how large a change matters (.02 is 2 %)."""
 
 
 def rows(track: Track) -> list[dict[str, Any]]:
-    """Return the scores of a case, a row a parameter, as they stand in scores.jsonl."""
+    """Return the scores of a case, a row a parameter, as they are kept."""
     return [
         {"parameter": name, "changed": bool(track.mine(i))}
         | {score.name: score.of(track, i) for score in SCORES.values()}
@@ -285,8 +248,8 @@ def rows(track: Track) -> list[dict[str, Any]]:
     ]
 
 
-def undefined() -> dict[str, None]:
-    """Return the scores of a case that could not be run."""
+def undefined() -> dict[str, Any]:
+    """Return the scores of a case that nobody can run, for there is no record."""
     return dict.fromkeys(("parameter", "changed", *SCORES))
 
 
@@ -301,12 +264,9 @@ def columns() -> dict[str, Kind]:
 
 def units() -> dict[str, str]:
     """Return the unit of each number among them; empty for a plain number."""
-    found: dict[str, str] = {}
-    for score in SCORES.values():
-        if score.kind in {"number", "integer"}:
-            parts = {f"{score.name}.{part}": unit for part, unit in score.parts.items()}
-            found |= parts or {score.name: score.unit or ""}
-    return found
+    of_parts = {f"{s.name}.{part}": u for s in SCORES.values() for part, u in s.parts.items()}
+    plain = {s.name: s.unit or "" for s in SCORES.values() if s.kind == "number" and not s.parts}
+    return of_parts | plain
 
 
 def label(name: str) -> str:

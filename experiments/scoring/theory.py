@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.scoring.case import Track, finite, lag_of
 from flexaxis.experiments.scoring.limits import Limits, record_limits, score
 from flexaxis.experiments.scoring.theta import physical
-from flexaxis.experiments.scoring.windows import Window, windows
+from flexaxis.experiments.scoring.windows import Window, claimed_at, windows
 from flexaxis.sim.scenario import Scenario
 
 Array = NDArray[np.float64]
@@ -163,10 +163,9 @@ def score_of(track: Track, i: int) -> float | None:
 
 
 def nees_of(track: Track, i: int) -> float | None:
-    """Return θ̃ᵀ Σ⁻¹ θ̃ at the last sample before the first fault, or of the run."""
+    """Return θ̃ᵀ Σ⁻¹ θ̃ where it is asked what is claimed, before the first fault."""
     del i
-    events = track.scenario.events()
-    last = (events[0].index if events else track.scenario.samples) - 1
+    last = claimed_at(track.scenario)
     return track.once("nees", lambda: nees(track.theta[last] - track.truth[last], track.claimed))
 
 

@@ -13,6 +13,7 @@ from flexaxis.experiments.scoring.known import Known
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.sim.events import Event
 from flexaxis.sim.scenario import Scenario
+from flexaxis.sim.timing import sample_index
 
 WINDOW = 5.0  # s scored after a fault, unless another event comes first
 QUIET = 5.0  # s of excitation before the first onset in which std and bias are taken
@@ -71,6 +72,17 @@ def _size(before: float, after: float, changed: str, names: Sequence[str]) -> fl
         if parameter == changed:
             return abs(after**exponent - before**exponent)
     return np.nan
+
+
+def claimed_at(scenario: Scenario) -> int:
+    """Return the sample at which is asked what an estimator claims.
+
+    It is the last before the whole second in which the first fault comes, or before its end where
+    that is the first; without a fault, or with one in the first second, the last of the run.
+    """
+    events, second = scenario.events(), sample_index(1.0, scenario.period)
+    whole = events[0].index // second * second if events else 0
+    return (whole or scenario.samples) - 1
 
 
 def quiet(scenario: Scenario) -> NDArray[np.intp]:

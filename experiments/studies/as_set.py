@@ -64,7 +64,7 @@ def as_set(groups: Groups) -> list[dict[str, Any]]:
     return found
 
 
-_AS_SET = ("lag", "std", "bias", "lost_before", "diverged")
+_AS_SET = ("lag", "std", "bias", "lost_before", "diverged", "seed", "point")
 
 
 def _fault(key: Mapping[str, Any]) -> tuple[str, str]:

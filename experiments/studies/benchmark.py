@@ -10,9 +10,11 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.catalogue.card import happens
-from flexaxis.experiments.reporting.run_page import render
+from flexaxis.experiments.reporting.run.page import render
 from flexaxis.experiments.results.pooled import Pooled, save
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
@@ -20,20 +22,17 @@ from flexaxis.experiments.running.cache import kept_runs
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.names import REPORT, SWEEP
+from flexaxis.experiments.running.names import REPORT, SUMMARY, SWEEP
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.previous import completed
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.scoring.case import failed_track, relative_error
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
-from flexaxis.experiments.scoring.spending import spent
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
-
-POOLING, DRAWING = "pooling scores", "the report"  # accounts of what they take
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def benchmark(
     means: Means | None = None,
     *,
     shard: tuple[int, int] = (1, 1),
-    resume: bool = False,
+    overwrite: bool = False,
     say: Callable[[str], None] | None = None,
 ) -> Pooled | None:
     """Run what is missing, and write summary.json, curves.nc and report.html to the folder.
@@ -88,13 +87,12 @@ def benchmark(
     ----------
     wanted : Benchmark
     folder : Path
-        Made if it is missing. An older complete result in it is kept in `previous` until this one
-        is complete.
+        Made if it is missing. Cases that it holds are kept, and not run again.
     means : Means, optional
     shard : (int, int)
         As in `Plan`. A share has no summary, for which all are merged; then None is returned.
-    resume : bool
-        Whether to go on with what is there.
+    overwrite : bool
+        Whether to remove what is there first.
     say : callable, optional
         Called with what goes on after the last case, which may take a while.
 
@@ -108,7 +106,7 @@ def benchmark(
     """
     means = means or Means()
     with kept_runs(means.store), means.kept() as means:
-        return _run(wanted, folder, means, shard=shard, resume=resume, say=say)
+        return _run(wanted, folder, means, shard=shard, overwrite=overwrite, say=say)
 
 
 def _run(
@@ -117,7 +115,7 @@ def _run(
     means: Means,
     *,
     shard: tuple[int, int],
-    resume: bool,
+    overwrite: bool,
     say: Callable[[str], None] | None,
 ) -> Pooled | None:
     plan = make_plan(wanted.study, shard=shard, run_code=True)
@@ -126,18 +124,9 @@ def _run(
         "estimators": list(wanted.swept_estimators),
     }
     about = {"title": wanted.title, "command": wanted.command, "tradeoff": sweeping}
-    alone = shard == (1, 1)
-    found: list[Pooled] = []
-
-    def then() -> None:
-        found.append(finish(folder, means, say=say))
-        completed(folder)
-
-    run_study(
-        plan, folder, means, resume=resume, replace=alone, traced=True, run_code=True, about=about,
-        then=then if alone else None,
-    )  # fmt: skip
-    return found[0] if alone else None
+    how: dict[str, Any] = {"overwrite": overwrite, "traced": True, "run_code": True}
+    run_study(plan, folder, means, about=about, **how)
+    return finish(folder, means, say=say) if shard == (1, 1) else None
 
 
 def finish(
@@ -155,56 +144,60 @@ def finish(
     """
     study = read_study(folder)
     scenarios = [stored_scenario(s["definition"], source=str(folder)) for s in study["scenarios"]]
-    with spent(POOLING):  # but for the cases, which are on other accounts
-        swept = _sweep(study, folder, means)
+    swept = _sweep(study, folder, means)
     if say:
         say("pooling scores and drawing the report …")
-    with spent(POOLING):
-        results = Results.load(folder)
-        groups = results.grouped(["base", "method"])
-        pooled, curves = _with_trajectories(
-            folder, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
-        )
-        summary = _summary(study, pooled) | {
-            "failures": _failures(folder, swept),
-            "as_set": as_set(groups),
-            "tradeoff": swept,
-        }
+    results = Results.load(folder)
+    groups = results.grouped(["base", "method"])
+    pooled, curves = _with_trajectories(
+        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+    )
+    summary = _summary(study, pooled) | {
+        "failures": _failures(folder, swept, study["seeds"]),
+        "as_set": as_set(groups),
+        "tradeoff": swept,
+    }
     found = Pooled(summary, curves, folder)
-    with spent(DRAWING):
-        write_text(folder / REPORT, render(found))
+    (folder / SUMMARY).unlink(missing_ok=True)  # of another question, with these curves
+    write_text(folder / REPORT, render(found))
     save(folder, found)  # the summary last: a folder without one is not complete
     return found
 
 
 def _with_trajectories(
-    folder: Path, scenarios: Mapping[str, Scenario], rows: Sequence[Mapping[str, Any]]
+    folder: Path,
+    study: Mapping[str, Any],
+    scenarios: Mapping[str, Scenario],
+    rows: Sequence[Mapping[str, Any]],
 ) -> tuple[list[dict[str, Any]], list[Curve]]:
     """Return the pooled rows of a run with what takes trajectories, and these themselves.
 
     Those of one estimator on one scenario are in memory at a time.
     """
-    traces = Traces.of(folder)
+    traces = Traces(folder, study.get("code", {}), study["seeds"])
     found, curves = [], []
     for (name, estimator), own in groupby(rows, key=lambda row: (row["base"], row["method"])):
         scenario = scenarios[name]
-        known = traces.find(scenario.hash, estimator)
+        known = list(traces.find(scenario.hash, estimator).values())
+        nothing = failed_track(scenario, scenario.true_parameters())
+        lost = {name: each.astype(np.float32) for name, each in relative_error(nothing).items()}
         if known:
             runs = [t.curve for t in known]
-            near = [t.detail.near for t in known if t.detail is not None]
+            near = [t.detail.near for t in known]
             curves.append(curve_of(scenario, estimator, known[0].names, runs, near))
         for row in own:
             errors = [t.relative[row["parameter"]] for t in known if row["parameter"] in t.relative]
+            errors += [lost[row["parameter"]]] * row["failed"] if row["parameter"] in lost else []
             identity = {"scenario": name, "hash": scenario.hash, "estimator": estimator,
                         "parameter": row["parameter"], "changed": row["changed"],
-                        "seeds": row["cases"]}  # fmt: skip
+                        "seeds": row["seeds"], "runs": row["runs"]}  # fmt: skip
             scores = {key: value for key, value in row.items() if key not in OF_A_STUDY}
             further = of_trajectories(errors, row["bound"], period=scenario.period)
             found.append(identity | scores | further)
     return found, curves
 
 
-OF_A_STUDY = ("base", "method", "cases", "hours", "false_alarms_per_hour")
+OF_A_STUDY = ("base", "method", "hours", "false_alarms_per_hour")
 FAILURE = ("scenario", "estimator", "seed", "error")
 
 
@@ -214,7 +207,7 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
     if not wanted["scenarios"]:
         return None
     scenarios = [stored_scenario(s, source=str(folder)) for s in wanted["scenarios"]]
-    with Bench(scenarios, folder / SWEEP, means, resume=True) as bench:
+    with Bench(scenarios, folder / SWEEP, means) as bench:
         able = sweep.able(scenarios, wanted["estimators"], study["seeds"], bench)
         found = sweep.sweep(scenarios, able, study["seeds"], bench)
     return asdict(found) | {
@@ -224,13 +217,16 @@ def _sweep(study: Mapping[str, Any], folder: Path, means: Means | None) -> dict[
     }
 
 
-def _failures(folder: Path, swept: Mapping[str, Any] | None) -> list[dict[str, Any]]:
+def _failures(
+    folder: Path, swept: Mapping[str, Any] | None, seeds: Sequence[int]
+) -> list[dict[str, Any]]:
     """Return what could not be run; of the sweep what left an estimator out of it."""
     found = Results.load(folder).failures()
     if swept and swept["left_out"]:
         mine = sweep.texts(sweep.settings(swept["left_out"]))
-        there = Results.load(folder / SWEEP).failures()
-        found += [row for row in there if row["estimator"] in mine]
+        there = Results.load(folder / SWEEP).select({"seed": list(seeds)}).failures()
+        names = set(swept["faults"])
+        found += [r for r in there if r["estimator"] in mine and r["scenario"] in names]
     return [{key: row[key] for key in FAILURE} for row in found]
 
 

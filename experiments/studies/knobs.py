@@ -1,10 +1,14 @@
-"""Turn the knob of an estimator: the one option that buys speed with noise."""
+"""Turn the knob of an estimator: the way through its options that buys speed with noise."""
 
 from __future__ import annotations
 
 import inspect
+import json
+from collections.abc import Mapping
+from typing import Any
 
 from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.knob import Knob, make_knob
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import parse
 
@@ -12,73 +16,71 @@ from flexaxis.experiments.building.specs import parse
 def with_knob(name: str, factor: float) -> str | None:
     """Return an estimator with its knob turned: "rpem-forgetting[forgetting=0.99]".
 
-    A forgetting factor λ is turned in 1−λ, any other knob as it is. An estimator of your own says
-    which option is its knob in the attribute `knob` of its class; one without, or with options
-    already, stays as it is. None where the knob cannot be turned so far.
+    An estimator of your own says in the attribute `knob` of its class what is turned, and in what
+    (`flexaxis.estimators.knob.make_knob`); one without, or with options already, stays as it is.
+    None where the knob cannot be turned so far.
 
     Examples
     --------
     >>> with_knob("rpem-forgetting", 2.0)
     'rpem-forgetting[forgetting=0.99]'
     """
-    knob, value = knob_of(name)
+    knob = knob_of(name)
     if knob is None:
         return name
-    found = turned(knob, value, factor)
-    return with_value(name, found) if found > 0 else None
+    found = knob.turned(factor)
+    return None if found is None else setting(name, found)
 
 
-def turned(knob: str, value: float, factor: float) -> float:
-    """Return a knob turned by a factor: λ in 1−λ, any other as it is.
+def setting(name: str, options: Mapping[str, Any]) -> str:
+    """Return an estimator with options, as for `--estimator`.
 
     Examples
     --------
-    >>> round(turned("forgetting", 0.99, 2.0), 6), turned("walk", 0.5, 2.0)
-    (0.98, 1.0)
+    >>> setting("ekf", {"walk": 0.002})
+    'ekf[walk=0.002]'
+    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
+    'mine.py:Mine[robust=true,gain=0.1]'
     """
-    return 1 - (1 - value) * factor if knob == "forgetting" else value * factor
+    return f"{name}[{','.join(f'{key}={_written(value)}' for key, value in options.items())}]"
 
 
-def with_value(name: str, value: float) -> str:
-    """Return an estimator with its knob at a value."""
-    knob, _ = knob_of(name)
-    return f"{name}[{knob}={value:.12g}]"
+def _written(value: Any) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return f"{value:.12g}" if number else json.dumps(value)
 
 
 def numbers_of(name: str) -> dict[str, float]:
     """Return the options of an estimator whose defaults are numbers above 0."""
-    if name in REGISTRY:
-        options = dict(REGISTRY[name].options)
-    else:
-        found = inspect.signature(parse(name).make).parameters.values()
-        options = {p.name: p.default for p in list(found)[2:]}
-    plain = {k: v for k, v in options.items() if isinstance(v, int | float)}
+    plain = {k: v for k, v in _defaults(name).items() if isinstance(v, int | float)}
     return {k: float(v) for k, v in plain.items() if not isinstance(v, bool) and v > 0}
 
 
-def usual_value(name: str) -> float:
-    """Return the knob of a registered estimator on its axis; 0 where there is none."""
-    entry = REGISTRY[name]
-    return float(entry.options[entry.knob]) if entry.knob else 0.0
+def _defaults(name: str) -> dict[str, Any]:
+    """Return the options of an estimator with their defaults."""
+    if name in REGISTRY:
+        return dict(REGISTRY[name].options)
+    found = inspect.signature(parse(name).make).parameters.values()
+    return {p.name: p.default for p in list(found)[2:]}
 
 
-def knob_of(name: str) -> tuple[str | None, float]:
-    """Return the name of the option that is the knob, and its usual value.
+def knob_of(name: str) -> Knob | None:
+    """Return the knob of an estimator, None where it has none, or options already.
 
     Raises
     ------
     EstimatorError
-        If there is no such estimator, or what its class calls its knob is no number.
+        If there is no such estimator, or its class declares what cannot be turned.
     """
     spec = parse(name)
     if spec.options:
-        return None, 0.0
+        return None
     if name in REGISTRY:
-        return REGISTRY[name].knob, usual_value(name)
-    knob = getattr(spec.make, "knob", None)
-    if knob is None:
-        return None, 0.0
-    option = inspect.signature(spec.make).parameters.get(knob)
-    if option is None or not isinstance(option.default, int | float):
-        raise EstimatorError(f"{name}: its `knob` {knob!r} is no option with a number as default")
-    return knob, float(option.default)
+        return REGISTRY[name].turning
+    declared = getattr(spec.make, "knob", None)
+    if declared is None:
+        return None
+    try:
+        return make_knob(declared, _defaults(name))
+    except EstimatorError as error:
+        raise EstimatorError(f"{name}: {error}") from None

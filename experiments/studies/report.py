@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from flexaxis.experiments.reporting.study_page import write_report
+from flexaxis.experiments.reporting.study.page import write_report
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.names import CURVES, REPORT, STUDY, SUMMARY
-from flexaxis.experiments.running.rows import row_files
+from flexaxis.experiments.running.store import row_files
 from flexaxis.experiments.studies.benchmark import finish
 
 

@@ -37,6 +37,8 @@ from flexaxis.sim.scenario import Scenario
 
 FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the default setting, in what the knob gives of speed
 WIDER = (16.0, 64.0, 256.0, 1024.0)  # and its inverse, where these do not reach the reference
+TURNS = (*FACTORS, *WIDER, *(1 / factor for factor in WIDER))
+"""All turns that a sweep may take."""
 
 
 Line = dict[str, float]  # settings of one estimator, with the turn of its knob

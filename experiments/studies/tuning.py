@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -10,20 +9,21 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from flexaxis.estimators.knob import Knob
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.specs import PIPES
+from flexaxis.experiments.building.specs import piped
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.pooling import case_of, pool_group
 from flexaxis.experiments.scoring.ranking import REFERENCE
-from flexaxis.experiments.studies.knobs import knob_of, numbers_of
+from flexaxis.experiments.studies.knobs import knob_of, numbers_of, setting
 from flexaxis.experiments.studies.sweep import reference
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 from flexaxis.sim.scenario import Scenario
 
 EXCESS = "excess"  # what is matched unless the std of one parameter is
 TOLERANCE = 0.01  # of the matched noise
-ROUNDS = 12
+ROUNDS = 12  # settings that a match may take
 DIGITS = 4  # of a setting: more than the tolerance can tell apart
 SPAN = 8.0  # an option is looked for from its default over this to its default times this
 
@@ -37,8 +37,9 @@ class Tuned:
     setting : str
         The estimator with its knob, as for `--estimator`.
     knob : str
+        The option that is turned, or the options.
     value : float
-        Of the knob.
+        Of the option; of several the position on their path.
     match : str
         What is matched: "excess", or the parameter whose std is.
     ratio : float
@@ -104,6 +105,21 @@ class Trials:
             found[EXCESS] = float(np.sqrt(rows[0]["excess"]))
         return found
 
+    def apart(self, setting: str) -> frozenset[str]:
+        """Return the scenarios without such a noise, or farther off to the side on which all are.
+
+        None where it is tried on one alone.
+        """
+        each = {}
+        for scenario in self.scenarios:
+            own, wanted = (self._noises(scenario, s) for s in (setting, reference()))
+            known = self.match in own and self.match in wanted
+            each[scenario.name] = np.log(own[self.match] / wanted[self.match]) if known else np.nan
+        lacking = {name for name, error in each.items() if np.isnan(error)}
+        middle = np.mean([error for error in each.values() if not np.isnan(error)] or [0.0])
+        aside = {name for name, error in each.items() if error * middle > 0}
+        return frozenset(lacking or aside)
+
     def lag(self, setting: str, scenario: Scenario) -> float:
         """Return the lag [s] after the faults of a scenario."""
         rows = [row for row in self._rows(scenario, setting) if row["changed"]]
@@ -116,11 +132,27 @@ class Trials:
         return pool_group([case_of(run) for run in runs], scenario)
 
 
+class NoMatchError(FlexaxisError):
+    """No setting of a knob is as noisy as the reference.
+
+    Parameters
+    ----------
+    text : str
+    scenarios : frozenset of str
+        Those that stand in the way: as noisy as the others they are not, where these have gone.
+    """
+
+    def __init__(self, text: str, scenarios: frozenset[str]) -> None:
+        super().__init__(text)
+        self.scenarios = scenarios
+
+
 def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = None) -> Tuned:
     """
     Turn the knob until the noise is that of `rpem-forgetting` at its default, where it is tried.
 
-    Secant steps in the logarithms; noise grows with every registered knob's speed.
+    Secant steps in the logarithms, halving once the match lies between two settings; noise grows
+    with every knob's position. At most `ROUNDS` settings, within the range of the knob.
 
     Parameters
     ----------
@@ -133,38 +165,85 @@ def match_noise(name: str, trials: Trials, options: Mapping[str, Any] | None = N
     Raises
     ------
     FlexaxisError
-        If the estimator has no knob, or no setting is found.
+        If the estimator has no knob, or no setting is found; this is a `NoMatchError`.
     """
-    knob, speed = _knob(name)
+    knob = _knob(name)
     wanted = trials.noises(reference())
     if trials.match not in wanted:
         raise FlexaxisError(
             f"{trials.match!r} cannot be matched.{did_you_mean(trials.match, wanted)} "
             f"There are: {', '.join(wanted)}"
         )
-    slope, before, tried = 0.5, None, ""
-    for _ in range(ROUNDS):
-        speed = float(f"{speed:.{DIGITS}g}")
-        value = 1 - speed if knob == "forgetting" else speed
-        tried = setting(name, {**(options or {}), knob: value})
+    search, tried = _Search(knob), ""
+    while (at := search.position) is not None:
+        tried = setting(name, {**(options or {}), **(knob.at(at) or {})})
         own = trials.noises(tried)
         if trials.match not in own:
-            raise FlexaxisError(
+            raise NoMatchError(
                 f"{tried}: its {_in_words(trials.match)} cannot be matched to that of {REFERENCE}: "
-                "it has none, for it does not move or does not estimate what that takes"
+                "it has none, for it does not move or does not estimate what that takes",
+                trials.apart(tried),
             )
         ratios = {p: own[p] / wanted[p] for p in wanted if p in own}
         ratio = ratios.pop(EXCESS, 1.0) if trials.match == EXCESS else ratios[trials.match]
-        error = float(np.log(ratio))
-        if abs(error) < TOLERANCE:
-            return Tuned(tried, knob, round(value, 12), trials.match, ratio, ratios)
-        if before is not None and abs(np.log(speed) - before[0]) > 1e-6:
-            slope = np.clip((error - before[1]) / (np.log(speed) - before[0]), 0.1, 2.0)
-        before = np.log(speed), error
-        speed *= float(np.exp(np.clip(-error / slope, -1.5, 1.5)))
-    raise FlexaxisError(
-        f"{name}: no setting of its knob has the noise of {REFERENCE} (last tried {tried})"
+        search.take(float(np.log(ratio)))
+        if abs(search.error) < TOLERANCE:
+            value = round(knob.value(at), 12)
+            return Tuned(tried, knob.label, value, trials.match, ratio, ratios)
+    raise NoMatchError(
+        f"{name}: no setting of its knob has the noise of {REFERENCE}; of {search.rounds} within "
+        f"{_range(knob)} last tried {tried}, with {np.exp(search.error):.3g} times that noise"
+        + _hint(name, knob),
+        trials.apart(tried),
     )
+
+
+class _Search:
+    """Where to turn a knob next: its range, what was learnt of it, and how often it was turned."""
+
+    def __init__(self, knob: Knob) -> None:
+        self._knob, self.rounds, self.error = knob, 0, 0.0
+        self.position: float | None = self._rounded(knob.usual)
+        self._slope, self._before = 0.5, (0.0, 0.0)
+        self._quiet: float | None = None  # logarithms of positions on either side of the match
+        self._noisy: float | None = None
+
+    def take(self, error: float) -> None:
+        """Learn the logarithm of the noise over that wanted, and choose where to turn to."""
+        assert self.position is not None
+        here, (before, then) = float(np.log(self.position)), self._before
+        if self.rounds and abs(here - before) > 1e-6:
+            self._slope = float(np.clip((error - then) / (here - before), 0.1, 2.0))
+        self.rounds, self.error, self._before = self.rounds + 1, error, (here, error)
+        if error > 0:
+            self._noisy = here if self._noisy is None else min(here, self._noisy)
+        else:
+            self._quiet = here if self._quiet is None else max(here, self._quiet)
+        low, high = np.log(self._knob.least), np.log(self._knob.most)
+        if self.rounds == ROUNDS or (here <= low and error > 0) or (here >= high and error < 0):
+            self.position = None
+            return
+        there = here + float(np.clip(-error / self._slope, -1.5, 1.5))
+        if self._quiet is not None and self._noisy is not None:
+            inside = self._quiet < there < self._noisy
+            there = there if inside else (self._quiet + self._noisy) / 2
+        self.position = self._rounded(float(np.exp(there)))
+
+    def _rounded(self, position: float) -> float:
+        short = float(f"{position:.{DIGITS}g}")
+        return min(max(short, self._knob.least), self._knob.most)
+
+
+def _range(knob: Knob) -> str:
+    first, last = sorted((knob.value(knob.least), knob.value(knob.most)))
+    return f"{knob.label} from {first:.4g} to {last:.4g}"
+
+
+def _hint(name: str, knob: Knob) -> str:
+    """Return how to say that an option of one's own is turned otherwise than was taken."""
+    if name in REGISTRY or knob.transform != "":
+        return ""
+    return f'; if it is quicker with less of it, write knob = "1/{knob.label}"'
 
 
 def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Trials) -> Tuned:
@@ -215,30 +294,11 @@ def least_lag(name: str, options: Sequence[str], scenario: Scenario, trials: Tri
     return found
 
 
-def setting(name: str, options: Mapping[str, Any]) -> str:
-    """Return an estimator with options, as for `--estimator`.
-
-    Examples
-    --------
-    >>> setting("ekf", {"walk": 0.002})
-    'ekf[walk=0.002]'
-    >>> setting("mine.py:Mine", {"robust": True, "gain": 0.1})
-    'mine.py:Mine[robust=true,gain=0.1]'
-    """
-    return f"{name}[{','.join(f'{key}={_written(value)}' for key, value in options.items())}]"
-
-
-def _written(value: Any) -> str:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    return f"{value:.12g}" if number else json.dumps(value)
-
-
-def _knob(name: str) -> tuple[str, float]:
-    """Return the knob and its default, as what it gives of speed: 1−λ of a forgetting factor."""
-    knob, value = knob_of(name)
+def _knob(name: str) -> Knob:
+    knob = knob_of(name)
     if knob is None:
         raise FlexaxisError(f"{name} has no knob to turn{_how_to_have_one(name)}")
-    return knob, 1 - value if knob == "forgetting" else value
+    return knob
 
 
 def _in_words(match: str) -> str:
@@ -253,9 +313,9 @@ def _middle(values: Sequence[float]) -> float:
 def _how_to_have_one(name: str) -> str:
     if name in REGISTRY:
         return ""
-    if name.startswith(tuple(PIPES)):
+    if piped(name):
         return ": a program takes no options, so write a class that starts it, and gives it one"
-    return '; name the option in its class: knob = "forgetting"'
+    return '; name the option in its class: knob = "1-lam", where λ is turned in 1−λ'
 
 
 def _minimum(of, default: float) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from flexaxis.experiments.reporting import page, script
+from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick, Picks
 
 HOSTILE = '<img src=x onerror=alert(1)>"&|=#'
@@ -67,8 +67,8 @@ def render(monkeypatch, changed=None):
         page, "_source", lambda name: TEMPLATE if name == "sample.html" else ordinary(name)
     )
     if changed is not None:
-        whole = script.source
-        monkeypatch.setattr(script, "source", lambda: whole(changed))
+        whole = page.source
+        monkeypatch.setattr(page, "source", lambda: whole(changed))
     page._environment.cache_clear()  # one made before reads as ordinary
     return page.render("sample.html", content())
 
@@ -77,7 +77,7 @@ def content():
     return {
         "rows": list(zip(WHO, GROUPS, LAGS, strict=True)),
         "charts": page.charted([estimates(), tradeoff(), lags()]),
-        "picks": Picks({"1003": picked()}),
+        "picks": Picks({"1003": page.packed(picked())}),
     }
 
 

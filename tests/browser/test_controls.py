@@ -37,10 +37,10 @@ PLACES = {
 }
 DEAD = (
     "from flexaxis.experiments.demo.session import DemoSession;"
-    "from flexaxis.experiments.demo.front import Page;"
+    "from flexaxis.experiments.demo.page import Page;"
     + "".join(f"{owner}.{name} = lambda self, *_: None;" for name, owner in PLACES.items())
     + "import viser; viser.ClientHandle.send_file_download = lambda *_, **__: None;"
-    "Pace = __import__('flexaxis.experiments.demo.front', fromlist=['Pace']).Pace;"
+    "Pace = __import__('flexaxis.experiments.demo.page', fromlist=['Pace']).Pace;"
     "Pace.speed = property(lambda self: 2.0, lambda self, value: None);"
     "from flexaxis.experiments.cli import main; sys.exit(main())"
 )
@@ -48,7 +48,7 @@ DEAD = (
 # Friction comes, but its sliders do nothing.
 STIFF = (
     "from flexaxis.experiments.demo.session import DemoSession;"
-    "from flexaxis.experiments.demo.friction import Friction;"
+    "from flexaxis.experiments.demo.live_axis import Friction;"
     "rub = DemoSession.rub;"
     "DemoSession.rub = lambda self, friction: rub(self, Friction(friction.kind));"
     "from flexaxis.experiments.cli import main; sys.exit(main())"
@@ -284,9 +284,11 @@ def test_who_reloads_sees_where_it_is(opened):
         browser.open("about:blank")
         page.opened(browser, address)
         title = "f_m × 2: left to be found"
-        browser.wait(f"{page.pixels(title, page.A)} > 300", seconds=30, what="the fault")
+        browser.wait(f"{page.drawn(title, 'A', 'wide')} > 100", seconds=30, what="the fault")
         clicked("Pause")(browser)
         browser.wait(says("paused"), seconds=10, what="the pause")
         browser.open(address)
-        browser.wait(f"{page.pixels(title, page.A)} > 300", seconds=30, what="the fault, paused")
+        browser.wait(
+            f"{page.drawn(title, 'A', 'wide')} > 100", seconds=30, what="the fault, paused"
+        )
         assert browser.run(says("paused")) and not browser.errors

@@ -22,7 +22,8 @@ seeds = 2
 "rpem-forgetting.forgetting" = [0.98, 0.995]
 """
 PLACE = """(() => { const e = document.querySelector("figure.chart .view");
-  e.scrollIntoView({block: "center"}); const b = e.querySelector("svg").getBoundingClientRect();
+  e.scrollIntoView({block: "center"});
+  const b = e.querySelector("svg.panel").getBoundingClientRect();
   return [b.left, b.top, b.width, b.height]; })()"""
 TIP = "[...document.querySelectorAll('.view .tip:not([hidden])')].map(e => e.innerText).join()"
 HEADS = "[...document.querySelector('table.live').tHead.rows[0].cells]"
@@ -119,7 +120,7 @@ def test_a_chart_tells_its_values(pages, chromium, name):
     show(chromium, pages / f"{name}.html")
     opened = chromium
     opened.wait(
-        "document.querySelector('figure.chart svg.plot') !== null", seconds=5, what="a chart"
+        "document.querySelector('figure.chart svg.panel') !== null", seconds=5, what="a chart"
     )
     left, top, width, height = opened.run(PLACE)
     end = time.monotonic() + 3

@@ -3,7 +3,7 @@
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting import run_page
+from flexaxis.experiments.reporting.run import page as run_page
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
@@ -68,14 +68,14 @@ def test_the_fault_stands_beside_the_whole_run(opened):
     browser = opened("#at=curves-short")
     views = "document.querySelectorAll('#curves-short .view').length"
     browser.wait(f"{views} === 2", seconds=5, what="two views")
-    ticks = "[...document.querySelectorAll('#curves-short .view')].map(v => v.textContent)"
-    near, whole = browser.run(ticks)
-    assert "6.2" in near and "6.2" not in whole
+    words = "[...document.querySelectorAll('#curves-short .view')].map(v => v.innerText)"
+    near, whole = browser.run(words)
+    assert near.startswith("at the fault") and whole.startswith("whole run")
 
 
 def test_a_point_opens_its_run_with_the_line_that_repeats_it(opened):
     browser = opened("#at=runs-short")
-    points = "document.querySelectorAll('#runs-short .line[data-pick]').length"
+    points = "document.querySelectorAll('#runs-short .area .line[data-pick]').length"
     browser.wait(f"{points} === 6", seconds=5, what="two estimators on three seeds")
     browser.run("document.querySelector('[data-opens=\"short/relocate/1001\"]').click()")
     text = browser.wait(
@@ -83,8 +83,8 @@ def test_a_point_opens_its_run_with_the_line_that_repeats_it(opened):
     )
     assert "relocate on short, seed 1001" in text and "Found: at 6." in text
     assert "flexaxis run short.toml --estimator relocate --seeds 1001:1002" in text
-    panels = "document.querySelectorAll('dialog .view .axis').length"
-    browser.wait(f"{panels} >= 4", seconds=5, what="three parameters and the residual")
+    panels = "document.querySelectorAll('dialog .view svg.panel').length"
+    browser.wait(f"{panels} >= 8", seconds=5, what="three parameters and the residual")
     assert "pick" in browser.run("location.hash") and not browser.errors
     again = opened(browser.run("location.hash"))
     assert "seed 1001" in again.run("document.querySelector('dialog[open]').innerText")
@@ -93,5 +93,6 @@ def test_a_point_opens_its_run_with_the_line_that_repeats_it(opened):
 def test_the_first_screen_holds_question_and_answer(opened):
     browser = opened()
     assert browser.run("document.documentElement.scrollWidth <= innerWidth")
-    height = browser.run("document.querySelector('h2').getBoundingClientRect().top")
-    assert height < 400
+    low = "document.querySelector('{}').getBoundingClientRect().bottom"
+    assert browser.run(low.format("#at-a-fault .panel")) < 900  # the picture is whole
+    assert browser.run("document.querySelector('h2').getBoundingClientRect().top") < 400

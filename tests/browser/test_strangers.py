@@ -2,7 +2,6 @@
 
 import importlib.util
 import re
-import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -86,20 +85,10 @@ def test_the_same_from_its_own_page_is_let_in(browser, demo):
         assert attempts(browser, address) == ["open", "read", "read", "refused"]
 
 
-@pytest.mark.parametrize("share", [(), ("--share",)])
-def test_a_name_that_somebody_points_here_is_refused(browser, demo, share):
+def test_a_name_that_somebody_points_here_is_refused(browser, demo):
     """DNS rebinding: the browser takes it for one origin, the one of the attacker."""
-    with demo(*share) as address:
+    with demo() as address:
         browser.open(re.sub(r"//[^:]+:", "//rebound.test:", address))
         text = "document.body?.innerText.trim()"
         said = "refused: this is not the address of the demo"
         browser.wait(f"{text} == {said!r}", seconds=30, what=said)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all of 127.0.0.0/8")
-def test_shared_it_is_there_under_the_number_of_the_computer(browser, demo):
-    with demo("--share") as address:
-        browser.open(address.replace("localhost", "127.0.0.2"))
-        browser.wait(
-            r"/t = [1-9]\d* s/.test(document.body?.innerText)", seconds=60, what="the axis"
-        )

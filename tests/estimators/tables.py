@@ -2,12 +2,9 @@
 Print what is measured of every registered estimator, as plain text.
 
 ``python tests/estimators/tables.py [units rates starts disturbances claims] [--only NAME …]``
-``python tests/estimators/tables.py friction --estimators imm,relocate [--seeds 1000:1010]
-[--scenarios coulomb_fm_step-v1 …] [--parts kcwumq]``
 """
 
 import argparse
-import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable
@@ -16,7 +13,6 @@ from functools import cache, partial
 import numpy as np
 from acceptance.axes import AXES
 from acceptance.disturbances import DISTURBANCES
-from acceptance.friction_tables import friction
 from acceptance.measures import AGES, claims, make, outcome, stepped, undisturbed, unit_error
 from acceptance.units import CHANGES, Units
 
@@ -123,39 +119,12 @@ def main(arguments: list[str]) -> None:
     """Print the tables asked for, all by default."""
     warnings.simplefilter("ignore")  # a literal filter that winds up overflows; its cell says so
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tables", nargs="*", choices=[*TABLES, "friction", []], default=[])
+    parser.add_argument("tables", nargs="*", choices=[*TABLES, []], default=[])
     parser.add_argument("--only", nargs="+", choices=list(REGISTRY), default=list(REGISTRY))
     parser.add_argument("--runs", type=int, default=50, help="for the claims (50)")
-    friction_options(parser.add_argument_group("friction"))
     given = parser.parse_args(arguments)
     for name in given.tables or TABLES:
-        if name == "friction":
-            friction(given.estimators, given.seeds, given.scenarios, given.parts)
-        else:
-            TABLES[name](given.only, given.runs)
-
-
-def friction_options(group) -> None:
-    """Add the options of the tables on axes with friction."""
-    group.add_argument("--estimators", type=split, default=["relocate", "imm"])
-    group.add_argument("--seeds", type=interval, default=(1000, 1010), metavar="A:B")
-    group.add_argument("--scenarios", nargs="+", default=[], help="only these (all)")
-    group.add_argument(
-        "--parts",
-        default="kcwumq",
-        help="letters: known structure, confusion, wg, unknown structure, moves, quiet",
-    )
-
-
-def split(text: str) -> list[str]:
-    """Names of estimators between commas; those inside brackets belong to options."""
-    return re.split(r",(?![^\[]*\])", text)
-
-
-def interval(text: str) -> tuple[int, int]:
-    """Seeds A:B, half-open."""
-    first, last = map(int, text.split(":"))
-    return first, last
+        TABLES[name](given.only, given.runs)
 
 
 if __name__ == "__main__":

@@ -1,32 +1,23 @@
 """Compiled code is kept in the user's cache folder, is never stale, and goes wrong nowhere."""
 
 import json
+import math
 import os
+import pickle
 import re
 import shutil
 import subprocess
 import sys
 import time
-from inspect import getsourcefile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numba import float64
-from numba.core import bytecode
 
-from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.rpem import rpem_loop
-from flexaxis.estimators.recursion.beside import measure
-from flexaxis.estimators.recursion.beside_loop import beside_loop
-from flexaxis.estimators.sampling import compiler, kept, symbols
-from flexaxis.estimators.sampling.beside import entries
-from flexaxis.estimators.sampling.compiler import Compiled, compiled, inlined
-from flexaxis.estimators.sampling.fields import Fields
-from flexaxis.estimators.sampling.pattern import Pattern
-from flexaxis.estimators.sampling.runs import Runs
+from flexaxis.estimators import registry
+from flexaxis.estimators.sampling import compiler, kept
+from flexaxis.estimators.sampling.compiler import compiled, inlined, remembered
 
-FORKS = hasattr(os, "fork")
 PROGRAM = """
 import json, sys
 import numpy as np
@@ -38,7 +29,7 @@ print(filter_.run(np.ones(50), np.ones(50))[-1].tolist())
 
 
 def start(nominal, cache, code=PROGRAM, **more):
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    environment = {k: v for k, v in os.environ.items() if "NUMBA" not in k}
     environment |= {"XDG_CACHE_HOME": str(cache), "LOCALAPPDATA": str(cache)}
     return subprocess.Popen(
         [sys.executable, "-c", code, json.dumps(dict(nominal))],
@@ -74,54 +65,67 @@ def test_parallel_first_calls_and_a_folder_that_cannot_be(nominal, tmp_path):
     assert list(cache.rglob("*.nbc"))
 
 
-def test_a_broken_cache_stops_nobody(nominal, tmp_path, monkeypatch, capsys):
-    def first_call() -> list[float]:
-        rpem_loop.cache_clear()
-        made = Rpem(three_mass(nominal), identify=("f_g",), P0=[1.0], period=0.005)
-        return made.run([1.0, 0.0], [1.0, 2.0])[-1].tolist()
-
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A cache folder that is empty."""
     monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
-    expected = first_call()
+    return tmp_path
+
+
+def doubled():
+    """Return a function that has not been called."""
+
+    def double(x):
+        return 2.0 * x
+
+    return compiled(double)
+
+
+def machine_code(made):
+    """Return the files in which numba keeps it."""
+    place = Path(made.dispatcher.stats.cache_path)
+    return place.glob(f"*{made.rendered.name}*.nb?")
+
+
+def forgotten(folder):
+    """Let this process know of no module in a folder, as another does not."""
+    for path in folder.glob("*.py"):
+        sys.modules.pop(path.stem, None)
+
+
+def test_a_broken_cache_stops_nobody(folder, capsys):
+    made = doubled()
+    assert made(3.0) == 6.0
     assert "compiling" in capsys.readouterr().err
-    (file,) = tmp_path.iterdir()
-    file.write_bytes(b"torn")
-    assert first_call() == expected
-    assert "compiling" in capsys.readouterr().err
-    assert first_call() == expected
+    for broken in (*machine_code(made), *folder.glob("*.py")):
+        broken.write_bytes(b"torn")
+        forgotten(folder)
+        assert doubled()(3.0) == 6.0
+    capsys.readouterr()
+    forgotten(folder)
+    assert doubled()(3.0) == 6.0
     assert capsys.readouterr().err == ""
-    rpem_loop.cache_clear()
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
-def test_code_of_another_user_is_not_run(nominal, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
-    for owner, told in ((os.getuid(), True), (os.getuid(), False), (4711, True)):
-        if owner == 4711:
-            stat = Path.stat
-
-            def owned(self, stat=stat, **options):
-                values = list(stat(self, **options))
-                values[4] = 4711 if self.suffix == ".nbc" else values[4]
-                return os.stat_result(values)
-
-            monkeypatch.setattr(Path, "stat", owned)
-        rpem_loop.cache_clear()
-        Rpem(three_mass(nominal), identify=("d_g",), P0=[1.0], period=0.005).run([1.0], [1.0])
-        assert ("compiling" in capsys.readouterr().err) is told
-    rpem_loop.cache_clear()
+def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    found = compiler.cache_folder.__wrapped__
+    assert found() == tmp_path
+    monkeypatch.setattr(os, "getuid", lambda: 4711)
+    if tmp_path.stat().st_uid != 0:
+        assert found() is None
 
 
-def test_a_full_disk_stops_nobody_and_leaves_nothing(nominal, tmp_path, monkeypatch):
-    def full(self, content):
+def test_a_full_disk_stops_nobody_and_leaves_nothing(folder, monkeypatch, capsys):
+    def full(self, *_, **__):
         self.open("wb").close()
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(Path, "write_bytes", full)
-    rpem_loop.cache_clear()
-    Rpem(three_mass(nominal), identify=("d_a",), P0=[1.0], period=0.005).run([1.0], [1.0])
-    assert not list(tmp_path.iterdir())
-    rpem_loop.cache_clear()
+    monkeypatch.setattr(Path, "write_text", full)
+    assert doubled()(3.0) == 6.0
+    assert not list(folder.iterdir())
+    assert "no cache folder can be written" in capsys.readouterr().err
 
 
 HOLDS = """
@@ -134,14 +138,13 @@ time.sleep(600)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not locked there")
-def test_a_stopped_process_holds_up_nobody_for_ever(tmp_path, monkeypatch, capsys):
-    made = Compiled(lambda x: 2.0 * x, label="a double")
-    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
+def test_a_stopped_process_holds_up_nobody_for_ever(folder, monkeypatch, capsys):
+    made = doubled()
     monkeypatch.setattr(kept, "TOLD", 0.05)
     monkeypatch.setattr(kept, "PATIENCE", 0.2)
-    store, kinds = made.dispatcher._cache, (float64,)
-    claim = store.path(kinds, made.dispatcher.targetctx.codegen()).with_suffix(".claim")
-    command = [sys.executable, "-c", HOLDS, str(claim)]
+    assert made.dispatcher.py_func(3.0) == 6.0
+    (path,) = folder.glob("*.py")
+    command = [sys.executable, "-c", HOLDS, str(path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
         try:
             assert holder.stdout.readline() == "held\n"
@@ -152,130 +155,93 @@ def test_a_stopped_process_holds_up_nobody_for_ever(tmp_path, monkeypatch, capsy
             holder.kill()
     told = capsys.readouterr().err.splitlines()
     assert len(told) == 2  # once each
-    assert "waiting for another process to compile a double" in told[0]
-    assert "compiling a double" in told[1]
-    assert list(tmp_path.glob("*.nbc"))  # kept for others all the same
+    assert "waiting for another process to compile" in told[0]
+    assert "compiling" in told[1]
+    assert list(machine_code(made))  # kept for others all the same
 
 
 FACTOR = 2.0
-TABLE = np.array([1.0, 2.0])
+ENDLESS = -np.inf
+TABLE = np.array([[1.0, 2.0], [3.0, 4.0]])
 
 
 @inlined
-def inner(x):
+def inner(x: float) -> float:
+    """Return twice as much."""
     return FACTOR * x
 
 
-@compiled
-def outer(x):
-    return inner(x) + TABLE[0]
+def test_what_is_written_is_what_was_marked():
+    places = (1, 0)
+
+    @compiled
+    def outer(x, FACTOR):
+        y = inner(x) + TABLE[places] + math.floor(FACTOR)
+        return max(y, ENDLESS)
+
+    assert outer(1.0, 7.5) == 2.0 + 3.0 + 7.0
+    assert inner(1.0) == 2.0
 
 
-def source(code, *, name="f", **globals_):
-    scope = {"inner": inner, "FACTOR": FACTOR, "TABLE": TABLE} | globals_
-    exec(code, scope)
-    return Compiled(scope[name])
+def plugged(plug, number):
+    @compiled
+    def run(x):
+        return plug(x) + number
+
+    return run
 
 
-def test_the_digest_sees_everything_that_is_reached():
-    same = "def f(x):\n    return inner(x) + FACTOR"
-    plain = source(same).digest
-    assert source(same).digest == plain
-    other = Compiled(source("def g(x):\n    return 3.0 * x", name="g").function, inline=True)
-    assert source("def f(x):\n    return inner(x) - FACTOR").digest != plain  # the code
-    assert source(same, FACTOR=3.0).digest != plain  # a constant
-    assert source(same, inner=other).digest != plain  # what it calls
-    table = "def f(x):\n    return TABLE[0]"
-    assert source(table).digest != source(table, TABLE=np.array([1.0, 3.0])).digest
+def test_every_function_has_a_name_of_its_own():
+    def changed(x):
+        return FACTOR + x
+
+    def same(x):  # a comment changes nothing
+        return FACTOR * x
+
+    same.__name__ = "inner"
+    plain = plugged(inner, 1.0).rendered.name
+    assert plugged(inner, 1.0).rendered.name == plain
+    assert plugged(inner, 2.0).rendered.name != plain  # a constant
+    assert plugged(inlined(changed), 1.0).rendered.name != plain  # what it calls
+    one, other = plugged(inner, 1.0), plugged(inlined(changed), 1.0)
+    assert (one(3.0), other(3.0)) == (7.0, 6.0)
 
 
-def test_the_digest_sees_what_an_intrinsic_emits():
-    reached = b"".join(compiler._content(beside_loop(Pattern(1, 1, (), (), ()), (), 4), set()))
-    for module in (beside_loop.__wrapped__, measure, entries, Fields, Runs):
-        assert Path(getsourcefile(module)).read_bytes() in reached
+@remembered
+def remembered_loop(number):
+    return plugged(inner, number)
 
 
-def test_two_plugs_are_two_functions():
-    def loop(plug):
-        @compiled
-        def run(x):
-            return plug(x)
-
-        return run
-
-    one, other = loop(inner), loop(Compiled(lambda x: x, inline=True))
-    assert (one(3.0), other(3.0), outer(1.0)) == (6.0, 3.0, 3.0)
-    assert one.digest != other.digest
+def test_what_was_made_by_a_factory_is_made_anew_elsewhere():
+    made = remembered_loop(4.0)
+    assert pickle.loads(pickle.dumps(made)) is made
+    assert pickle.loads(pickle.dumps(inner)) is inner
 
 
-ALIKE = """
-import os, sys
+PLAINLY = """
+import json, sys
 import numpy as np
-from flexaxis.estimators.sampling.compiler import compiled, inlined
-
-# so long that it stays a function of its own
-LINES = ["        x = np.sin(x + n * {i}.0) + np.cos(n * x)".format(i=i) for i in range(60)]
-BODY = chr(10).join(LINES)
-exec(f'''
-def made(n, first=False):
-    def inner(x):
-{BODY}
-        return x
-    inner = compiled(inner)
-    def small(x):
-        return inner(x) + inner(inner(x + 1.0))
-    small = inlined(small)
-    if first:
-        small(0.5)
-    def outer(x):
-        return small(x)
-    return compiled(outer)
-''')
-if "fork" in sys.argv[1]:
-    compiled(lambda x: x)(0.5)  # numba is there before
-for numbers in sys.argv[1].split(":"):
-    if numbers.startswith("fork"):
-        if (child := os.fork()) == 0:
-            print(made(float(numbers[4:]))(0.5), flush=True)
-            os._exit(0)
-        os.waitpid(child, 0)
-    else:
-        print(made(float(numbers[-1]), numbers.startswith("first"))(0.5), flush=True)
+from flexaxis.estimators import registry
+nominal, u, y = json.loads(sys.argv[1])
+for name in sys.argv[2:]:
+    print(json.dumps(registry.entry(name).factory(nominal, 0.005).run(u, y)[-1].tolist()))
 """
 
 
-@pytest.mark.parametrize(
-    "compiling",
-    [
-        ["2", "3"],
-        ["first2", "first3"],  # what is kept by nobody is called before
-        pytest.param(["fork2:fork3"], marks=pytest.mark.skipif(not FORKS, reason="no fork here")),
-    ],
-)
-def test_functions_of_two_processes_do_not_stand_in_for_each_other(compiling, tmp_path):
-    """Two of one factory that count alike; a third process takes both from the folder."""
-
-    def run(words, folder):
-        command = [sys.executable, "-c", ALIKE, words]
-        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / folder)}
-        done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=True, timeout=120
-        )
-        return done.stdout.split()
-
-    alone = [line for words in compiling for line in run(words, "shared")]
-    assert len(set(alone)) == 2
-    assert run("2:3", "shared") == alone
-
-
-def test_a_numba_that_names_otherwise_keeps_nothing(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(compiler, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(compiler, "distinct", lambda: False)
-    assert Compiled(lambda x: 2.0 * x, label="a double")(3.0) == 6.0
-    assert not list(tmp_path.iterdir())
-    assert "a double each time, as this numba" in capsys.readouterr().err
-    monkeypatch.setattr(bytecode, "FunctionIdentity", object)
-    assert not symbols.distinct.__wrapped__()
+def test_compiled_code_is_what_is_written(nominal, loop):
+    """Both without the compiler, and by it: sums in another order, and rounded once."""
+    names = ["rpem-forgetting", "rpem-drift-mu", "efra", "ekf", "imm", "ukf", "moving-horizon"]
+    given = json.dumps([dict(nominal), loop.u[:40].tolist(), loop.y[:40].tolist()])
+    plainly = subprocess.run(
+        [sys.executable, "-c", PLAINLY, given, *names],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for name, line in zip(names, plainly.stdout.splitlines(), strict=True):
+        ours = registry.entry(name).factory(nominal, 0.005).run(loop.u[:40], loop.y[:40])[-1]
+        np.testing.assert_allclose(ours, json.loads(line), rtol=1e-9, err_msg=name)
 
 
 EDITED = """

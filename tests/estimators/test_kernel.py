@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators import LiteralRpem, Rpem, three_mass, two_mass
-from flexaxis.estimators.methods.rpem import rpem_loop
-from flexaxis.estimators.sampling.pattern import split, unflatten
+from flexaxis.estimators.recursion.design import make_design
+from flexaxis.estimators.recursion.records import on_lanes
+from flexaxis.estimators.sampling import kernel
+from flexaxis.estimators.sampling.compiler import Compiled
+from flexaxis.estimators.sampling.kernel import evaluate
+from flexaxis.estimators.sampling.pattern import split
 from flexaxis.estimators.sampling.plan import plan
 
 P0 = [2.97e-4, 5.19e-5, 4.69e-6]
@@ -80,18 +84,6 @@ def test_step_is_run_bit_for_bit(nominal, loop):
     np.testing.assert_array_equal(filters[0].run(u, y, valid), at_once)
 
 
-def test_the_loop_runs_without_the_compiler(nominal, loop):
-    """Same source, the NumPy twins of the two compiled steps: differs by rounding only."""
-    model, N = three_mass(nominal), 300
-    compiled, plain = Rpem(model, P0=P0, period=0.005), Rpem(model, P0=P0, period=0.005)
-    estimates = np.empty((N, 3))
-    uncompiled = rpem_loop(split(plain._design.model)[0]).function
-    present, trace = np.ones(N, bool), np.empty((N, 3))
-    uncompiled(plain._tuning, plain.state, loop.u[:N], loop.y[:N], present, estimates, trace)
-    estimates *= plain._design.scale
-    np.testing.assert_allclose(estimates, compiled.run(loop.u[:N], loop.y[:N]), rtol=1e-12)
-
-
 def test_P_stays_symmetric_and_positive_definite(nominal, loop):
     u, y = np.tile(loop.u, 5), np.tile(loop.y, 5)
     for options in ({"forgetting": 0.98}, {"drift": DRIFT}):
@@ -162,9 +154,27 @@ def test_substeps_grow_with_the_fastest_mode(nominal):
     assert 20 < substeps < 40
 
 
-def test_pattern_survives_flattening(nominal):
-    for identify in SUBSETS:
-        pattern, coefficients = split(three_mass(nominal).parametrize(identify))
-        assert unflatten(pattern.flat()) == pattern
-        assert len(coefficients) == len(pattern.terms)
-        assert pattern.lanes >= 1 + pattern.p
+def sampled(way, design, u):
+    """Take x and its derivatives over two samples of two substeps, by one of the ways."""
+    pattern, _ = split(design.model)
+    tuning, state = on_lanes(design, pattern)
+    M, X = state["M"][0].copy(), np.zeros((pattern.n + 1, pattern.lanes))
+    evaluate(pattern)(tuning["coefficients"][0], design.theta0, M)
+    over = Compiled("\n".join(way(pattern)))
+    for held in u:
+        over(M, X, held, tuning["weights"][0], 20, 2)
+    return X
+
+
+@pytest.mark.parametrize("output", ["speed", "increment"])
+def test_many_lanes_go_in_parts_as_at_once(nominal, output):
+    given = dict.fromkeys(("theta0", "noise"))
+    names = ("k_T", "1/J_a", "f_m", "k_a", "d_g")
+    design = make_design(
+        three_mass(nominal), identify=names, P0=np.ones(5), period=0.005, output=output, **given
+    )
+    at_once = sampled(kernel._at_once, design, [1.0, -0.5])
+    in_parts = sampled(kernel._in_parts, design, [1.0, -0.5])
+    assert np.abs(at_once[:, 1:6]).min(axis=0).max() > 0.0
+    scale = np.abs(at_once).max(axis=1, keepdims=True) + 1e-300
+    np.testing.assert_allclose(in_parts / scale, at_once / scale, atol=1e-14)

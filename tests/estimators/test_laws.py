@@ -87,12 +87,6 @@ def travelled(model, u, *, steps=None, changes=None, theta=None):
     return np.array(out)
 
 
-def test_a_model_with_laws_is_of_one_type_in_compiled_code():
-    travelled(axis("bristle"), np.zeros(2))
-    kinds = [str(one.signature.return_type) for one in prepare.dispatcher.overloads.values()]
-    assert kinds and not any("Optional" in kind for kind in kinds)
-
-
 def force(law, w, v):
     """The torque of a law, and the rate of its own state: (F, ṗ), written out by hand."""
     match law.kind:

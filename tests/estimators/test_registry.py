@@ -34,7 +34,7 @@ def test_every_entry_makes_an_estimator(nominal, loop, name):
     )
     assert isinstance(made, Estimator)
     assert entry.name == name
-    assert entry.knob in (*entry.options, None)
+    assert entry.turning is None or {*entry.turning.names} <= {*entry.options}
     assert made.names[:3] == ("k_T", "1/J_a", "f_m")  # and what it tracks besides
     np.testing.assert_allclose(made.theta[:3], [1.0, 1.25, 0.06])  # θ(0) is what it was given
     valid = np.arange(400) % 7 > 0

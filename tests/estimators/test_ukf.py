@@ -7,8 +7,6 @@ from scipy.linalg import expm
 from flexaxis.estimators import EstimatorError, three_mass
 from flexaxis.estimators.methods.ekf import joint_ekf
 from flexaxis.estimators.methods.ukf import joint_ukf
-from flexaxis.estimators.recursion.sigma_points import ukf_loop
-from flexaxis.estimators.sampling.pattern import split
 
 TRUTH = np.array([1.0, 1.25, 0.05])
 T = 0.005
@@ -92,19 +90,6 @@ def test_against_filterpy(nominal, loop, by_hand):
         expected.append(rival.x[:3].copy())
     theta = joint_ukf(three_mass(nominal), **TIGHT).run(loop.u[:N], loop.y[:N])
     np.testing.assert_allclose(theta, expected, rtol=1e-5)
-
-
-def test_compiled_code_is_what_the_source_says(nominal, loop):
-    """Same source, the NumPy twins of the two compiled steps: differs by rounding only."""
-    theta = np.array([nominal["J_m"], nominal["f_m"]])  # 1/J_m is in the matrices
-    given = {"identify": ("J_m", "f_m"), "P0": (0.1 * theta) ** 2, "drift": (1e-3 * theta) ** 2}
-    N, options = 60, TIGHT | given
-    compiled, plain = (joint_ukf(three_mass(nominal), **options) for _ in range(2))
-    uncompiled = ukf_loop(split(plain._design.model)[0]).function
-    estimates, present, trace = np.empty((N, 2)), np.ones(N, bool), np.empty((N, 3))
-    uncompiled(plain._tuning, plain.state, loop.u[:N], loop.y[:N], present, estimates, trace)
-    estimates *= plain._design.scale
-    np.testing.assert_allclose(estimates, compiled.run(loop.u[:N], loop.y[:N]), rtol=1e-11)
 
 
 def test_with_nearly_certain_parameters_both_are_the_kalman_filter(nominal, loop):

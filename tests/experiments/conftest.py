@@ -36,7 +36,7 @@ def short_toml(short, tmp_path):
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.files import dumps
+    from flexaxis.experiments.running.store import Store
     from flexaxis.experiments.scoring.table import undefined
 
     def write(folder, rows, axes=(), **study):
@@ -53,8 +53,9 @@ def stored():
         lines = [each | row | {"rows": known[row["case"]]} for row in rows]
         for line in lines:
             line["case"] = f"{int.from_bytes(line['case'].encode()):016x}"
-        text = "".join(dumps(line) + "\n" for line in lines)
-        (folder / "scores.jsonl").write_text(text, encoding="utf-8")
+            line.setdefault("code", line["case"])  # by which cases that are alike are told apart
+        with Store(folder / "scores.sqlite", axes) as store:
+            store.add(lines)
         return Results(folder, {"axes": list(axes), "estimators": [], "scenarios": []} | study)
 
     return write

@@ -151,8 +151,8 @@ HOSTILE: dict[str, Hostile] = {
     "mat of noise": raw(bytes(range(256)) * 40, ["no MAT file"], "log.mat"),
     "mat of texts": Hostile("log.mat", _mat_of_texts, (), ("holds no columns of numbers",)),
     "cut parquet": Hostile("log.parquet", _cut(_parquet, 0.5), (), ("no parquet file",)),
-    "cut bag": raw(b"\x89MCAP0\r\n" + b"x" * 50, ["no bag of ROS"], "log.mcap"),
-    "folder": Hostile("logs", lambda path: path.mkdir(), (), ("no bag of ROS",)),
+    "cut bag": raw(b"\x89MCAP0\r\n" + b"x" * 50, ["export its topics as CSV"], "log.mcap"),
+    "folder": Hostile("logs", lambda path: path.mkdir(), (), ("is a folder",)),
     # rows
     "row too long": csv(edit=lambda t: line(t, 800, "1,2,3,4"), says=["line 800 has 4 cells"]),
     "text in a column": csv(

@@ -4,8 +4,8 @@
 
 A command runs in a fork of this process, in which everything is imported: so the moments fall on
 its work, and not on the seconds that Python takes to start. The fork is killed at a random moment
-of the time that the whole takes; then it is looked at what is there, and the command goes on with
---resume, and is killed again, until it gets to its end. Then it begins again over what is there.
+of the time that the whole takes; then it is looked at what is there, and the same command goes on,
+and is killed again, until it gets to its end. Then it begins anew in an empty folder.
 """
 
 from __future__ import annotations
@@ -18,15 +18,20 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import sys
 import tempfile
 import time
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2]))  # where it is run as a program
+from tests.experiments.kept_rows import lines_of
 
 Words = Sequence[str]
 RESULT = ("summary.json", "compare.json")  # without one of them a result is not complete
@@ -38,18 +43,14 @@ class Task:
 
     Attributes
     ----------
-    first, again : sequences of words
-        What is run, one after the other: from the beginning, and to go on.
+    words : sequence of words
+        What is run, one after the other.
     folder : Path
         What it writes to.
-    anew : bool
-        Whether `first` may be run over a result that is there, which it replaces.
     """
 
-    first: Sequence[Words]
-    again: Sequence[Words]
+    words: Sequence[Words]
     folder: Path
-    anew: bool = True
 
 
 @dataclass
@@ -69,15 +70,13 @@ class Tally:
 
 
 KINDS = (
-    "cut short",  # files of rows whose last one was: it is removed when the command goes on
     "torn",
     "doubled",
     "lost",
-    "old result lost",
     "differs at the end",
     "leftovers",
 )
-TIMES = ("cost", "us_per_sample", "seconds_per_sample", "seal")  # in no two results the same
+TIMES = ("cost", "us_per_sample", "seconds_per_sample")  # in no two results the same
 
 
 def prepare(place: Path, scenario: Path, names: Sequence[str]) -> dict[str, Task]:
@@ -96,25 +95,21 @@ def prepare(place: Path, scenario: Path, names: Sequence[str]) -> dict[str, Task
                  "--save", str(out / "tuned.toml")],
         "study": ["study", str(study), "-o", str(out / "study")],
     }  # fmt: skip
-    tasks = {
-        name: Task([[*each, "--jobs", "1"]], [[*each, "--jobs", "1", "--resume"]], out / name,
-                   name != "study")
-        for name, each in words.items()
-    }  # fmt: skip
+    tasks = {name: Task([[*each, "--jobs", "1"]], out / name) for name, each in words.items()}
     if not {"merge", "export"} & {*names}:
         return tasks
     for number, share in enumerate(shares, 1):
         parts = ["run", short, "--seeds", "24", "--shard", f"{number}/3", "-o", str(share)]
         assert run([[*parts, "--jobs", "1"]]) == 0
     merge = ["merge", *map(str, shares), "-o", str(out / "merge")]
-    tasks["merge"] = Task([merge], [merge], out / "merge", anew=False)
+    tasks["merge"] = Task([merge], out / "merge")
     forms = {"csv": "csv", "netcdf": "nc", "parquet": "parquet"}
     assert run([["merge", *map(str, shares), "-o", str(place / "whole")]]) == 0
     exports = [
         ["export", str(place / "whole"), f"--{form}", str(out / "export" / f"table.{suffix}")]
         for form, suffix in forms.items()
     ]
-    tasks["export"] = Task(exports, exports, out / "export")
+    tasks["export"] = Task(exports, out / "export")
     return tasks
 
 
@@ -185,7 +180,7 @@ def killed(lines: Sequence[Words], moment: float) -> int | None:
 def files(folder: Path) -> list[Path]:
     """Return all files in a folder that anyone is to read."""
     found = [path for path in folder.rglob("*") if path.is_file()]
-    return [path for path in found if not hidden(path, folder)]
+    return [p for p in found if not (hidden(p, folder) or p.name.endswith("-journal"))]
 
 
 def hidden(path: Path, folder: Path) -> bool:
@@ -195,10 +190,7 @@ def hidden(path: Path, folder: Path) -> bool:
 
 def leftovers(folder: Path) -> list[Path]:
     """Return the hidden files and folders that nobody needs."""
-    from flexaxis.experiments.running.names import COLUMNS
-
-    found = (path for path in folder.rglob("*") if hidden(path, folder))
-    return [path for path in found if not path.name.endswith((".lock", COLUMNS))]
+    return [path for path in folder.rglob("*") if hidden(path, folder)]
 
 
 def whole(path: Path) -> bool:
@@ -206,10 +198,9 @@ def whole(path: Path) -> bool:
     import h5py
     import numpy as np
 
-    from flexaxis.experiments.running.sealed import read_sealed
-
     readers: dict[str, Callable[[Path], Any]] = {
-        ".json": lambda path: read_sealed(path, ValueError),
+        ".json": lambda path: json.loads(path.read_bytes()),
+        ".sqlite": _sqlite,
         ".toml": lambda path: tomllib.loads(path.read_text()),
         ".npz": lambda path: [np.load(path)[name] for name in np.load(path).files],
         ".nc": lambda path: h5py.File(path).visititems(lambda _, each: each and None),
@@ -217,8 +208,6 @@ def whole(path: Path) -> bool:
         ".html": lambda path: path.read_text().rstrip().endswith("</html>") or 1 / 0,
         ".md": lambda path: path.read_text().endswith("\n") or 1 / 0,
         ".csv": lambda path: path.read_text().endswith("\n") or 1 / 0,
-        # The last row may be cut short: it is removed when the command goes on.
-        ".jsonl": lambda path: [json.loads(line) for line in lines(path) if line.endswith(b"\n")],
     }
     try:
         readers[path.suffix](path)
@@ -227,18 +216,13 @@ def whole(path: Path) -> bool:
     return True
 
 
-def lines(path: Path) -> list[bytes]:
-    """Return the lines of a file, each with its end if it has one."""
-    return path.read_bytes().splitlines(keepends=True)
-
-
-def cut(folder: Path) -> list[str]:
-    """Return the files of rows whose last one is cut short."""
-    return [
-        str(p)
-        for p in folder.rglob("scores*.jsonl")
-        if p.stat().st_size and not lines(p)[-1].endswith(b"\n")
-    ]
+def _sqlite(path: Path) -> None:
+    """Look at a file with its journal, as the next who opens it does, in a copy."""
+    with tempfile.TemporaryDirectory() as place:
+        for each in path.parent.glob(f"{path.name}*"):
+            shutil.copy(each, place)
+        with closing(sqlite3.connect(Path(place) / path.name)) as db:
+            assert db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
 
 
 def _parquet(path: Path) -> Any:
@@ -250,30 +234,21 @@ def _parquet(path: Path) -> Any:
 def cases(folder: Path) -> dict[str, list[str]]:
     """Return the rows of each case in the files of a folder, without what they cost."""
     found: dict[str, list[str]] = {}
-    for path in folder.glob("scores*.jsonl"):
-        for line in lines(path):
-            with contextlib.suppress(ValueError):
-                row = json.loads(line)
-                row.pop("cost")
-                found.setdefault(row["case"], []).append(json.dumps(row))
+    with contextlib.suppress(sqlite3.OperationalError):  # killed before it had its tables
+        for line in lines_of(folder):
+            row = {name: value for name, value in line.items() if not name.startswith("cost.")}
+            found.setdefault(row["case"], []).append(json.dumps(row))
     return found
+
+
+def torn(found: dict[str, list[str]]) -> list[str]:
+    """Return the cases that have not as many rows as they say."""
+    return [case for case, rows in found.items() if len(rows) < json.loads(rows[0])["rows"]]
 
 
 def doubled(found: dict[str, list[str]]) -> list[str]:
     """Return the cases that are there more than once."""
     return [case for case, rows in found.items() if len(rows) > json.loads(rows[0])["rows"]]
-
-
-def readable(folder: Path, expected: dict[str, list[str]]) -> bool:
-    """Whether a folder holds a complete result with these rows at least."""
-    there = any((folder / name).exists() and whole(folder / name) for name in RESULT)
-    found = cases(folder)
-    return (
-        there
-        and (folder / "study.json").exists()
-        and (folder / "report.html").exists()
-        and all(found.get(case) == rows for case, rows in expected.items())
-    )
 
 
 # ----------------------------------------------------------------- the kills
@@ -292,8 +267,7 @@ class Expected:
     def of(cls, task: Task, status: int) -> Expected:
         """Look at what there is."""
         place = task.folder
-        # A unit that was cut short is run in two, and so are its trajectories.
-        names = {str(p.relative_to(place)) for p in files(place) if p.parent.name != "traces"}
+        names = {str(p.relative_to(place)) for p in files(place)}
         return cls(status, cases(place), names, said(place))
 
     def differences(self, other: Expected) -> list[str]:
@@ -328,44 +302,35 @@ def torment(name: str, task: Task, kills: int, chance: random.Random) -> Tally:
     """Kill a command so often at work, and return what was seen."""
     task.folder.mkdir(parents=True, exist_ok=True)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        good = here(task.first)  # all that it imports and compiles is there now
-    if not task.anew:
-        shutil.rmtree(task.folder)
+        good = here(task.words)  # all that it imports and compiles is there now
+    shutil.rmtree(task.folder)
     began = time.monotonic()
-    assert run(task.first) == good < 2, name  # a verdict may be a finding
+    assert run(task.words) == good < 2, name  # a verdict may be a finding
     lasts = time.monotonic() - began
     tally, expected = Tally(name), Expected.of(task, good)
     while tally.kills < kills:
-        if not task.anew:
-            shutil.rmtree(task.folder)
-        status = _round(task, tally, kills, lambda: chance.uniform(0.0, lasts), expected.rows)
-        differ = expected.differences(Expected.of(task, status))
-        tally.note("differs at the end", differ + cut(task.folder))
+        shutil.rmtree(task.folder)
+        status = _round(task, tally, kills, lambda: chance.uniform(0.0, lasts))
+        tally.note("differs at the end", expected.differences(Expected.of(task, status)))
     tally.seen["leftovers"] = len(leftovers(task.folder.parent))
     return tally
 
 
-def _round(
-    task: Task, tally: Tally, kills: int, moment: Callable[[], float], rows: dict[str, list[str]]
-) -> int:
+def _round(task: Task, tally: Tally, kills: int, moment: Callable[[], float]) -> int:
     """Begin, and go on, until the command gets to its end; return its status then."""
     tally.rounds += 1
-    words, before = task.first, set[str]()
+    before = set[str]()
     while True:
-        status = run(words) if tally.kills == kills else killed(words, moment())
+        status = run(task.words) if tally.kills == kills else killed(task.words, moment())
         if status is not None:
             return status
         tally.kills += 1
         found = cases(task.folder)
-        tally.seen["cut short"] += len(cut(task.folder))
         tally.note("torn", [str(path) for path in files(task.folder.parent) if not whole(path)])
+        tally.note("torn", torn(found))
         tally.note("doubled", doubled(found))
-        tally.note("lost", sorted(before - found.keys()) if words is task.again else [])
-        if task.anew and tally.name in ("run", "compare"):
-            places = (task.folder, task.folder / "previous")
-            kept = any(readable(place, rows) for place in places)
-            tally.note("old result lost", ["neither here nor in previous"] * (not kept))
-        words, before = task.again, set(found)
+        tally.note("lost", sorted(before - found.keys()))
+        before = set(found)
 
 
 def table(tallies: Sequence[Tally]) -> str:

@@ -129,7 +129,7 @@ MISTAKES = (
     Mistake(f"{RUN} own.py:Shape", 70, "own.py:Shape", True),
     Mistake(f"{RUN} own.py:Output", 2, "position", True),
     Mistake("simulate fm_step-v1 -o no/where/rec.nc", 2, "no/where", True),
-    Mistake("check 'pipe-binary:./nobody'", 2, "cannot be started", True),
+    Mistake("check 'pipe:./nobody'", 2, "cannot be started", True),
 )
 
 

@@ -1,6 +1,5 @@
 """An entry: what it takes to make one, what is checked of its files, and the site of several."""
 
-import hashlib
 import json
 import platform
 import re
@@ -12,25 +11,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.board.about import about_from, checked
-from flexaxis.experiments.board.collect import collect, in_order, newest
-from flexaxis.experiments.board.entry import ENTRY, SUMMARY, read, seal
-from flexaxis.experiments.board.errors import EntryError
+from flexaxis.experiments.board.collection import Taken, collect, in_order, newest
+from flexaxis.experiments.board.entry import ENTRY, ROWS, about_from, checked, read, seal
+from flexaxis.experiments.board.ranking import Own, check_rows, own_of, reference_rows, standings
 from flexaxis.experiments.board.site import Shown, command, write_site
-from flexaxis.experiments.board.source import bring
-from flexaxis.experiments.board.standing import standings
-from flexaxis.experiments.board.stored import Own, own
-from flexaxis.experiments.board.suite import board
-from flexaxis.experiments.board.trial import Ask, verify_entry
-from flexaxis.experiments.board.verdict import of_form
+from flexaxis.experiments.board.submission import bring
+from flexaxis.experiments.board.suite import EntryError, board
+from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
 from flexaxis.experiments.building.consent import CodeRefused
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.scoring.tracks import TRACKS, track_of
+from flexaxis.experiments.studies.sweep import reference
 
 sys.path.insert(0, str(Path(__file__).parent))
-from boards import ABOUT, HONEST, SMALL, entered
+from boards import ABOUT, HONEST, MEANS, SMALL, entered
 
-HASH = "bea877484354d5b6"
+HASH = "e513a0234f91abaa"
 NASTY = "<script>alert(1)</script> & <img src=http://x.example/y>"
 
 
@@ -68,7 +65,7 @@ def test_all_that_is_missing_is_told_at_once(tmp_path):
     file = tmp_path / "entry.toml"
     file.write_text('name = "no good"\nlicense = "MIT"\ntuned_on = "0:100, 1000:1008"\n')
     with pytest.raises(EntryError) as caught:
-        about_from(file, {"version": "1"})
+        about_from(file, {"version": "1"}, {})
     text = "\n".join(caught.value.problems)
     for part in ("license: unknown. Did you mean 'licence'?", "name: 'no good'", "licence: missing",
                  "contact: missing", "install: missing", "kept for reporting"):  # fmt: skip
@@ -81,26 +78,29 @@ def test_seeds_that_may_be_tuned_on(seeds):
     assert checked(ABOUT | {"tuned_on": seeds}).tuned_on == seeds
 
 
-def test_an_entry_holds_its_code(entry):
+def test_an_entry_holds_its_code_and_its_own_rows(entry):
     assert entry.estimator == "code/mine.py:Honest"
     assert [path.name for path in entry.code] == ["helper.py", "mine.py"]
-    rows = [json.loads(line) for line in (entry.run / "scores.jsonl").read_text().splitlines()]
+    assert {p.name for p in entry.folder.iterdir()} == {ENTRY, ROWS, "code"}
+    rows = entry.rows()
     assert {row["seed"] for row in rows} == {*SMALL.seeds}
-    assert {row["estimator"] for row in rows} == {
-        "code/mine.py:Honest", "rpem-forgetting[forgetting=0.995]"
+    assert {row["estimator"] for row in rows} == {"code/mine.py:Honest"}
+
+
+def test_the_computer_is_named_to_nobody(entry):
+    text = (entry.folder / ROWS).read_text() + (entry.folder / ENTRY).read_text()
+    for name in (platform.node(), str(entry.folder.parent)):
+        assert name not in text.replace(entry.command, "")
+
+
+def test_settings_follow_from_the_turns_of_the_knob(entry):
+    knob = {"1.0": {"forgetting": 0.99}, "4.0": {"forgetting": 0.96}}
+    mine = replace(entry, knob=knob, turns={"fm_step-v1": [1.0, 4.0]})
+    settings = mine.settings(SMALL.scenarios[0])
+    assert settings == {
+        "code/mine.py:Honest[forgetting=0.99]": 1.0, "code/mine.py:Honest[forgetting=0.96]": 4.0
     }  # fmt: skip
-    hosts = {row["cost"]["host"] for row in rows}
-    assert len(hosts) == 1 and re.fullmatch("[0-9a-f]{12}", hosts.pop())  # names no computer
-
-
-def test_the_computer_is_named_to_nobody(entry, tmp_path):
-    """Nor by a digest of its name, which two entries would share and a list of names would tell."""
-    (tmp_path / "mine.py").write_text(HONEST)
-    other = entered(tmp_path / "entry", tmp_path / "mine.py:Honest")
-    hosts = {e.environment["host"] for e in (entry, other)}
-    rows = [json.loads(line) for line in (other.run / "scores.jsonl").read_text().splitlines()]
-    assert len(hosts) == 2 and {row["cost"]["host"] for row in rows} == {other.environment["host"]}
-    assert hashlib.sha256(platform.node().encode()).hexdigest()[:12] not in hosts
+    assert mine.settings(find_scenario("kt_step-v1")) == {}
 
 
 def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monkeypatch):
@@ -125,14 +125,14 @@ def test_controls_enter_no_board(control, tmp_path):
 
 def test_a_whole_entry_holds(entry):
     found, verdict = of_form(entry.folder, SMALL)
-    assert verdict.holds and not verdict.ran and len(verdict.checks) == 5
+    assert verdict.holds and not verdict.ran and len(verdict.checks) == 3
     assert found.digest == entry.digest
 
 
-@pytest.mark.parametrize("name", [SUMMARY, "run/scores.jsonl", "run/study.json", "code/helper.py"])
+@pytest.mark.parametrize("name", [ROWS, "code/helper.py"])
 def test_a_change_of_any_file_is_found(copy, name):
     (copy / name).write_bytes((copy / name).read_bytes().replace(b"1", b"2", 1))
-    with pytest.raises(EntryError, match=rf"{name}: .*not as it was written|{name}: has"):
+    with pytest.raises(EntryError, match=rf"{name}: .*not as it was written"):
         read(copy)
 
 
@@ -146,8 +146,8 @@ def test_what_does_not_belong_is_found(copy):
     with pytest.raises(EntryError, match=r"mine\.cpython-311\.pyc' is in the folder"):
         read(copy)
     shutil.rmtree(copy / "code" / "__pycache__")
-    (copy / SUMMARY).unlink()
-    (copy / SUMMARY).symlink_to("/etc/hostname")
+    (copy / ROWS).unlink()
+    (copy / ROWS).symlink_to("/etc/hostname")
     with pytest.raises(EntryError, match="is a link"):
         read(copy)
 
@@ -163,7 +163,7 @@ def test_a_folder_that_is_a_link_is_none_of_an_entry(copy, tmp_path):
 
 def test_a_name_that_leaves_the_folder_is_refused(copy):
     content = json.loads((copy / ENTRY).read_text())
-    content["files"]["../../secret"] = {"sha256": "0" * 64, "bytes": 1}
+    content["files"]["../../secret"] = "0" * 64
     (copy / ENTRY).write_text(json.dumps(content))
     with pytest.raises(EntryError, match="is no name of a file in an entry"):
         read(copy)
@@ -171,8 +171,10 @@ def test_a_name_that_leaves_the_folder_is_refused(copy):
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("about", {"name": "../x"}), ("settings", {"fm_step-v1": {"a": "b"}}), ("quick", "no"),
-     ("suite", {"seeds": "all"}), ("left_out", {"a": 1}), ("extra", 1)],
+    [("about", {"name": "../x"}), ("turns", {"fm_step-v1": [1.0, 3.0]}), ("quick", "no"),
+     ("turns", {"fm_step-v1": [2.0]}), ("turns", {"fm_step-v1": [1.0, 1.0]}), ("suite", 1),
+     ("knob", {"1.0": {"a=1,b": 1.0}}), ("knob", {"2.0": {"gain": 1.0}}), ("left_out", {"a": 1}),
+     ("extra", 1)],
 )  # fmt: skip
 def test_what_is_of_the_wrong_form_is_told(copy, key, value):
     changed(copy, lambda content: content.update({key: value}))
@@ -180,28 +182,54 @@ def test_what_is_of_the_wrong_form_is_told(copy, key, value):
         read(copy)
 
 
-def test_rows_that_do_not_give_the_summary_are_found(copy):
-    content = json.loads((copy / SUMMARY).read_text())
-    content["at_excess"][0]["lag"] *= 0.9
-    (copy / SUMMARY).write_text(json.dumps(content))
-    changed(copy, lambda content: None)
-    _, verdict = of_form(copy, SMALL)
-    (wrong,) = [check for check in verdict.checks if check.holds is False]
-    assert wrong.name == "rows give the summary" and "lag was" in wrong.seen
+def with_rows(folder, change):
+    """What is said of an entry's rows when they are changed, and the entry closed again."""
+    rows = [json.loads(line) for line in (folder / ROWS).read_text().splitlines()]
+    (folder / ROWS).write_text("".join(json.dumps(row) + "\n" for row in change(rows)))
+    changed(folder, lambda content: None)
+    _, verdict = of_form(folder, SMALL)
+    return next((c.seen for c in verdict.checks if c.holds is False), "")
 
 
-def test_settings_of_another_estimator_are_found(copy):
-    changed(copy, lambda c: c["settings"]["fm_step-v1"].update({"pipe:touch /tmp/x": 2.0}))
-    _, verdict = of_form(copy, SMALL)
-    assert "'pipe:touch /tmp/x' is another estimator" in [c.seen for c in verdict.checks]
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [(lambda rows: rows[3:], "no rows of 1 of 5 seeds"),
+     (lambda rows: rows + rows[:3], "rows of a run twice"),
+     (lambda rows: rows[1:], "rows of a run twice, or not all"),
+     (lambda rows: [*rows, rows[0] | {"seed": 9000}], "seed 9000 is none of the suite"),
+     (lambda rows: [*rows, rows[0] | {"estimator": "ekf"}], "no setting of the estimator"),
+     (lambda rows: [*rows, rows[0] | {"estimator": reference()}], "no setting of the estimator"),
+     (lambda rows: [*rows, rows[0] | {"hash": "0" * 64}], "no setting of the estimator"),
+     (lambda rows: [row | {"error": "x"} for row in rows], "a run has failed"),
+     (lambda rows: [{"a": 1}], "are not what rows are"),
+     (lambda rows: [3], "lines that are no rows"), (lambda rows: rows, "")],
+)  # fmt: skip
+def test_rows_are_those_of_the_suite_each_once(copy, change, said):
+    found = with_rows(copy, change)
+    assert said in found and bool(said) == bool(found)
 
 
-def test_rows_that_are_missing_are_found(copy):
-    lines = (copy / "run/scores.jsonl").read_text().splitlines(keepends=True)
-    (copy / "run/scores.jsonl").write_text("".join(lines[3:]))
-    changed(copy, lambda content: None)
-    _, verdict = of_form(copy, SMALL)
-    assert "no rows of 1 of 5 seeds" in next(c.seen for c in verdict.checks if c.holds is False)
+def test_nobody_chooses_other_turns_for_a_scenario(entry):
+    """Between which two settings equal noise is found would be up to the entrant."""
+    wide = replace(SMALL, scenarios=(*SMALL.scenarios, find_scenario("kt_step-v1")))
+    knob = {str(turn): {"forgetting": 1 - 0.01 * turn} for turn in (1.0, 2.0)}
+    mine = replace(entry, knob=knob, turns={"fm_step-v1": [1.0, 2.0], "kt_step-v1": [1.0]})
+    assert check_rows(mine, wide) == "kt_step-v1: lacks turns that other scenarios have"
+
+
+def test_what_was_neither_run_nor_left_out_is_found(entry):
+    wide = replace(SMALL, scenarios=(*SMALL.scenarios, find_scenario("kt_step-v1")))
+    mine = replace(entry, suite=wide.hash)
+    assert check_rows(mine, wide) == "neither run nor left out: kt_step-v1"
+
+
+def test_the_reference_is_run_by_whoever_asks(entry):
+    """Whoever enters it has its rows from us: else he would move all that it is compared with."""
+    usual = reference_rows(SMALL, MEANS)
+    assert {row["estimator"] for row in usual} == {reference()} and len(usual) == 15
+    mine = replace(entry, estimator="rpem-forgetting", knob={"1.0": {"forgetting": 0.995}})
+    (found,) = own_of(mine, SMALL, usual).at_excess
+    assert found["ratio"] == 1.0 and found["how"] == "matched"
 
 
 def test_another_suite_is_found(entry):
@@ -210,12 +238,15 @@ def test_another_suite_is_found(entry):
     assert [c.name for c in verdict.checks if c.holds is False] == ["on the frozen suite"]
 
 
-def taken(entry, label, digest="0" * 64, verdicts=None, **changes):
-    from flexaxis.experiments.board.collect import Taken
+@pytest.fixture(scope="module")
+def mine(entry):
+    return own_of(entry, SMALL, reference_rows(SMALL, MEANS))
 
+
+def taken(entry, label, own, digest="0" * 64):
     name, _, version = label.partition(" ")
     mine = replace(entry, about=replace(entry.about, name=name, version=version), digest=digest)
-    return Taken(mine, changes.get("own") or own(entry, SMALL), (verdicts or {}).get(digest))
+    return Taken(mine, own)
 
 
 def test_code_is_not_run_unasked(entry):
@@ -223,10 +254,9 @@ def test_code_is_not_run_unasked(entry):
         verify_entry(entry.folder, Ask(), frozen=SMALL)
 
 
-def test_versions_are_in_order(entry):
-    mine = own(entry, SMALL)
+def test_versions_are_in_order(entry, mine):
     order = ["0.2", "1.9.dev1", "1.9a2", "1.9-rc1", "1.9", "1.9.post1", "1.10", "v2"]
-    every = [taken(entry, f"a {v}", own=mine) for v in reversed(order)]
+    every = [taken(entry, f"a {v}", mine) for v in reversed(order)]
     assert [each.entry.about.version for each in in_order(every)] == order
     assert [each.entry.about.version for each in newest(every)] == ["v2"]
 
@@ -242,32 +272,30 @@ def test_names_and_versions_are_of_ascii(key, value):
 
 def test_a_name_belongs_to_a_contact(entry, copy):
     changed(copy, lambda c: c["about"].update(version="999", name="MINE", contact="x@y.example"))
-    (one,), left = collect([entry.folder, copy], SMALL, {})
+    (one,), left = collect([entry.folder, copy], SMALL, {}, means=MEANS)
     assert one.entry.label == entry.label
     assert "the name MINE is that of me@example.org" in left[str(copy)][0]
 
 
-def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, tmp_path):
-    mine = own(entry, SMALL)
+def test_pages_of_like_names_are_apart_and_who_leads_unverified_is_said(entry, mine, tmp_path):
     mine = replace(mine, at_excess=[each | {"how": "matched"} for each in mine.at_excess])
-    every = [taken(entry, "my-tracker 2", "1" * 64, own=mine),
-             taken(entry, "my tracker-2", "2" * 64, own=mine)]  # fmt: skip
+    every = [taken(entry, "my-tracker 2", mine, "1" * 64),
+             taken(entry, "my tracker-2", mine, "2" * 64)]  # fmt: skip
     found = write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
     assert len({each["page"] for each in found["entries"]}) == 2
     page = (tmp_path / "index.html").read_text()
     first = page.partition("Who is ahead")[2].partition("</dl>")[0]
     assert "my-tracker 2 (unverified)" in first and "☆" in page and "★ <" not in page
     _, verdict = of_form(entry.folder, SMALL)
-    verdict.isolation, verdict.sample, verdict.hidden = {"no network": True}, 10, 8
+    verdict.token, verdict.confined, verdict.sample, verdict.hidden = "0" * 16, True, 10, 8
     every = [replace(each, verdict=verdict.as_json()) for each in every]
     write_site(Shown(every, {}, SMALL, False, "flexaxis board …"), tmp_path)
     page = (tmp_path / "index.html").read_text()
     assert "unverified)" not in page.partition("</dl>")[0]
 
 
-def test_the_site_shows_text_as_text_and_asks_for_nothing(entry, tmp_path):
-    mine = own(entry, SMALL)
-    every = [taken(entry, label, own=mine) for label in ("a 1", "a 2", "b 1")]
+def test_the_site_shows_text_as_text_and_asks_for_nothing(entry, mine, tmp_path):
+    every = [taken(entry, label, mine) for label in ("a 1", "a 2", "b 1")]
     left = {"bad": (f"bad: {NASTY}",)}
     found = write_site(Shown(every, left, SMALL, False, "flexaxis board …"), tmp_path)
     pages = [
@@ -289,22 +317,21 @@ def test_a_line_to_type_is_quoted():
 
 def test_verdicts_count_by_digest_alone(entry, copy):
     digest = entry.digest
-    whole = {"ran": True, "holds": True, "checks": [], "isolation": {"no network": True},
-             "sample": 10, "hidden": 8}  # fmt: skip
+    whole = {"ran": True, "holds": True, "accepted": True, "checks": [], "sample": 10, "hidden": 8}
     good = {digest: whole}
     bad = {digest: {"ran": True, "holds": False, "checks": [
         {"name": "unknown seeds", "holds": False, "seen": "9 ×"}]}}  # fmt: skip
-    (found,), _ = collect([copy], SMALL, good)
+    (found,), _ = collect([copy], SMALL, good, means=MEANS)
     assert found.state == "verified"
     for less, state in (
-        ({"isolation": {"no network": False}}, "verified, not shut in"),
-        ({"isolation": {}}, "verified, not shut in"),
+        ({"accepted": False}, "unverified"),  # as of what ran unconfined
+        ({"ran": False}, "unverified"),
         ({"hidden": 2}, "verified in part"),
         ({"sample": 1}, "verified in part"),
     ):
-        (found,), _ = collect([copy], SMALL, {digest: whole | less})
+        (found,), _ = collect([copy], SMALL, {digest: whole | less}, means=MEANS)
         assert found.state == state
-    (found,), _ = collect([copy], SMALL, {"other": good[digest]})
+    (found,), _ = collect([copy], SMALL, {"other": good[digest]}, means=MEANS)
     assert found.state == "unverified"
     none, left = collect([copy, copy], SMALL, bad)
     assert not none and "rejected: unknown seeds: 9 ×" in left[str(copy)][0]
@@ -326,8 +353,6 @@ def row(label, scenario, score, how="matched", bound=0.1):
 
 
 def test_who_is_ahead_on_each_track():
-    from flexaxis.experiments.catalogue.find import find_scenario
-
     names = ("fm_step-v1", "power_fm_step-v1", "load-v1", "directional_fm_step-v1")
     small = replace(SMALL, scenarios=tuple(map(find_scenario, names)), seeds=tuple(range(8)))
     entries = {
@@ -337,7 +362,7 @@ def test_who_is_ahead_on_each_track():
                 *(row(label, name, score, bound=None) for name in names[1::2]),
             ],
             [{"scenario": names[2], "excess": 1.0, "false_alarms_per_1000_s": None, "lost": 0,
-              "values": {"excess": [-score] * 8}}],
+              "values": {"excess": [-score] * 8}, "parameter": None, "how": "matched"}],
             0, 24,
         )
         for label, score in (("good 1", 90.0), ("same 1", 90.0), ("slow 1", 40.0))
@@ -362,19 +387,22 @@ def test_who_is_ahead_on_each_track():
         (["board", "nowhere", "-o", "x"], "nowhere"),
         (["board", "nowhere", "-o", "x", "--logs", "nothing"], "nothing: there is no such folder"),
         (["verify", "nowhere", "--form"], "is no entry"),
+        (["verify", "run"], "`flexaxis rerun run` runs some of its cases again"),
     ],
 )
 def test_mistakes_are_said_in_a_line(words, said, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "study.json").write_text("{}")
     assert main(words) == 2
     err = capsys.readouterr().err
     assert said in err and "Traceback" not in err
 
 
 def test_a_changed_entry_is_a_finding(copy, capsys):
-    (copy / SUMMARY).write_text("{}")
+    (copy / ROWS).write_text("{}")
     assert main(["verify", str(copy), "--form"]) == 1
     assert "REJECTED" in capsys.readouterr().out
     assert main(["verify", str(copy), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
-    assert found["holds"] is False and "summary.json" in found["problems"][0]
+    assert found["holds"] is False and ROWS in found["problems"][0]

@@ -112,7 +112,7 @@ def test_a_run_says_what_it_simulated(short_toml, tmp_path, capsys, monkeypatch)
     assert "2 records simulated" in capsys.readouterr().err
     main([*words, "--estimator", "rpem-drift"])
     assert "0 records simulated" in capsys.readouterr().err
-    main([*words, "--estimator", "frozen", "--no-cache"])
+    main([*words, "--estimator", "frozen", "--no-cache", "--overwrite"])
     assert "2 records simulated" in capsys.readouterr().err
     main(["cache", "clear", "--json"])
     cleared = json.loads(capsys.readouterr().out)

@@ -6,7 +6,12 @@ from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
 from flexaxis.sim.faults import CHANGEABLE
 
 # a step while the same parameter warms up
-OVERLAPPING = {"warming_fm_step-v1", "temperature_fm_step-v1"}
+OVERLAPPING = {
+    "warming_fm_step-v1",
+    "warming_fm_step-v2",
+    "temperature_fm_step-v1",
+    "temperature_fm_step-v2",
+}
 
 
 def settles(change):

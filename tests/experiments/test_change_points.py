@@ -5,9 +5,15 @@ import pytest
 from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
-from flexaxis.experiments.logs.chances import DRAWS, beyond, chance_of, ratios
 from flexaxis.experiments.logs.change_points import Series, explain, size_of
-from flexaxis.experiments.logs.scatter import Scatter, _restricted
+from flexaxis.experiments.logs.scatter import (
+    DRAWS,
+    Scatter,
+    _restricted,
+    beyond,
+    chance_of,
+    ratios,
+)
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
 
 N = 60

@@ -1,14 +1,11 @@
-"""Charts as data: what is refused, and that what is packed comes out again."""
+"""Charts: what is refused, and that a page has what it was given, drawn, without a script."""
 
 import base64
-import json
-import struct
-import zlib
 
 import numpy as np
 import pytest
 
-from flexaxis.experiments.reporting import page, script
+from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import (
     Cells,
     Chart,
@@ -19,69 +16,104 @@ from flexaxis.experiments.reporting.charts import (
     Pick,
     Picks,
 )
-from flexaxis.experiments.reporting.packing import packed
+from flexaxis.experiments.reporting.drawing import drawn
+from flexaxis.experiments.reporting.paths import SLACK, UNITS
+from flexaxis.experiments.reporting.scales import Scale
+from flexaxis.experiments.reporting.styles import css_class
+from tests.experiments.page_data import charts_of, lines, page_data
 
 
-def unpacked(text):
-    """What assets/data.js does, from what `packing` says of the block."""
-    block = zlib.decompress(base64.b64decode(text))
-    (n,) = struct.unpack("<I", block[:4])
-    heap = block[4 + n :]
-    return json.loads(block[4 : 4 + n], object_hook=lambda value: numbers(value, heap))
+def shown(*given, **more):
+    """The one panel of a chart with some lines, as the page has it."""
+    chart = Chart(title="t", words="", x="x", panels=[Panel(y="y", lines=given)], **more)
+    ((view,),) = charts_of(str(drawn(chart, "t"))).values()
+    return view["panels"][0]
 
 
-def numbers(value, heap):
-    if "array" not in value:
-        return value
-    kind, offset, length, low, step = value["array"]
-    if kind == "even":
-        return low + step * np.arange(length)
-    size = {"i2": 2, "f4": 4}[kind]
-    raw = np.frombuffer(heap[offset : offset + size * length], np.uint8)
-    found = raw.reshape(size, length).T.copy().view("<" + kind)[:, 0]
-    if kind == "f4":
-        return found
-    level = np.cumsum(found.astype(np.int64)).astype("<i2").astype(float)
-    return np.where(level == -32768, np.nan, low + step * level)
-
-
-def test_what_is_packed_comes_out_again():
+def test_a_curve_is_drawn_where_it_is():
     rng = np.random.default_rng(1)
-    smooth = np.cumsum(rng.standard_normal(1000))
-    gaps = np.where(rng.random(1000) < 0.1, np.nan, smooth)
-    given = {
-        "even": np.linspace(0, 20, 401),
-        "smooth": smooth,
-        "gaps": gaps,
-        "short": np.array([1.5, np.nan, 1e-9]),
-        "words": ["f_m", None, True, 3],
-    }
-    found = unpacked(packed(given))
-    np.testing.assert_allclose(found["even"], given["even"], atol=1e-9)
-    span = np.nanmax(smooth) - np.nanmin(smooth)
-    for name in ("smooth", "gaps"):
-        np.testing.assert_allclose(found[name], given[name], rtol=0, atol=0.51 * span / 65000)
-    assert found["short"] == [1.5, None, 1e-9]
-    assert found["words"] == given["words"]
+    x = np.linspace(0, 20, 800)
+    y = np.cumsum(rng.standard_normal(800))
+    panel = shown(Line(x=x, y=y, who="ekf"))
+    (line,) = panel["lines"]
+    off = np.interp(x, line["x"], line["y"]) - np.clip(y, panel["low"], panel["high"])
+    inside = (y > panel["low"]) & (y < panel["high"])
+    assert abs(off[inside]).max() < 1.2 * SLACK / UNITS * (panel["high"] - panel["low"])
 
 
-def test_a_burst_does_not_make_the_rest_coarse():
-    y = 1 + 0.001 * np.random.default_rng(2).standard_normal(1000)
-    y[500] = 1e6
-    found = unpacked(packed({"y": y}))["y"]
-    np.testing.assert_allclose(found, y, rtol=1e-7)
+def test_a_straight_line_takes_two_points_and_a_gap_cuts_it():
+    x = np.arange(1000.0)
+    (line,) = shown(Line(x=x, y=2 * x))["lines"]
+    assert len(line["x"]) == 2
+    y = np.where((x > 400) & (x < 600), np.nan, x)
+    (line,) = shown(Line(x=x, y=y))["lines"]
+    assert line["x"] == pytest.approx([0, 400, 600, 999], abs=0.1)
 
 
-@pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("least", [5e-324, 1e-310])
-def test_numbers_next_to_nought_have_no_grid(least):
-    y = np.r_[0.0, least, 1.0, 2.0]
-    np.testing.assert_allclose(unpacked(packed({"y": y}))["y"], y, atol=1e-4)
+def test_a_spike_is_not_lost():
+    x = np.arange(100_000.0)
+    y = np.where(x == 31_234, 7.0, 0.0)
+    (line,) = shown(Line(x=x, y=y), name="spike")["lines"]
+    panel = Panel(y="y", lines=[Line(x=x, y=y)], y_range=(-1, 8))
+    chart = Chart(title="t", words="", x="x", panels=[panel])
+    ((view,),) = charts_of(str(drawn(chart, "t"))).values()
+    (line,) = view["panels"][0]["lines"]
+    assert max(line["y"]) == pytest.approx(7, abs=0.01) and len(line["x"]) < 2100
 
 
-def test_what_is_the_same_lies_there_once():
-    y = np.random.default_rng(3).standard_normal(5000)
-    assert len(packed([y, y, y])) < 1.02 * len(packed([y]))
+def test_steps_keep_a_value_until_the_next():
+    (line,) = shown(Line(x=np.array([0.0, 6.0, 8.0]), y=np.array([1.0, 1.5, 1.5]), kind="steps",
+                         role="truth", label="truth"))["lines"]  # fmt: skip
+    assert line["x"] == pytest.approx([0, 6, 6, 8, 8], abs=0.01)
+    assert line["y"] == pytest.approx([1, 1, 1.5, 1.5, 1.5], abs=0.001)
+
+
+def test_points_say_their_values_and_ends_exactly():
+    x = np.array([1.23456, 2.0, np.nan])
+    line = Line(x=x, y=2 * x, low=x, high=3 * x, kind="points", who="ekf")
+    (found,) = shown(line)["lines"]
+    np.testing.assert_allclose(
+        found["values"][0], [1.23456, 2.46912, 1.23456, 3.70368, np.nan, np.nan]
+    )
+
+
+def test_both_windows_are_views_and_a_line_is_cut_to_each():
+    x = np.linspace(0, 20, 401)
+    panel = Panel(y="y", lines=[Line(x=x, y=x, who="ekf")])
+    windows = [("near", 9.9, 11.0), ("whole", 0.0, 20.0)]
+    chart = Chart(title="t", words="", x="x", panels=[panel], windows=windows)
+    (views,) = charts_of(str(drawn(chart, "t"))).values()
+    assert [(v["window"], v["from"], v["to"]) for v in views] == windows
+    near = views[0]["panels"][0]["lines"][0]
+    assert near["x"].min() <= 9.9 and near["x"].max() >= 11.0 and near["x"].max() < 11.2
+
+
+@pytest.mark.parametrize(
+    ("scale", "texts"),
+    [
+        (Scale(0, 1), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]),
+        (Scale(-3, 3), ["−3", "−2", "−1", "0", "1", "2", "3"]),
+        (Scale(0.1, 10, log=True), ["0.1", "0.2", "0.5", "1", "2", "5", "10"]),
+        (Scale(1, 1e4, log=True), ["1", "10", "100", "1000", "1e4"]),
+        (Scale(0, 60, origin="2026-01-01"), ["1 Jan 2026", "Feb", "Mar"]),
+    ],
+)
+def test_ticks_are_round(scale, texts):
+    assert [text for _, text in scale.ticks] == texts
+
+
+def test_a_burst_does_not_set_the_scale():
+    x = np.arange(1000.0)
+    y = np.where(x == 500, 1e6, np.sin(x))
+    assert shown(Line(x=x, y=y))["high"] < 2
+
+
+def test_a_map_is_a_table_with_its_first_row_at_the_bottom():
+    heat = Heat(title="t", words="", x="factor", y="noise", xs=(1.0, 2.0), ys=("low", "high"),
+                panels=[Cells(values=np.array([[1.0, 2.0], [3.0, np.nan]]))], unit="s")  # fmt: skip
+    html = str(drawn(heat, "t"))
+    assert html.index(">high<") < html.index(">low<") < html.index(">2<")
+    assert html.count("<td></td>") == 1 and 'data-value="3" title="3 s">3</td>' in html
 
 
 def test_a_line_needs_as_many_of_each():
@@ -118,33 +150,43 @@ TEMPLATE = """{% extends "reporting/templates/page.html" %}{% block body %}
 
 
 @pytest.fixture
-def block(monkeypatch):
-    """A function that renders a page with some content and returns its data."""
+def made(monkeypatch):
+    """A function that renders a page with some content."""
     page._environment.cache_clear()  # one made before reads as ordinary
     source = page._source
     monkeypatch.setattr(page, "_source", lambda name: TEMPLATE if name == "t" else source(name))
-
-    def render(**content):
-        html = page.render("t", content)
-        return unpacked(html.partition('id="page-data">')[2].partition("<")[0])
-
-    yield render
+    yield lambda **content: page.render("t", content)
     page._environment.cache_clear()
 
 
-def test_a_page_has_its_charts_picks_looks_and_terms(block):
-    picks = Picks({"7": Pick(title="Seed 7", charts=[chart("inside", "imm")])})
-    found = block(charts=page.charted([chart("One & Two")]), deep=[{"picks": picks}])
-    assert list(found["charts"]) == ["one-two"]
-    assert found["charts"]["one-two"]["panels"][0]["lines"][0]["y"] == [0, 1, 2]
-    assert found["picks"]["7"]["charts"][0]["title"] == "inside"
-    assert set(found["looks"]) == {"ekf", "imm", "a&b"}
-    assert set(found["terms"]) == {"lag"}
+def test_a_page_has_its_charts_picks_styles_and_terms(made):
+    picks = Picks({"7": page.packed(Pick(title="Seed 7", charts=[chart("inside", "imm")]))})
+    html = made(charts=page.charted([chart("One & Two")]), deep=[{"picks": picks}])
+    data = page_data(html)
+    (view,) = charts_of(html)["one-two"]
+    ((line,),) = lines(view, "ekf")
+    assert line["y"] == pytest.approx([0, 2], abs=0.01)  # a straight line
+    assert "Seed 7" in data["picks"]["7"] and "pick-0" in charts_of(data["picks"]["7"])
+    assert set(data["everyone"]) == {"ekf", "a&b"}
+    assert set(data["terms"]) == {"lag"}
+    for who in ("ekf", "a&b"):
+        assert f'id="mark-{css_class(who)}"' in html and f".{css_class(who)} {{ --c:" in html
 
 
-def test_two_charts_of_one_name_are_refused(block):
+def test_who_is_aside_is_hidden_without_a_script_too(made):
+    html = made(charts=page.charted([chart("One")]), aside=["ekf", "nobody"])
+    assert page_data(html)["aside"] == ["ekf"]
+    assert f"html:not(.scripted) svg .{css_class('ekf')} {{ display: none; }}" in html
+
+
+def test_text_of_a_chart_is_escaped(made):
+    html = made(charts=page.charted([chart("<b>", "</svg><script>")]))
+    assert "</svg><script>" not in html.partition("<script type")[0] and "<b>" not in html
+
+
+def test_two_charts_of_one_name_are_refused(made):
     with pytest.raises(ChartError, match="two charts of a page are named 'same'"):
-        block(charts=page.charted([chart("Same"), chart("same")]))
+        made(charts=page.charted([chart("Same"), chart("same")]))
 
 
 def test_an_unknown_term_is_refused():
@@ -159,7 +201,7 @@ def test_the_policy_names_the_script_that_is_there():
     code = html.partition("<script>")[2].rpartition("</script>")[0]
     digest = base64.b64encode(hashlib.sha256(code.encode()).digest()).decode()
     assert f"script-src &#39;sha256-{digest}&#39;" in html
-    assert "</script" not in script.source().lower()
+    assert "</script" not in page.source().lower()
 
 
 def test_files_of_code_are_short():
@@ -169,7 +211,7 @@ def test_files_of_code_are_short():
 
     folder = files("flexaxis.experiments.reporting") / "assets"
     there = {each.name for each in folder.iterdir() if each.name.endswith(".js")}
-    assert there == {f"{name}.js" for name in script.PARTS}
+    assert there == {f"{name}.js" for name in page.SCRIPT}
     for name in there:
         text = (folder / name).read_text(encoding="utf-8")
         assert len(text.splitlines()) <= 300, name
@@ -182,6 +224,6 @@ def test_no_two_files_of_code_use_one_name():
     """They are one script: a name declared twice would stop all of it."""
     import re
 
-    names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", script.source(), re.M)
-    assert len(names) > 100
+    names = re.findall(r"^(?:async )?(?:function|const|let|class) (\w+)", page.source(), re.M)
+    assert len(names) > 80
     assert {name for name in names if names.count(name) > 1} == set()

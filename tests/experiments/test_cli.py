@@ -171,7 +171,7 @@ def test_ctrl_c_leaves_130_and_what_was_computed(short_toml, tmp_path):
     words = ["run", str(short_toml), "--seeds", "400", "--jobs", "1", "-o", str(tmp_path / "out")]
     command = [sys.executable, "-m", "flexaxis.experiments", *words, "--estimator", "frozen"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    part = tmp_path / "out" / "scores.jsonl"
+    part = tmp_path / "out" / "scores.sqlite"
     while not (part.exists() and part.stat().st_size):
         assert process.poll() is None, process.stderr.read()
         time.sleep(0.05)

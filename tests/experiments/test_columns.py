@@ -1,24 +1,23 @@
-"""Rows as columns: the same numbers as in the journal, pooled alike in whatever order they came."""
+"""Rows as columns: the same numbers as in the file, pooled alike in whatever order they came."""
 
 import csv
 import json
 import math
 import statistics
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import columnar, export
-from flexaxis.experiments.results.columns import COLUMNS, UNITS
 from flexaxis.experiments.results.cube import cube_of
+from flexaxis.experiments.running.columns import COLUMNS, UNITS
 from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.rows import blocks
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
+from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")
 
@@ -59,21 +58,17 @@ def some_rows(seed=0, *, points=3, seeds=6):
 
 
 def by_hand(results):
-    """Return the rows of the journal as flat lines, without any of our code."""
-    for path in sorted(results.folder.glob("*.jsonl")):
-        for text in path.read_text(encoding="utf-8").splitlines():
-            row = json.loads(text)
-            line = {}
-            for column in COLUMNS:
-                outer, _, key = column.partition(".")
-                value = row.get(outer)
-                line[column] = (value or {}).get(key) if key else value
-            if line["isolation"] is not None:
-                line["isolation"] = json.dumps(line["isolation"])
-            yield line | {axis: row["axes"].get(axis) for axis in AXES}
+    """Return the rows as anyone reads them, without any of our code."""
+    for line in lines_of(results.folder):
+        for name, kind in COLUMNS.items():
+            if kind == "truth" and line[name] is not None:
+                line[name] = bool(line[name])
+        if line["told"] is not None:
+            line["told"] = json.loads(line["told"])
+        yield line
 
 
-def test_columns_hold_what_is_in_the_journal(stored, tmp_path):
+def test_columns_hold_what_is_in_the_file(stored, tmp_path):
     results = stored(tmp_path, some_rows(), AXES)
     lines = list(by_hand(results))
     assert list(results.rows) == lines and len(results.rows) == len(lines) == 73
@@ -114,7 +109,7 @@ def test_pooled_is_what_a_loop_gives(stored, tmp_path):
         key = ("method", "fault[0].factor", "parameter")
         mine = (line for line in by_hand(results) if all(line[k] == row[k] for k in key))
         here = [line for line in mine if not line["error"]]
-        assert row["cases"] == len(here) == 6 and row["hours"] == pytest.approx(6 * 20 / 3600)
+        assert row["runs"] == len(here) == 6 and row["hours"] == pytest.approx(6 * 20 / 3600)
         assert row["diverged"] == sum(line["diverged"] for line in here)
         square = statistics.fmean(line["std"] ** 2 for line in here)
         mean = statistics.fmean(line["bias"] for line in here)
@@ -150,7 +145,7 @@ def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path
     assert names == ["k_T", "f_m"] * 2  # as in the model, and not in the alphabet
     bins = {"fault[0].factor": [1.0, 2.5, 3.0]}
     both = whole.pooled(["fault[0].factor"], bins=bins)
-    assert [(row["fault[0].factor"], row["cases"]) for row in both] == [
+    assert [(row["fault[0].factor"], row["runs"]) for row in both] == [
         (1.75, 160), (1.75, 160), (2.75, 80), (2.75, 80)
     ]  # fmt: skip
 
@@ -165,89 +160,81 @@ def test_many_groups_are_counted_anew(stored, tmp_path, monkeypatch):
     assert len(before) == 72
 
 
-# The file beside the journal ------------------------------------------------------------------
+# The file and its columns ---------------------------------------------------------------------
 
 
 @pytest.fixture
 def large(monkeypatch):
-    """Whatever is read is large enough for a file; parts are small."""
-    monkeypatch.setattr(columnar, "SMALL", 0)
+    """Parts are small, and few columns are in memory."""
     monkeypatch.setattr(columnar, "PART", 16)
-    monkeypatch.setattr(columnar, "READ", 8)
+    monkeypatch.setattr(columnar, "ROOM", 8 * 100 * 3)
 
 
 def again(results):
     return type(results)(results.folder, results.study)
 
 
-def test_columns_are_made_once_and_anew_when_the_journal_grows(
-    stored, tmp_path, large, monkeypatch
-):
+def test_what_is_added_is_not_in_a_table_that_was_opened(stored, tmp_path, large):
     results = stored(tmp_path, some_rows(), AXES)
     lines = list(results.rows)
     assert lines == list(by_hand(results))
-    assert sorted(p.name for p in tmp_path.iterdir()) == [columnar.FILE, "scores.jsonl"]
-    with monkeypatch.context() as patch:
-        patch.setattr(columnar, "read", None)  # the journal is not read again
-        assert list(again(results).rows) == lines
-    path = tmp_path / "scores.jsonl"
-    more = path.read_text(encoding="utf-8").replace('{"case": "0', '{"case": "7')
-    with path.open("a", encoding="utf-8") as file:
-        file.write(more)
+    more = [row | {"seed": row["seed"] + 100} for row in some_rows()]
+    stored(tmp_path, more, AXES)
+    assert list(results.rows) == lines
+    np.testing.assert_array_equal(results.table.raw("std"), [r["std"] or np.nan for r in lines])
     assert len(again(results).rows) == 2 * len(lines)
-    (tmp_path / columnar.FILE).write_bytes(b"damaged")
+
+
+def test_rows_that_go_while_they_are_read_are_told(stored, tmp_path):
+    results = stored(tmp_path, some_rows(), AXES)
+    assert len(results.table)
+    change(tmp_path, "DELETE FROM cells WHERE seed = 1001")
+    with pytest.raises(StudyError, match="rows were removed while they were read"):
+        list(results.rows)
     assert list(again(results).rows) == list(by_hand(results))
 
 
-def test_a_folder_that_cannot_be_written_is_read(stored, tmp_path, large, monkeypatch):
+def test_a_folder_that_cannot_be_written_is_read(stored, tmp_path):
     results = stored(tmp_path / "run", some_rows(), AXES)
-    monkeypatch.setattr(columnar.os, "access", lambda *_: False)
-    monkeypatch.setattr(columnar.tempfile, "gettempdir", lambda: str(tmp_path))
+    (tmp_path / "run").chmod(0o500)
     assert list(results.rows) == list(by_hand(results))
-    assert [p.name for p in (tmp_path / "run").iterdir()] == ["scores.jsonl"]
-    assert [p.name for p in tmp_path.iterdir()] == ["run"]
+    assert [p.name for p in (tmp_path / "run").iterdir()] == ["scores.sqlite"]
 
 
-def test_a_damaged_row_leaves_nothing_and_is_named(stored, tmp_path, large):
+@pytest.mark.parametrize("damage", ["cut", "text", "id", "axes"])
+def test_a_damaged_file_is_told(stored, tmp_path, damage):
     results = stored(tmp_path, some_rows(), AXES)
-    path = tmp_path / "scores.jsonl"
-    path.write_text(path.read_text(encoding="utf-8").replace('"seed"', '"seed', 1))
-    with pytest.raises(StudyError, match=r"the row that begins with .*is damaged"):
-        len(results.rows)
-    assert [p.name for p in tmp_path.iterdir()] == ["scores.jsonl"]
+    path = tmp_path / "scores.sqlite"
+    if damage == "cut":
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    elif damage == "text":
+        change(tmp_path, "UPDATE cells SET std = 'much' WHERE rowid = 2")
+    elif damage == "id":
+        change(tmp_path, "UPDATE cells SET scenario = 999 WHERE rowid = 2")
+    else:
+        change(tmp_path, "UPDATE texts SET text = '{' || id WHERE text LIKE '{%'")
+    with pytest.raises((StudyError, OutputError), match=r"scores\.sqlite"):
+        list(results.rows)
 
 
-@pytest.mark.parametrize("how", ["all of them after all", "one right after itself"])
-def test_a_case_that_is_there_twice_is_not_counted_twice(stored, tmp_path, how):
-    """As where files were put together by hand."""
-    results = stored(tmp_path, some_rows(), AXES)
-    path = tmp_path / "scores.jsonl"
-    text = path.read_text(encoding="utf-8")
-    (first, *_) = blocks(path)
-    again = b"".join(first.lines).decode()
-    path.write_text(text + text if how.startswith("all") else again + text, encoding="utf-8")
-    with pytest.raises(StudyError, match=r"rows of case [0-9a-f]{16} are there 2 times"):
-        len(results.rows)
+def test_a_row_is_there_once_and_the_first_stays(stored, tmp_path):
+    rows = some_rows()
+    results = stored(tmp_path, rows, AXES)
+    before = list(results.rows)
+    stored(tmp_path, [row | {"std": 7.0} for row in rows], AXES)
+    assert list(again(results).rows) == before
 
 
-@pytest.mark.parametrize("name", ["scenario", "estimator", "seed"])
-def test_a_row_that_lacks_what_every_row_has_is_refused(stored, tmp_path, name):
-    results = stored(tmp_path, [*some_rows()[:-1], some_rows()[-1] | {name: None}], AXES)
-    with pytest.raises(StudyError, match=f"{name}: is missing"):
-        len(results.rows)
-
-
-def test_rows_of_older_runs_are_read(stored, tmp_path):
-    """Without what belongs to a study: a run was none once."""
-    results = stored(tmp_path, some_rows()[:4])
-    path = tmp_path / "scores.jsonl"
-    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-    for line in lines:
-        for name in ("base", "method", "axes", "seconds", "rows", "error"):
-            del line[name]
-    path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-    (row,) = results.pooled(["base", "method", "estimator"], scores=["std"])[1:]
-    assert (row["base"], row["method"]) == ("s+0", "frozen") and row["cases"] == 2
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("scenario", None), ("estimator", None), ("seed", None), ("seed", -1), ("std", "much"),
+     ("std", float("nan")), ("lag", float("inf")), ("diverged", 1), ("error", 3)],
+)  # fmt: skip
+def test_a_row_that_is_none_is_refused_and_none_with_it_is_there(stored, tmp_path, name, value):
+    stored(tmp_path, some_rows()[:2])
+    with pytest.raises(ValueError, match=f"{name} is "):
+        stored(tmp_path, [*some_rows()[2:6], some_rows()[6] | {name: value}])
+    assert len(lines_of(tmp_path)) == 2
 
 
 # Pools ----------------------------------------------------------------------------------------
@@ -410,15 +397,27 @@ def test_a_data_frame_has_types(stored, tmp_path):
     assert frame.groupby(["method", "parameter"])["std"].count().sum() == 72
 
 
-def test_a_folder_without_room_is_read_elsewhere_or_said(stored, tmp_path, large, monkeypatch):
-    """Writing on until the disk is full would end the process: HDF5 does not survive it."""
-    results = stored(tmp_path, some_rows(), AXES)
-    room = {True: 0, False: 1 << 40}  # here, and where temporary files lie
-    monkeypatch.setattr(
-        columnar.shutil, "disk_usage", lambda path: SimpleNamespace(free=room[path == tmp_path])
-    )
-    assert list(results.rows) == list(by_hand(results))
-    assert [path.name for path in tmp_path.iterdir()] == ["scores.jsonl"]
-    room[False] = 0
-    with pytest.raises(OutputError, match="no room for its"):
-        len(again(results).rows)
+def test_a_seed_is_one_draw_however_many_points_it_is_at(stored, tmp_path):
+    """Five nearly equal points × 8 seeds: an interval of eight draws, not of forty."""
+    rng = np.random.default_rng(3)
+    shared, own = rng.normal(0, 0.1, 8), rng.normal(0, 0.01, (5, 8))
+    logs = shared + own + 0.02 * np.arange(5)[:, None]
+    rows = [
+        {
+            "case": f"{k}{point}", "hash": f"h{point}", "seed": 1000 + k, "scenario": f"s+{point}",
+            "axes": {"fault[0].factor": 1.1 + point / 100}, "lag": float(np.exp(logs[point, k])),
+            "std": 1.0, "bias": float(logs[point, k]), "lost_before": False,
+        }
+        for k in range(8)
+        for point in range(5)
+    ]  # fmt: skip
+    results = stored(tmp_path, rows, ("fault[0].factor",))
+    (row,) = results.pooled(["method"])
+    assert (row["runs"], row["seeds"], row["failed"]) == (40, 8, 0)
+    mean = logs.mean(axis=0)
+    half = 2.364624 * mean.std(ddof=1) / math.sqrt(8)  # Student's t with 7
+    assert np.log(row["lag_interval"]) == pytest.approx([mean.mean() - half, mean.mean() + half])
+    low, high = row["bias_interval"]
+    assert high - low > 0.9 * 2 * half
+    alone = results.pooled(["fault[0].factor"])
+    assert {r["runs"] for r in alone} == {r["seeds"] for r in alone} == {8}

@@ -32,7 +32,8 @@ def test_no_regression_in_json_only(capsys, short_toml, tmp_path):
     status, out, _ = compare(capsys, short_toml, tmp_path, "rpem-forgetting", "--json")
     told = json.loads(out)
     assert status == 0 and told["verdict"] == "same" and told["status"] == 0
-    assert {row["metric"] for row in told["rows"]} == {"diverged", "never_settled", "lag", "std"}
+    assert {row["metric"] for row in told["rows"]} == {
+        "diverged", "never_settled", "lag", "std", "bias"}  # fmt: skip
 
 
 def test_what_is_in_the_json(capsys, short_toml, tmp_path):
@@ -120,3 +121,65 @@ def test_the_seeds_of_the_gate_are_the_default(capsys, monkeypatch, tmp_path):
     for names in ([], ["fm_step-v1"], ["faults"]):
         flexaxis(capsys, "compare", *names, "--base", "frozen", "--candidate", "frozen")
     assert asked == [32, 32, 16]
+
+
+RAISES = """
+from flexaxis.estimators.registry import REGISTRY
+
+
+class Same:
+    output = "speed"
+
+    def __init__(self, nominal, period):
+        self._of, self.k = REGISTRY["rpem-forgetting"].factory(nominal, period), 0
+        self.names = self._of.names
+
+    def step(self, u, y):
+        return self._of.step(u, y)
+
+
+class Raises(Same):
+    def step(self, u, y):
+        self.k += 1
+        if self.k == 1500 and y > {level}:
+            raise ArithmeticError("not sure")
+        return self._of.step(u, y)
+"""
+
+
+def own(tmp_path, level):
+    (tmp_path / "raises.py").write_text(RAISES.format(level=level))
+    return f"{tmp_path}/raises.py:"
+
+
+def test_a_candidate_that_raises_loses_these_runs(capsys, short_toml, tmp_path):
+    of = own(tmp_path, 0.0)
+    words = ("--base", f"{of}Same", "--json")
+    status, out, _ = compare(capsys, short_toml, tmp_path, f"{of}Raises", *words)
+    told = json.loads(out)
+    assert status == 3 and told["verdict"] == "undecided"
+    assert 0 < told["failed"]["candidate"] == told["newly_lost"] < 8
+
+
+def test_who_raises_in_all_runs_has_no_verdict(capsys, short_toml, tmp_path):
+    of = own(tmp_path, -1e9)
+    status, _, err = compare(capsys, short_toml, tmp_path, f"{of}Raises", "--base", f"{of}Same")
+    assert status == 70 and "ArithmeticError: not sure" in err
+
+
+def test_a_scenario_that_the_candidate_cannot_read_is_in_the_verdict(
+    capsys, short, short_toml, tmp_path
+):
+    (tmp_path / "encoder.toml").write_text(
+        short.override({"name": "encoder", "output": "increment"}).to_toml()
+    )
+    both = (str(short_toml), str(tmp_path / "encoder.toml"))
+    words = ("--seeds", "2", "--jobs", "1", "-o", tmp_path / "out", "--json")
+    candidate = f"{own(tmp_path, 1e9)}Same"
+    sides = ("--base", "rpem-forgetting", "--candidate", candidate)
+    status, out, err = flexaxis(capsys, "compare", *both, *sides, *words)
+    told = json.loads(out)
+    assert (status, told["verdict"]) == (0, "undecided") and "encoder is left out" in err
+    lack = {"scenario": "encoder", "side": "candidate", "cases": 2, "unreadable": True}
+    assert told["lacking"] == [lack]
+    assert flexaxis(capsys, "compare", *both, *sides, *words, "--strict")[0] == 3

@@ -6,7 +6,8 @@ from scipy import stats
 
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.lost import judge_lost, levels, runs_needed
-from flexaxis.experiments.gate.pairs import MARGINS, pair, table
+from flexaxis.experiments.gate.margins import MARGINS
+from flexaxis.experiments.gate.pairs import pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.gate.words import headline, meaning
 

@@ -10,7 +10,7 @@ from markdown_it import MarkdownIt
 from flexaxis.experiments.gate.comparison_report import markdown
 from flexaxis.experiments.gate.comparison_rows import COLUMNS
 from flexaxis.experiments.gate.stored import compare_runs
-from flexaxis.experiments.running import names as results
+from flexaxis.experiments.running.names import SUMMARY
 
 NAMES = [
     "fm_step-v1",
@@ -31,16 +31,14 @@ NAMES = [
 
 
 @pytest.fixture
-def stored_run(tmp_path):
+def stored_run(tmp_path, stored):
     """Write a run as it is stored, and return its folder."""
 
     def write(folder, name, estimator):
         one = {"scenario": name, "hash": "h", "estimator": estimator, "parameter": name}
         one |= {"lag": 1.0, "std": 1.0, "diverged": False, "never_settled": False}
-        (tmp_path / folder).mkdir()
-        lines = [json.dumps({"case": f"{s:016x}", **one, "seed": s}) for s in range(8)]
-        (tmp_path / folder / results.SCORES).write_text("\n".join(lines) + "\n")
-        (tmp_path / folder / results.SUMMARY).write_text(json.dumps({"versions": {}}))
+        stored(tmp_path / folder, [{"case": str(s), **one, "seed": s} for s in range(8)])
+        (tmp_path / folder / SUMMARY).write_text(json.dumps({"versions": {}}))
         return tmp_path / folder
 
     return write

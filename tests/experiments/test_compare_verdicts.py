@@ -11,14 +11,15 @@ import pytest
 from flexaxis.experiments.gate.comparison_report import markdown, write
 from flexaxis.experiments.gate.comparison_rows import cells, row_command, worst
 from flexaxis.experiments.gate.gate import Comparison, Question, compare
-from flexaxis.experiments.gate.pairs import MARGINS, pair, parse_margins, table
+from flexaxis.experiments.gate.margins import MARGINS, parse_margins
+from flexaxis.experiments.gate.pairs import pair, table
 from flexaxis.experiments.gate.verdicts import by_metric, judge
 from flexaxis.experiments.gate.words import headline, meaning
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.sim.errors import FlexaxisError
 
 sys.path.insert(0, str(Path(__file__).parent))
-from page_text import charts_of
+from page_data import charts_of
 
 
 def rows(scale=1.0, *, spread=0.005, seeds=8, seed=0, std=1.0, lost=(), parameter="f_m"):
@@ -140,7 +141,8 @@ def test_only_common_seeds_and_parameters_count():
 
 
 def test_margins():
-    assert parse_margins(["lag=5%", "std=0.03,t10=10%"]) == {"lag": 0.05, "std": 0.03, "t10": 0.1}
+    assert parse_margins(["lag=5%", "std=0.03,t10=10%"]) == {
+        "lag": 0.05, "std": 0.03, "bias": 0.2, "t10": 0.1}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", ["lagg=2%", "lag", "lag=two", "lag=0", "lag=200%", "lag=nan"])
@@ -182,7 +184,7 @@ class Made:
         self.pool = {"a": rows(seeds=100, spread=0.1), "b": candidate}
         self.asked = []
 
-    def runs(self, scenarios, names, seeds):
+    def with_failed(self, scenarios, names, seeds):
         self.asked.append(list(seeds))
         return {
             ("hash", name): [[row | {"estimator": name} for row in self.pool[name]
@@ -217,10 +219,10 @@ def test_a_comparison_end_to_end(short, tmp_path):
     assert words["lag"] == "better" and words["std"] == "worse" and found.status() == 1
     page = write(tmp_path, found, [short], sources={"short": "my folder/short.toml"})
     text = page.read_text(encoding="utf-8")
-    assert '<figure class="chart" id="worst">' in text and " src=" not in text
+    assert '<figure class="chart" id="worst"' in text and " src=" not in text
     assert "my folder/short.toml" in text
-    lines = charts_of(text)["worst"]["panels"][0]["lines"]
-    assert f"candidate: {fast}" in [line.get("who") for line in lines]  # the legend
+    lines = charts_of(text)["worst"][0]["panels"][0]["lines"]
+    assert f"candidate: {fast}" in [line["who"] for line in lines]
     assert "| short | std f_m |" in (tmp_path / "verdict.md").read_text(encoding="utf-8")
     focus = worst(found)
     assert focus.verdict == "worse" and focus.worst_seed in range(6)

@@ -14,7 +14,7 @@ from flexaxis.experiments.conformance.requirements import RULES
 from flexaxis.experiments.running.cache import RecordCache
 
 OF_ALL = ("Spread", "Largest", "Smallest", "Mean", "Median", "Torque", "Crest", "Correlation")
-CONTROLS = "flexaxis.experiments.conformance.wrong"
+CONTROLS = str(Path(__file__).with_name("wrong.py"))
 
 
 @pytest.fixture(scope="module")

@@ -11,14 +11,22 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.engine import run_study
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.studies.definition import load_study, study_from
+from tests.experiments.kept_rows import change
 
 PROGRAM = """\
-import json, pathlib, sys
+import pathlib, struct, sys
 pathlib.Path({mark!r}).touch()
-json.loads(sys.stdin.readline())
-print(json.dumps({{"names": ["f_m"]}}), flush=True)
-for line in sys.stdin:
-    print(json.dumps({{"theta": [0.05]}}), flush=True)
+take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
+version, mark = struct.unpack("<8xII", take(16))
+period, output, values, names = struct.unpack("<dIII", take(20))
+take(40 * values + 32 * names)
+give(b"FLEXAXIS" + struct.pack("<IIII", version, mark, 1, output) + b"f_m".ljust(32, b"\\0"))
+sys.stdout.flush()
+while len(count := take(8)) == 8:
+    n, = struct.unpack("<Q", count)
+    take(16 * n)
+    give(struct.pack("<d", 0.05) * n)
+    sys.stdout.flush()
 """
 MODULE = """\
 import pathlib
@@ -123,13 +131,11 @@ def test_rows_that_name_code_are_refused_until_told(code, study_file, tmp_path, 
     folder = tmp_path / "out"
     run_study(study_from({"name": "s", "scenario": str(tmp_path / "short.toml"), "seeds": 3,
                           "estimators": ["frozen"]}), folder)  # fmt: skip
-    lines = (folder / "scores.jsonl").read_text().splitlines()
-    last = json.loads(lines[-1])["case"]
-    rows = [json.loads(line) for line in lines]
-    changed = [row | {"estimator": text} if row["case"] == last else row for row in rows]
-    (folder / "scores.jsonl").write_text("".join(json.dumps(row) + "\n" for row in changed))
-    status, out, err = flexaxis(capsys, "verify", folder)
-    again = refused(status, err, text, "verify", folder)
+    change(folder, "INSERT INTO texts (text) VALUES (?)", text)
+    last = "seed = (SELECT max(seed) FROM cells)"
+    change(folder, f"UPDATE cells SET estimator = (SELECT max(id) FROM texts) WHERE {last}")
+    status, out, err = flexaxis(capsys, "rerun", folder)
+    again = refused(status, err, text, "rerun", folder)
     assert not out and not mark.exists()
     status, out, _ = flexaxis(capsys, *again)
     assert status == 1 and mark.exists() and "2 of 3 cases agree" in out

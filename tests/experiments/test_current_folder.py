@@ -14,7 +14,6 @@ from scipy.io import savemat
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.dispatch import spread
-from flexaxis.experiments.speed.memory import memory
 from flexaxis.sim.current_folder import SAFE_PATH, safe_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -61,11 +60,6 @@ def test_nor_does_the_one_that_reads_a_log(name, write, trap, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_nor_does_the_one_in_which_memory_is_measured(trap):
-    (found,) = memory(0.25, ["frozen"])
-    assert found["estimator"] == "frozen" and not trap.exists()
-
-
 def test_nor_does_what_a_library_of_the_engine_starts(trap, tmp_path):
     """MuJoCo imports glfw, which asks a Python for a version; in a process that has not yet."""
     words = ["simulate", "fm_step-v1", "-o", str(tmp_path / "rec.nc")]
@@ -137,14 +131,11 @@ def test_threads_that_overlap_leave_nothing_set(monkeypatch, given):
 
 
 STARTERS = {
-    "experiments/board/cage.py": "its child isolated, -I",
-    "experiments/board/child.py": "forks, which import nothing anew",
-    "experiments/board/world.py": "programs of the system",
+    "experiments/board/sandbox.py": "the process of a case isolated, -I",
     "experiments/building/programs.py": "programs of a user, with their own variables",
     "experiments/demo/movie.py": "ffmpeg",
     "experiments/logs/reading/apart.py": "readers of logs, -P",
     "experiments/running/processes.py": "workers, in safe_path",
-    "experiments/speed/memory.py": "workers, in safe_path",
     "sim/hdf5_apart.py": "reads HDF5 files, -P",
 }
 """Modules that start processes, and how those leave the current folder out."""

@@ -1,7 +1,6 @@
 """What trajectories are drawn from: full rate about the fault, residual, findings, old folders."""
 
 import json
-from dataclasses import replace
 
 import h5netcdf
 import numpy as np
@@ -11,7 +10,7 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.case import run_case
-from flexaxis.experiments.running.traces import Trace, Traces, write_traces
+from flexaxis.experiments.running.traces import Trace, unpacked
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
 from flexaxis.sim.simulate import simulate
 
@@ -25,9 +24,8 @@ def case_on(scenario, record, text="relocate"):
     return run_case(scenario, record, parse(text), whole=True)
 
 
-def traced(case, *, seed="a"):
-    detail, key = case.detail, case.rows[0]["hash"]
-    return Trace(seed, key, case.estimator, case.names, case.curve, case.relative, detail)
+def traced(case):
+    return Trace(case.estimator, case.names, case.curve, case.relative, case.detail)
 
 
 def test_every_estimate_about_the_fault_is_kept(short, record):
@@ -94,11 +92,10 @@ def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
     )
 
 
-def test_traces_come_back_as_they_were(short, record, tmp_path):
+def test_traces_come_back_as_they_were(short, record):
     cases = [case_on(short, record, text) for text in ("relocate", "frozen")]
-    write_traces(tmp_path, [traced(case) for case in cases])
     for case in cases:
-        (back,) = Traces.of(tmp_path).find(short.hash, case.estimator)
+        back = unpacked(traced(case).packed())
         np.testing.assert_array_equal(back.curve, case.curve)
         np.testing.assert_array_equal(back.detail.near, case.detail.near)
         assert back.detail.findings == case.detail.findings
@@ -106,16 +103,6 @@ def test_traces_come_back_as_they_were(short, record, tmp_path):
             assert back.detail.residual is None
         else:
             np.testing.assert_array_equal(back.detail.residual, case.detail.residual)
-
-
-def test_traces_of_an_older_version_are_read(short, record, tmp_path):
-    case = replace(case_on(short, record), detail=None)
-    write_traces(tmp_path, [traced(case)])
-    (path,) = (tmp_path / "traces").glob("*.npz")
-    with np.load(path) as stored:
-        assert not [name for name in stored if "near" in name or "residual" in name]
-    (back,) = Traces.of(tmp_path).find(short.hash, case.estimator)
-    assert back.detail is None and back.curve.shape == case.curve.shape
 
 
 def test_pooled_curves_come_back_with_what_is_near_the_fault(short, record, tmp_path):

@@ -5,11 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from flexaxis.estimators import three_mass
-from flexaxis.experiments.demo.bound import Jump, allowed
-from flexaxis.experiments.demo.friction import KINDS, Friction
-from flexaxis.experiments.demo.live_axis import LiveAxis
-from flexaxis.experiments.demo.pursuit import LENGTH, Pursuit
+from flexaxis.experiments.demo.live_axis import KINDS, Friction, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, SHOWN
+from flexaxis.experiments.demo.tracking import LENGTH, Jump, Tracking, allowed
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.timing import PERIOD, rate
 
@@ -84,43 +82,43 @@ def test_dry_friction_has_a_bound_too():
 
 
 @pytest.fixture
-def pursuit():
+def tracking():
     before, after = np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.10, 0.0])
-    return Pursuit(before, after, 2)
+    return Tracking(before, after, 2)
 
 
-def test_a_pursuit_has_the_lag_of_what_it_was_shown(pursuit):
+def test_a_pursuit_has_the_lag_of_what_it_was_shown(tracking):
     """An exponential with a time constant of 1 s, and one who stays where he was."""
     decay = 0.05 * np.exp(-np.arange(1500) * PERIOD)
-    slow = np.tile(pursuit.after, (1500, 1))
+    slow = np.tile(tracking.after, (1500, 1))
     slow[:, 2] -= decay
-    still = np.tile(pursuit.before, (1500, 1))
+    still = np.tile(tracking.before, (1500, 1))
     moving = np.ones(1500, bool)
     moving[100:200] = False  # a pause, in which the clock stands
     slow = np.concatenate([slow[:100], np.full((100, 4), 9.0), slow[100:1400]])
-    pursuit.take([slow, still], np.zeros(1500), moving)
-    assert pursuit.changed == "f_m" and pursuit.size == pytest.approx(0.05)
-    assert not pursuit.open and len(pursuit.error) == LENGTH
-    assert pursuit.lags == pytest.approx([1 - np.exp(-5), 5.0], rel=0.01)
-    assert pursuit.allowed is None, "no jump was told"
-    pursuit.take([slow, still], np.zeros(1500), moving)
-    assert len(pursuit.error) == LENGTH
+    tracking.take([slow, still], np.zeros(1500), moving)
+    assert tracking.changed == "f_m" and tracking.size == pytest.approx(0.05)
+    assert not tracking.open and len(tracking.error) == LENGTH
+    assert tracking.lags == pytest.approx([1 - np.exp(-5), 5.0], rel=0.01)
+    assert tracking.allowed is None, "no jump was told"
+    tracking.take([slow, still], np.zeros(1500), moving)
+    assert len(tracking.error) == LENGTH
 
 
 def test_what_nobody_estimates_is_followed_by_what_it_is_taken_for():
     theta = np.array([1.0, 1.25, 0.05, 0.0])
-    pursuit = Pursuit(theta, theta, 2)
+    tracking = Tracking(theta, theta, 2)
     taken = np.array([[0.9, 1.25, 0.05, np.nan]])
-    pursuit.take([taken, theta[None]], np.zeros(1), np.ones(1, bool))
-    assert pursuit.changed is None and pursuit.lags == []
-    np.testing.assert_allclose(pursuit.error, [[0.1, 0.0]])
+    tracking.take([taken, theta[None]], np.zeros(1), np.ones(1, bool))
+    assert tracking.changed is None and tracking.lags == []
+    np.testing.assert_allclose(tracking.error, [[0.1, 0.0]])
 
 
 def test_who_has_no_dry_friction_stays_where_it_was():
-    pursuit = Pursuit(np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.05, 0.2]), 2)
+    tracking = Tracking(np.array([1.0, 1.25, 0.05, 0.0]), np.array([1.0, 1.25, 0.05, 0.2]), 2)
     shown = [np.array([[1.0, 1.25, 0.05, value]]) for value in (np.nan, 0.15)]
-    pursuit.take(shown, np.zeros(1), np.ones(1, bool))
-    np.testing.assert_allclose(pursuit.error, [[1.0, 0.25]])
+    tracking.take(shown, np.zeros(1), np.ones(1, bool))
+    np.testing.assert_allclose(tracking.error, [[1.0, 0.25]])
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])

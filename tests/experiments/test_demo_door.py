@@ -1,4 +1,4 @@
-"""The door of the demo, driven over real sockets: who comes in, and what they may say."""
+"""The server of the demo, driven over real sockets: who comes in, and what they may say."""
 
 import math
 import os
@@ -21,11 +21,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.demo import front
-from flexaxis.experiments.demo import guard as guards
-from flexaxis.experiments.demo.front import Page
-from flexaxis.experiments.demo.guard import Guard, listen
-from flexaxis.experiments.demo.serve import guarded_server, make_guard
+from flexaxis.experiments.demo import page as pages
+from flexaxis.experiments.demo import server as servers
+from flexaxis.experiments.demo.page import Page
+from flexaxis.experiments.demo.server import DemoServer, listen
 from flexaxis.experiments.demo.session import DemoSession
 from flexaxis.sim.errors import FlexaxisError
 
@@ -46,19 +45,19 @@ def free_port():
 @pytest.fixture(scope="module")
 def demo():
     """The demo as it is served, but with a clock that stands."""
-    guard, session = make_guard(free_port()), DemoSession()
-    server = guarded_server(guard)
+    server, session = DemoServer(free_port()), DemoSession()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # viser's, of an older name
-        page = Page(server, session, exaggerate=100.0, speed=1.0, offers=guard.offers)
-    uuids = {label: uuid for uuid, (label, _) in guard.offers._offered.items()}
-    yield SimpleNamespace(guard=guard, server=server, session=session, page=page, uuids=uuids)
-    guard.hang_up()
+        page = Page(server, session, exaggerate=100.0, speed=1.0)
+    uuids = {label: uuid for uuid, (label, _) in server.check._offered.items()}
+    yield SimpleNamespace(
+        token=server.token, server=server.viser, session=session, page=page, uuids=uuids
+    )
     server.stop()
 
 
 def status(demo, path, headers):
-    connection = HTTPConnection("127.0.0.1", demo.guard.door.port, timeout=20)
+    connection = HTTPConnection("127.0.0.1", demo.token.port, timeout=20)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse().status
     connection.close()
@@ -84,9 +83,9 @@ STRANGERS = {
 @pytest.mark.parametrize("upgrade", [{}, UPGRADE], ids=["page", "websocket"])
 @pytest.mark.parametrize("stranger", STRANGERS)
 def test_strangers_stay_outside(demo, stranger, upgrade):
-    door = demo.guard.door
-    words = {"token": door.token, "half": door.token[:20], "port": door.port}
-    words["own"] = f"127.0.0.1:{door.port}"
+    token = demo.token
+    words = {"token": token.secret, "half": token.secret[:20], "port": token.port}
+    words["own"] = f"127.0.0.1:{token.port}"
     path, headers = STRANGERS[stranger]
     headers = {key: value.format(**words) for key, value in headers.items()}
     assert status(demo, path.format(**words), upgrade | headers) == 403
@@ -94,29 +93,29 @@ def test_strangers_stay_outside(demo, stranger, upgrade):
 
 @pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LOCALHOST"])
 def test_the_owner_comes_in(demo, name):
-    door = demo.guard.door
-    headers = {"Host": f"{name}:{door.port}", "Origin": f"http://{name}:{door.port}"}
-    for path in (f"/{door.token}/", f"/{door.token}/?websocket=x", f"/{door.token}"):
+    token = demo.token
+    headers = {"Host": f"{name}:{token.port}", "Origin": f"http://{name}:{token.port}"}
+    for path in (f"/{token.secret}/", f"/{token.secret}/?websocket=x", f"/{token.secret}"):
         assert status(demo, path, headers) == 200
         assert status(demo, path, headers | UPGRADE) == 101
-    assert status(demo, f"/{door.token}/nothing.js", headers) == 404
+    assert status(demo, f"/{token.secret}/nothing.js", headers) == 404
 
 
 @pytest.mark.parametrize("path", [b"/\xff/", b"/%s\xe9/", b"/\xed\xb3\xbf"])
 def test_a_token_that_is_no_text_is_a_wrong_one(demo, path):
     """Not an error of ours: nothing may be learnt of what is done with it."""
-    door = demo.guard.door
-    path = path.replace(b"%s", door.token[:-1].encode())
-    with socket.create_connection(("127.0.0.1", door.port)) as raw:
-        raw.sendall(b"GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % (path, door.port))
+    token = demo.token
+    path = path.replace(b"%s", token.secret[:-1].encode())
+    with socket.create_connection(("127.0.0.1", token.port)) as raw:
+        raw.sendall(b"GET %s HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n" % (path, token.port))
         assert raw.recv(100).startswith(b"HTTP/1.1 403")
 
 
 def test_two_hosts_are_none(demo):
-    door = demo.guard.door
-    with socket.create_connection(("127.0.0.1", door.port)) as raw:
-        own = f"127.0.0.1:{door.port}"
-        raw.sendall(f"GET /{door.token}/ HTTP/1.1\r\nHost: {own}\r\nHost: evil\r\n\r\n".encode())
+    token = demo.token
+    with socket.create_connection(("127.0.0.1", token.port)) as raw:
+        own = f"127.0.0.1:{token.port}"
+        raw.sendall(f"GET /{token.secret}/ HTTP/1.1\r\nHost: {own}\r\nHost: evil\r\n\r\n".encode())
         assert raw.recv(100).startswith(b"HTTP/1.1 403")
 
 
@@ -127,14 +126,11 @@ def test_a_viser_that_starts_its_server_in_another_way_is_not_served(monkeypatch
         server=SimpleNamespace(serve=_infra.websockets.asyncio.server.serve)
     )
     monkeypatch.setattr(_infra, "websockets", own)
-    with pytest.raises(FlexaxisError, match="goes round the guard"):
-        guarded_server(make_guard(free_port()))
-
-
-def test_a_viser_that_does_not_ask_is_not_served(monkeypatch):
-    monkeypatch.setattr(Guard, "_checked", lambda self, inner: inner)
-    with pytest.raises(FlexaxisError, match="goes round the guard"):
-        guarded_server(make_guard(free_port()))
+    monkeypatch.setattr(viser.ViserServer, "__init__", lambda self, **_: None)
+    monkeypatch.setattr(viser.ViserServer, "stop", lambda self: None)
+    monkeypatch.setattr(servers, "_let_threads_draw", lambda _: None)
+    with pytest.raises(FlexaxisError, match="that the demo does not know"):
+        DemoServer(free_port())
 
 
 LAST = "f_c [N m]"  # does nothing and says nothing while there is no dry friction
@@ -142,7 +138,7 @@ LAST = "f_c [N m]"  # does nothing and says nothing while there is no dry fricti
 
 def say(demo, *messages):
     """Say something over a websocket, and wait until it was heard: what comes last is offered."""
-    address = demo.guard.door.address("127.0.0.1").replace("http", "ws", 1)
+    address = demo.token.address.replace("http", "ws", 1)
     last = demo.server.gui._gui_input_handle_from_uuid[demo.uuids[LAST]]
     last.value = 0.0
     with connect(address, subprotocols=[WORD], proxy=None, max_size=None) as viewer:
@@ -331,11 +327,11 @@ def test_uploads_are_not_kept(demo):
 
 def opened(demo, buffer):
     """A viewer on a bare socket, who has said that he looks."""
-    door = demo.guard.door
+    token = demo.token
     viewer = socket.socket()
     viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
-    viewer.connect(("127.0.0.1", door.port))
-    lines = [f"GET /{door.token}/ HTTP/1.1", f"Host: 127.0.0.1:{door.port}"]
+    viewer.connect(("127.0.0.1", token.port))
+    lines = [f"GET /{token.secret}/ HTTP/1.1", f"Host: 127.0.0.1:{token.port}"]
     lines += [f"{key}: {value}" for key, value in UPGRADE.items()]
     lines += [f"Sec-WebSocket-Protocol: {WORD}", "", ""]
     viewer.sendall("\r\n".join(lines).encode())
@@ -347,7 +343,7 @@ def opened(demo, buffer):
 def test_who_does_not_read_does_not_fill_the_memory(demo):
     """Every ping is answered, and the answers wait: half a gigabyte in twenty seconds."""
     pings = 1000 * (b"\x89" + bytes([0x80 | 125]) + bytes(4) + 125 * b"p")
-    sent, most = 0, 8 * guards.MOST_UNREAD
+    sent, most = 0, 8 * servers.MOST_UNREAD
     with opened(demo, 2048) as deaf, pytest.raises(ConnectionError):
         while sent < most:
             deaf.sendall(pings)
@@ -356,7 +352,7 @@ def test_who_does_not_read_does_not_fill_the_memory(demo):
 
 def test_a_file_a_second_is_enough(demo, monkeypatch):
     """Those of a viewer who does not read them would wait in memory, all of them."""
-    monkeypatch.setattr(front, "NEXT_SAVE", 1e6)  # the clock of a busy machine says nothing
+    monkeypatch.setattr(pages, "NEXT_SAVE", 1e6)  # the clock of a busy machine says nothing
     sent = []
     monkeypatch.setattr(viser.ClientHandle, "send_file_download", lambda *args, **_: sent.append(1))
     say(demo, *(20 * [update(demo, "save", "Table (CSV)")]))
@@ -366,13 +362,36 @@ def test_a_file_a_second_is_enough(demo, monkeypatch):
 
 
 def test_a_large_message_ends_the_connection(demo):
-    address = demo.guard.door.address("127.0.0.1").replace("http", "ws", 1)
+    address = demo.token.address.replace("http", "ws", 1)
     with connect(address, subprotocols=[WORD], proxy=None, max_size=None) as viewer:
         with pytest.raises(ConnectionClosed):
             viewer.send(bytes(100_000))
             while True:
                 viewer.recv(timeout=20)
         assert viewer.close_code == 1009
+
+
+def test_idle_connections_print_nothing_and_leave_room(demo, capfd):
+    """No more are held than MOST_VIEWERS, so that files do not run out."""
+    idle = [socket.create_connection(("127.0.0.1", demo.token.port)) for _ in range(300)]
+    try:
+        time.sleep(0.5)
+        cut = 0
+        for each in idle:
+            each.setblocking(False)
+            try:
+                cut += each.recv(1) == b""
+            except BlockingIOError:
+                pass
+            except ConnectionError:
+                cut += 1
+        assert 90 <= cut <= 300 - servers.MOST_VIEWERS + 20
+    finally:
+        for each in idle:
+            each.close()
+    time.sleep(0.5)
+    assert status(demo, f"/{demo.token.secret}/", {}) == 200
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("port", ["99999", "0", "-1"])
@@ -386,9 +405,9 @@ def test_a_taken_port_is_said(monkeypatch, capsys):
         port = taken.getsockname()[1]
         assert main(["demo", "--no-browser", "--port", str(port)]) == 2
         assert f"--port {port} cannot be had" in capsys.readouterr().err
-        monkeypatch.setattr(guards, "PORT", port)
+        monkeypatch.setattr(servers, "PORT", port)
         said = []
-        with listen("127.0.0.1", None, said.append) as found:
+        with listen(None, said.append) as found:
             other = found.getsockname()[1]
         assert other > port
         assert said == [f"port {port} is taken; the next that is free is {other}"]
@@ -397,7 +416,7 @@ def test_a_taken_port_is_said(monkeypatch, capsys):
 COMPILES = """
 import hashlib
 from flexaxis.experiments import cli
-from flexaxis.experiments.demo.front import Page
+from flexaxis.experiments.demo.page import Page
 Page.end = lambda self: print("told", flush=True)
 Page.advance = lambda self, count: hashlib.pbkdf2_hmac("sha256", b"", b"", 10**9)
 cli.main(["demo", "--no-browser", *2 * ["--estimator", "frozen"], "--port", "{port}"])

@@ -7,17 +7,21 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.demo.charts import Charts
-from flexaxis.experiments.demo.racer import SHOWN
+from flexaxis.experiments.demo import curves
+from flexaxis.experiments.demo.session import DemoSession
+from flexaxis.experiments.reporting.drawing import drawn
+from flexaxis.experiments.reporting.figures import draw
+from tests.experiments.page_data import charts_of
 
 
 def test_without_viser_one_clear_line(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "mjviser", None)
     assert main(["demo", "--no-browser"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "pip install 'flexaxis[demo]'" in line
+    assert "pip install -e '.[demo]'" in line
 
 
 @pytest.fixture
@@ -66,52 +70,60 @@ def test_signals_end_it_with_status_0(started, free_port, kind):
     assert (process.returncode, out, err) == (0, "", "")
 
 
-def test_shared_only_if_asked_and_then_it_says_what(started, free_port):
+def test_it_is_seen_on_this_computer_only(started, free_port):
     """127.0.0.2 is this computer by another name: only a server for everybody answers there."""
     if sys.platform != "linux":
         pytest.skip("only Linux has all of 127.0.0.0/8")
-    process, _ = started()
-    assert not reachable("127.0.0.2", free_port)
-    process.terminate()
-    process.communicate(timeout=30)
-    _, (_, warning) = started("--share", lines=2)
-    assert "whoever reaches this computer" in warning and "no password" in warning
-    assert reachable("127.0.0.2", free_port)
+    started()
+    assert reachable("127.0.0.1", free_port) and not reachable("127.0.0.2", free_port)
 
 
 def test_a_tunnel_to_the_outside_is_never_opened(free_port, monkeypatch):
     """The page of viser can ask for one; ours does not hear it."""
     import viser
 
-    from flexaxis.experiments.demo.serve import make_server
+    from flexaxis.experiments.demo.server import DemoServer
 
     asked = []
     monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_: asked.append(1))
-    server = make_server(free_port, "127.0.0.1")
-    server.request_share_url()
+    server = DemoServer(free_port)
+    server.viser.request_share_url()
     server.stop()
     assert not asked
 
 
-class Charted:
-    """What is put on a page, by title."""
+def test_curves_show_what_the_session_has_and_a_recording_the_same():
+    """One description: what the page draws is what matplotlib draws."""
+    session = DemoSession()
+    session.advance(2000)
+    session.inject("f_m", 2.0)
+    session.advance(600)
+    known = session.curves()
+    chart = curves.estimates(known)
+    ((view,),) = charts_of(str(drawn(chart, "x", high=86))).values()
+    assert [p["y"][:3] for p in view["panels"]] == ["k_T", "1/J", "f_m", "dia"]
+    panel = view["panels"][2]
+    for racer, who in enumerate("AB"):
+        (line,) = [n for n in panel["lines"] if n["who"] == who]
+        exact = np.clip(known.theta[:, racer, 2], panel["low"], panel["high"])
+        off = np.interp(known.time, line["x"], line["y"]) - exact
+        assert abs(off[known.time > view["from"]]).max() < 0.012 * (panel["high"] - panel["low"])
+    ax = Figure().subplots()
+    (drawn_line,) = [n for n in draw(chart, ax, panel=2).lines if n.get_label() == "A"]
+    np.testing.assert_array_equal(drawn_line.get_ydata(), known.theta[:, 0, 2])
+    left = curves.left(session.history.last)
+    assert left.title == "f_m × 2: left to be found" and len(left.panels[0].lines) == 3
+    session.inject("f_m", 1.5)  # ends what was scored
+    points = curves.tradeoff(session.points, (0.02, 0.03)).panels[0].lines
+    assert [line.who for line in points] == ["", "A f_m", "B f_m"]
 
-    def __init__(self):
-        self.charts = {}
 
-    def add_uplot(self, *, title, **look):
-        self.charts[title.split()[0]] = look
-
-
-def test_ticks_are_told_apart_by_three_decimals():
-    """The browser writes no more: 0.0505 would be 0.051, beside 0.051."""
-    pytest.importorskip("viser")
-    page, nominal = Charted(), (1.0, 1.25, 0.05, 0.1)
-    Charts(page, np.array(nominal))
-    for name, size in zip(SHOWN, nominal, strict=True):
-        ticks = page.charts[name]["axes"][1]["incrs"]
-        assert all(round(tick, 3) == tick > 0 for tick in ticks)
-        if name != "f_c":  # so that two ticks at least are seen, whatever the noise
-            edges = page.charts[name]["scales"]["y"]["range"]
-            span = edges["max"]["soft"] - edges["min"]["soft"]
-            assert edges["min"]["soft"] < size < edges["max"]["soft"] and span >= 2 * min(ticks)
+def test_an_estimator_can_show_itself(monkeypatch):
+    """The place where a picture of its own hooks in."""
+    session = DemoSession(estimators=["frozen", "ekf"])
+    shown = []
+    monkeypatch.setattr(curves, "OWN", {"ekf": shown.append})
+    for racer in session.racers:
+        if own := curves.OWN.get(racer.name):
+            own(racer.estimator)
+    assert [each.names for each in shown] == [("k_T", "1/J_a", "f_m")]

@@ -12,11 +12,11 @@ import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.demo import history
-from flexaxis.experiments.demo.friction import Friction
+from flexaxis.experiments.demo.curves import estimates_table, history_table
 from flexaxis.experiments.demo.history import COLUMNS, Entry, History
 from flexaxis.experiments.demo.lesson import LessonError, Player, parse_lesson
+from flexaxis.experiments.demo.live_axis import Friction
 from flexaxis.experiments.demo.session import BUTTONS, DemoSession
-from flexaxis.experiments.demo.words import estimates_table, history_table
 from flexaxis.sim.timing import PERIOD, rate
 
 RATE = rate(PERIOD)
@@ -69,9 +69,11 @@ def test_what_was_done_is_taken_down(played):
         "noise 0.05 rad/s", "B: ekf joins", "excitation stop-and-go", "repaired", "k_a × 0.9",
     ]  # fmt: skip
     first, dragged = played.history.entries[0], played.history.entries[3]
-    assert first.pursuit.changed == "f_m" and not first.pursuit.open
+    assert first.tracking.changed == "f_m" and not first.tracking.open
     assert first.lags[0] > first.allowed[1] > first.allowed[0] > 0
-    assert dragged.pursuit.before[3] == 0 and dragged.pursuit.after[3] == 0.2, "one pull, one entry"
+    assert dragged.tracking.before[3] == 0 and dragged.tracking.after[3] == 0.2, (
+        "one pull, one entry"
+    )
     assert played.history.last.what == "k_a × 0.9"
 
 

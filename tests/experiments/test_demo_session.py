@@ -8,10 +8,10 @@ import pytest
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.priors import known_P
-from flexaxis.experiments.demo.dots import Scorer
 from flexaxis.experiments.demo.live_axis import SPELL, LiveAxis
 from flexaxis.experiments.demo.racer import NAMES, Racer
 from flexaxis.experiments.demo.session import MARK, SPAN, DemoSession
+from flexaxis.experiments.demo.tradeoff import Scorer
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.timing import PERIOD, rate
@@ -120,9 +120,9 @@ def test_a_fault_gives_a_dot_with_the_scores_in_words():
     session = DemoSession(estimators=PAPER, seed=2)
     session.advance(10 * RATE)
     session.inject("f_m", 1.5)
-    assert not session.dots
+    assert not session.points
     session.advance(5 * RATE)
-    forgetting, drift = session.dots
+    forgetting, drift = session.points
     assert (forgetting.parameter, forgetting.racer, drift.racer) == ("f_m", 0, 1)
     # known for many runs: lag 1.27 s and std 0.31 % with forgetting, 1.4 % with Δ, which is quicker
     assert forgetting.lag == pytest.approx(1.27, abs=0.4)
@@ -151,13 +151,13 @@ def test_no_dot_where_it_was_not_quiet_or_nobody_estimates():
     session.inject("f_m", 2.0)
     assert "no dot" in session.said
     session.advance(6 * RATE)
-    assert not session.dots
+    assert not session.points
     session.inject("k_a", 0.9)
     assert "nobody estimates" in session.said
     session.inject("k_a", 0.9)
     assert "repair first" in session.said
     session.advance(6 * RATE)
-    assert not session.dots
+    assert not session.points
     assert session.racers[0].theta[1] < 0.95 * 1.25, "a softer arm is taken for a heavier one"
 
 

@@ -1,6 +1,7 @@
 """What `flexaxis check --long` runs an estimator through, and what it says of those that fall."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from flexaxis.experiments.conformance.check import check
 from flexaxis.experiments.conformance.subject import Subject
 from flexaxis.experiments.running.cache import RecordCache, records
 
-WRONG = "flexaxis.experiments.conformance.wrong"
+WRONG = str(Path(__file__).with_name("wrong.py"))
 
 
 @pytest.fixture(scope="module")

@@ -13,25 +13,24 @@ from dataclasses import replace
 
 import pytest
 
+from flexaxis.experiments.building import imports
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.results.pooled import load
-from flexaxis.experiments.running import rows
+from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running import store
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.errors import NotRun, StudyError
 from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import process_pool
-from flexaxis.experiments.running.sealed import read_sealed, write_sealed
+from flexaxis.experiments.running.store import row_files, rows_in
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import run_unit
-from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from flexaxis.experiments.studies.definition import study_from
-from flexaxis.sim import files
-from flexaxis.sim.files import ASIDE
+from tests.experiments.kept_rows import cases_of, scores_of
 
 OWN = """
 class Mine:
@@ -55,7 +54,7 @@ def sweep_of(short_toml, **keys):
 
 
 def found(folder):
-    return [row for path in rows.row_files(folder) for row in rows.read(path)]
+    return [row for path in row_files(folder) for row in rows_in(path)]
 
 
 # ------------------------------------------------------------- records shared
@@ -95,61 +94,6 @@ def test_two_scenarios_that_differ_only_in_their_names_are_refused(short):
         Study("s", (short, short.override({"name": "other"})), ("frozen",), (0,))
 
 
-def test_a_run_takes_the_place_of_no_study_and_of_no_share(short_toml, tmp_path, capsys):
-    study = sweep_of(short_toml, sweep={"fault[0].factor": [1.2, 2.0]}, seeds=1)
-    run_study(study, tmp_path / "study")
-    run_study(make_plan(sweep_of(short_toml), shard=(1, 2)), tmp_path / "shares")
-    run_study(sweep_of(short_toml, override={"duration": 9.0}), tmp_path / "other")
-    for name, told in (("study", "holds a study of short"), ("shares", "holds shares of a run"),
-                       ("other", "holds an unfinished run of short+duration")):  # fmt: skip
-        before = {path: path.read_bytes() for path in (tmp_path / name).glob("s*.json*")}
-        for words in (["run", "--estimator", "ekf"], ["tune", "ekf", "--seeds", "0:2"],
-                      ["compare", "--base", "ekf", "--candidate", "frozen"]):  # fmt: skip
-            where = [str(short_toml)] if words[0] != "tune" else []
-            assert main([*words, *where, "-o", str(tmp_path / name)]) == 2
-            assert told in capsys.readouterr().err
-        assert before == {path: path.read_bytes() for path in before}
-
-
-def test_what_a_run_comes_to_is_not_of_rows_that_were_added_since(short, tmp_path):
-    def stop(outcome):
-        raise KeyboardInterrupt
-
-    wanted = Benchmark(Study("s", (short,), ("frozen",), (0,)), "t", "flexaxis run short")
-    benchmark(wanted, tmp_path)
-    more = Benchmark(Study("s", (short,), ("frozen",), (0, 1)), "t", "flexaxis run short")
-    with pytest.raises(KeyboardInterrupt):
-        benchmark(more, tmp_path, Means(advance=stop), resume=True)
-    with pytest.raises(OutputError, match="Go on with: flexaxis run short --resume"):
-        load(tmp_path)
-
-
-def test_a_refusal_takes_nothing_from_a_complete_result(short, tmp_path):
-    def wanted(scenario):
-        return Benchmark(Study("s", (scenario,), ("frozen",), (0,)), "t", "flexaxis run short")
-
-    benchmark(wanted(short), tmp_path)
-    there = {path: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
-    with pytest.raises(StudyError, match="holds another study"):
-        benchmark(wanted(short.override({"duration": 9.0})), tmp_path, resume=True)
-    assert there == {path: path.read_bytes() for path in there}
-
-
-def test_unlike_estimators_and_seeds_make_one_summary(short, tmp_path):
-    """Five seeds of the best, for below that nothing is told apart."""
-
-    def wanted(estimator, *seeds):
-        study = Study("s", (short,), (estimator,), tuple(range(*seeds)))
-        return Benchmark(study, "t", "flexaxis run short")
-
-    benchmark(wanted("rpem-forgetting", 6), tmp_path)
-    found = benchmark(wanted("frozen", 4, 12), tmp_path, resume=True)
-    changed = {row["estimator"]: row["seeds"] for row in found.summary["rows"] if row["changed"]}
-    assert changed == {"rpem-forgetting": 6, "frozen": 8}
-    assert json.loads((tmp_path / "study.json").read_text())["cases"] == 2 * 12
-
-
-@pytest.mark.slow
 def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
     (tmp_path / "own.py").write_text(
         OWN.replace("GAIN", "1.0").replace("[self.f_m]", "[1 / (u - u)]")
@@ -168,9 +112,9 @@ def test_a_run_of_failures_alone_is_said(short_toml, tmp_path, capsys):
 
 def resealed(path, old, new):
     """Make a study.json as if it had been written with another text in it."""
-    text = json.dumps(read_sealed(path, StudyError))
+    text = path.read_text()
     assert old in text
-    write_sealed(path, json.loads(text.replace(old, new)))
+    path.write_text(text.replace(old, new))
 
 
 def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short, tmp_path):
@@ -178,7 +122,7 @@ def test_a_scenario_under_another_name_is_refused_and_verified_by_its_hash(short
     run_study(study, tmp_path)
     renamed = Study("s", (short.override({"name": "other"}),), ("frozen",), (0, 1))
     with pytest.raises(StudyError, match="has the scenario other under the name short"):
-        run_study(renamed, tmp_path, resume=True)
+        run_study(renamed, tmp_path)
     path = tmp_path / "study.json"
     resealed(path, '"short"', '"other"')
     told = [text for repeated in verify(tmp_path) for text in repeated.differences]
@@ -189,37 +133,44 @@ def test_points_with_other_random_numbers_are_another_study(short_toml, tmp_path
     keys = {"sweep": {"fault[0].factor": [1.2, 2.0]}, "seeds": 1}
     run_study(sweep_of(short_toml, streams="own", **keys), tmp_path)
     with pytest.raises(StudyError, match=r"with own streams, and this is .* with common streams"):
-        run_study(sweep_of(short_toml, **keys), tmp_path, resume=True)
+        run_study(sweep_of(short_toml, **keys), tmp_path)
 
 
-def test_shares_of_another_number_are_refused(stubs, tmp_path):
+def test_shares_that_overlap_count_once(stubs, tmp_path):
     study = study_from({"name": "s", "scenario": "fm_step-v1", "estimators": "frozen", "seeds": 8})
     means = Means(work=stubs.quick)
-    run_study(make_plan(study, shard=(1, 2)), tmp_path, means)
-    with pytest.raises(StudyError, match="holds shares of 2, and this is one of 3"):
-        run_study(make_plan(study, shard=(2, 3)), tmp_path, means)
-    run_study(make_plan(study, shard=(2, 2)), tmp_path, means)
-    assert len({row["case"] for row in found(tmp_path)}) == 8
+    for shard in ((1, 2), (2, 3), (2, 2)):
+        run_study(make_plan(study, shard=shard), tmp_path, means)
+    assert len(list(tmp_path.glob("scores-*.sqlite"))) == 3
+    results = Results.load(tmp_path)
+    keys = [(row["case"], row["parameter"]) for row in results.rows]
+    assert len(keys) == len({*keys}) == 8 * 3 and results.cases == 8
 
 
-def test_code_that_changed_is_not_mixed(short_toml, short, tmp_path):
-    own = tmp_path / "own.py"
-    own.write_text(OWN.replace("GAIN", "1.0"))
-    study = sweep_of(short_toml, estimators=[f"{own}:Mine"])
-    run_study(study, tmp_path / "out", run_code=True)
-    (code,) = {row["code"] for row in found(tmp_path / "out")}
-    assert re.fullmatch("[0-9a-f]{12}", code)
-    own.write_text(OWN.replace("GAIN", "2.0"))
-    told = f"as its code was before \\(digest {code}, now"
-    with pytest.raises(StudyError, match=told):
-        run_study(study, tmp_path / "out", run_code=True, resume=True)
-    with pytest.raises(StudyError, match=told), \
-            Bench(study.scenarios, tmp_path / "out", resume=True):  # fmt: skip
-        pass
-    shutil.copytree(tmp_path / "out", tmp_path / "other")
+@pytest.mark.xfail(
+    reason="within one process, code that was edited is not told from what was imported"
+)
+def test_rows_of_code_that_changed_are_added_and_not_mixed(short_toml, tmp_path):
+    own, out = tmp_path / "own.py", tmp_path / "out"
+    study, lags, codes = sweep_of(short_toml, estimators=[f"{own}:Mine"]), [], []
+    for gain in ("1.0", "2.0", "1.0"):
+        own.write_text(OWN.replace("GAIN", gain))
+        imports._file.cache_clear()  # as in another process
+        run_study(study, out, run_code=True)
+        rows = list(Results.load(out).rows)
+        lags.append([row["bias"] for row in rows])
+        codes.append({row["code"] for row in rows})
+        with Bench(study.scenarios, out) as bench:
+            ((runs,),) = [[*bench.runs(study.scenarios, study.estimators, [1000]).values()]]
+        assert [run[0]["code"] for run in runs] == [*codes[-1]]
+    assert lags[0] == lags[2] != lags[1] and codes[0] == codes[2] != codes[1]
+    assert all(re.fullmatch("[0-9a-f]{12}", code) for each in codes for code in each)
+    assert len(found(out)) == 2 * 3  # each was run once
+    (code,) = codes[0]
+    shutil.copytree(out, tmp_path / "other")
     resealed(tmp_path / "other" / "study.json", code, "0" * 12)
     with pytest.raises(StudyError, match="with different code"):
-        merge([tmp_path / "out", tmp_path / "other"], tmp_path / "whole")
+        merge([out, tmp_path / "other"], tmp_path / "whole")
 
 
 def test_versions_are_not_mixed(short_toml, tmp_path):
@@ -228,7 +179,7 @@ def test_versions_are_not_mixed(short_toml, tmp_path):
     path = tmp_path / "study.json"
     resealed(path, "mujoco 4", "mujoco 3")
     with pytest.raises(StudyError, match=r"was made with .*mujoco 3.*this is .*mujoco 4"):
-        run_study(study, tmp_path, resume=True)
+        run_study(study, tmp_path)
 
 
 def test_a_merge_that_lacks_a_share_says_so(short_toml, tmp_path, capsys):
@@ -242,26 +193,18 @@ def test_a_merge_that_lacks_a_share_says_so(short_toml, tmp_path, capsys):
     assert main(["merge", *parts, "-o", str(tmp_path / "whole")]) == 0
 
 
-def test_a_merge_that_was_cut_short_begins_again(short_toml, tmp_path):
+def test_a_merge_adds_and_is_whole_or_not_at_all(short_toml, tmp_path, monkeypatch):
     study = sweep_of(short_toml, seeds=4)
     run_study(study, tmp_path / "a")
-    merge([tmp_path / "a"], tmp_path / "b")
-    path = tmp_path / "b" / "scores.jsonl"
-    left = tmp_path / "b" / f".scores.{'0' * 32}{ASIDE}"  # its rows come last, and at once
-    left.mkdir()
-    path.rename(left / path.name)
-    files._clear.cache_clear()  # as in another process
-    assert merge([tmp_path / "a"], tmp_path / "b").cases == 4
-    assert not list(path.parent.glob(".scores*"))
-    before = path.stat().st_mtime_ns
-    assert merge([tmp_path / "a"], tmp_path / "b").cases == 4  # as where its report was stopped
-    assert path.stat().st_mtime_ns == before
-    run_study(sweep_of(short_toml, seeds=5), tmp_path / "a", resume=True)
-    for given in ((tmp_path / "b" / "study.json").rename, lambda to: None):
-        with pytest.raises(StudyError, match="holds other rows already"):
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "_TAKE", (*store._TAKE, "SELECT * FROM nowhere"))
+        with pytest.raises(OutputError, match="nowhere"):
             merge([tmp_path / "a"], tmp_path / "b")
-        given(tmp_path / "elsewhere")  # whatever rows these are then: they stay
-    assert len(rows.scan(path).cases) == 4
+    assert found(tmp_path / "b") == []
+    assert merge([tmp_path / "a"], tmp_path / "b").cases == 4
+    run_study(sweep_of(short_toml, seeds=5), tmp_path / "a")
+    assert merge([tmp_path / "a"], tmp_path / "b").cases == 5
+    assert found(tmp_path / "b") == found(tmp_path / "a")
 
 
 # ------------------------------------------------------------------ the bench
@@ -274,7 +217,7 @@ def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
         first = bench.runs([short], ["frozen"], [0, 1])
         bench.runs([short], ["frozen", "ekf"], [0, 1, 2])
     assert sum(counted) == 6
-    with Bench([short], tmp_path, means, resume=True) as bench:
+    with Bench([short], tmp_path, means) as bench:
         assert bench.runs([short], ["frozen"], [0, 1]) == first and bench.cases == 6
     assert sum(counted) == 6
     with ThreadPoolExecutor(2) as executor:
@@ -282,16 +225,6 @@ def test_a_bench_runs_nothing_twice_and_remembers(short, tmp_path):
     scores = [[[{k: v for k, v in row.items() if k != "cost"} for row in run] for run in runs]
               for given in (first, other) for runs in given.values()]  # fmt: skip
     assert scores[0] == scores[1]
-
-
-def test_a_bench_takes_a_case_that_is_there_twice_once(short, tmp_path):
-    """As where two files of rows were put together by hand."""
-    with Bench([short], tmp_path) as bench:
-        first = bench.runs([short], ["frozen"], [0])
-    path = tmp_path / "scores.jsonl"
-    path.write_bytes(2 * path.read_bytes())
-    with Bench([short], tmp_path, resume=True) as bench:
-        assert bench.runs([short], ["frozen"], [0]) == first and bench.cases == 1
 
 
 def test_a_bench_does_not_write_to_a_folder_it_has_not_taken(short, tmp_path):
@@ -341,9 +274,9 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
     """To the whole group, as a terminal sends it. What is allowed is ten times what it takes."""
     words = ["run", short_toml, "--estimator", "rpem-drift", "--seeds", "4000", "--no-cache",
              "--jobs", jobs, "-o", tmp_path / "out"]  # fmt: skip
-    path, said = tmp_path / "out" / "scores.jsonl", tmp_path / "said"
+    path, said = tmp_path / "out" / "scores.sqlite", tmp_path / "said"
     for times in (1, 2):
-        there = path.stat().st_size if path.exists() else 0
+        there = path.stat().st_size if path.exists() else 60_000
         child = start([*words, "--resume"], said)
         wait_until(lambda there=there: path.exists() and path.stat().st_size > there, 120, child)
         os.killpg(child.pid, signal.SIGINT)
@@ -354,8 +287,7 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
         told = said.read_text()
         assert "Traceback" not in told, told
         assert re.search(r"interrupted; \d+ cases? done just now; go on with: flexaxis run", told)
-    assert rows.scan(path).size == path.stat().st_size
-    assert len(rows.done(path.parent)) == len(rows.scan(path).cases)
+    assert len(scores_of(path.parent)) == 3 * cases_of(path.parent)
 
 
 def test_a_pool_that_is_left_by_an_error_does_not_wait_for_its_processes():
@@ -373,18 +305,8 @@ def test_cases_that_are_missing_are_no_success(short, tmp_path):
     study = Study("s", (short,), ("frozen",), tuple(range(6)))
 
     def loses(unit):
-        return replace(run_unit(unit), lines=b"", cases=0) if 5 in unit.seeds else run_unit(unit)
+        return replace(run_unit(unit), rows=(), cases=0) if 5 in unit.seeds else run_unit(unit)
 
-    with pytest.raises(StudyError, match=r"[12] of 6 cases are missing"):
+    with pytest.raises(NotRun, match=r"[12] of 6 cases were not run: nothing says why"):
         run_study(study, tmp_path / "out", Means(work=loses))
-    assert run_study(study, tmp_path / "out", resume=True).cases in {1, 2}  # as units are cut
-
-
-def test_a_second_run_in_a_folder_is_refused(short_toml, tmp_path, capsys):
-    from flexaxis.experiments.running.lock import locked
-
-    (tmp_path / "out").mkdir()
-    with locked(tmp_path / "out" / ".lock"):
-        for words in (["run"], ["tradeoff"], ["compare", "--base", "frozen", "--candidate", "ekf"]):
-            assert main([*words, str(short_toml), "-o", str(tmp_path / "out")]) == 2
-            assert "another process is at work here" in capsys.readouterr().err
+    assert run_study(study, tmp_path / "out").cases in {1, 2}  # as units are cut

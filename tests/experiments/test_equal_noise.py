@@ -11,15 +11,18 @@ import pytest
 import flexaxis as fx
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.offline.priors import known_P
+from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.gate import equal_noise, gate
 from flexaxis.experiments.gate.equal_noise import SEEDS
-from flexaxis.experiments.studies.tuning import TOLERANCE
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.studies.tuning import EXCESS, TOLERANCE, Trials
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import PARAMETER_NAMES
 
 sys.path.insert(0, str(Path(__file__).parent))
-from page_text import text_of
+from page_data import text_of
 
 SHORT = {"duration": 8.0, "fault[0].at": 6.0}
 HELD_BACK = 120  # samples, .6 s
@@ -121,8 +124,6 @@ def test_one_that_is_slower_is_worse_though_its_knob_made_it_quick(short):
 
 def test_what_is_left_of_a_difference_in_noise_is_taken_off(short, monkeypatch):
     """Tuned badly, to 1.3 times the noise, the same method is still the same."""
-    from flexaxis.experiments.gate import equal_noise
-
     right = equal_noise.match_noise
 
     def wrong(name, trials, options):
@@ -151,7 +152,7 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
         assert side in said and side.startswith(
             ("rpem-drift[scale=", "tests.experiments.test_equal_noise:Same[nu=")
         )
-    assert "std of f_m of rpem-forgetting on seeds 0 to 15" in said
+    assert "std of f_m of rpem-forgetting on seeds 0 to 2" in said
     assert "equal noise" in said and said in str(found) and "<table>" in found._repr_html_()
     assert list(found.to_dataframe()["metric"]) == [
         r["metric"] for r in found.found.as_dict()["rows"]
@@ -173,6 +174,46 @@ def test_it_is_said_what_each_side_got_and_drawn(short):
 def test_who_cannot_be_matched_is_refused_with_the_reason(short, candidate, said):
     with pytest.raises(FlexaxisError, match=said):
         compared(candidate, short, seeds=2)
+
+
+class Apart(Trials):
+    """Instead of runs: on `loud` no setting of the candidate is quiet enough, on `none` it has no
+    noise; elsewhere it grows with the knob."""
+
+    def _noises(self, scenario, text):
+        if text.startswith("rpem-forgetting"):
+            return {EXCESS: 1.0}
+        if scenario.name == "none":
+            return {}
+        quiet = 1e15 if scenario.name == "loud" else 30.0
+        return {EXCESS: quiet * parse(text).options["walk"]}
+
+
+@pytest.mark.parametrize("apart", ["loud", "none"])
+def test_one_scenario_that_cannot_be_matched_does_not_refuse_the_others(monkeypatch, apart):
+    fm = find_scenario("fm_step-v1")
+    where = [fm.override({"name": name}) for name in ("one", apart, "two")]
+    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, where, ("before",)))
+    monkeypatch.setattr(equal_noise, "Trials", Apart)
+    found = equal_noise.at_one_noise("rpem-forgetting", "ekf", where, Bench([]), range(2))
+    assert found.left_out == ("before", apart)
+    assert found.candidate.value == pytest.approx(1 / 30, rel=0.01)
+    assert found.as_dict()["left_out"] == ["before", apart]
+    alone = [where[1]]
+    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, alone, ()))
+    with pytest.raises(FlexaxisError, match=r"--match-std.*ekf"):
+        equal_noise.at_one_noise("rpem-forgetting", "ekf", alone, Bench([]), range(2))
+
+
+def test_seeds_bound_the_tuning_too(monkeypatch, short):
+    asked = []
+    found = gate.at_one_noise
+    monkeypatch.setattr(gate, "at_one_noise", lambda *a: asked.append(a[-1]) or found(*a))
+    monkeypatch.setattr(equal_noise, "_what", lambda *_: (EXCESS, [short], ()))
+    monkeypatch.setattr(equal_noise, "Trials", Apart)
+    for seeds, most in ((range(1000, 1004), 4), (range(1000, 1064), 16)):
+        gate.at_equal_noise(gate.Question("rpem-forgetting", "ekf", [short], seeds, {}), Bench([]))
+        assert asked[-1] == tuple(range(most))
 
 
 def test_what_cannot_be_compared_at_equal_noise_is_refused(short):

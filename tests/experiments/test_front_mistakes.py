@@ -46,8 +46,18 @@ def test_two_classes_of_one_name_are_refused(short):
 
 
 def test_rows_of_a_class_of_the_session_are_not_gone_on_with(short, tmp_path):
-    with pytest.raises(EstimatorError, match="leave resume out"):
-        fx.benchmark(named_still(), scenarios=short, folder=tmp_path, resume=True)
+    class Able(named_still()):
+        def __init__(self, nominal, period):
+            self.theta = [nominal["f_m"]]
+
+        def step(self, u, y):
+            return self.theta
+
+    how = {"scenarios": short, "folder": tmp_path, "seeds": 1}
+    assert fx.benchmark(Able, **how).cases == 1
+    with pytest.raises(FlexaxisError, match=r"a class of a session.*overwrite=True"):
+        fx.benchmark(Able, **how)
+    assert fx.benchmark(Able, **how, overwrite=True).cases == 1
 
 
 def test_classes_without_text_are_told_apart():
@@ -203,7 +213,7 @@ MISTAKES = [
     (["show", "relocat"], "Did you mean 'relocate'?"),
     (["new", "sub/x.py"], "sub/x.py: there is no folder sub: make it first"),
     (["simulate", "fm_step-v1", "--seed", "-1"], "--seed -1: give a whole number"),
-    (["check", "pipe-bin:./mine"], "Did you mean 'pipe-binary:'?"),
+    (["check", "pipe-bin:./mine"], "Write pipe:./mine"),
 ]
 
 

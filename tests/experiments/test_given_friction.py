@@ -71,6 +71,6 @@ def test_a_start_that_cannot_be_simulated_is_the_worst(record):
     """A resonance that is far too fast for the rate of the log."""
     attempt = Attempt(
         log_of(load_record(record), find_axis("two_mass")),
-        find_axis("two_mass").model, ("J_m", "k"), delay=0.0, whiten=True, highpass=None,
+        find_axis("two_mass").model, ("J_m", "k"), delay=0.0, highpass=None,
     )  # fmt: skip
     assert attempt.solve(np.array([1e-9, 1e4])).square == np.inf

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.experiments.catalogue.find import scenario_names
-
 GOLDEN = Path(__file__).parents[1] / "golden"
 ADVICE = "if that is meant: python tests/golden/make.py records"
 
@@ -45,7 +43,7 @@ OLD = contents.golden_digests()["scenarios"]
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_OTHERS)) for n in scenario_names()],
+    [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_OTHERS)) for n in contents.recorded()],
 )
 def test_a_record_is_what_it_was(name):
     assert name in OLD, f"{name} has no digest; {ADVICE}"
@@ -56,7 +54,7 @@ def test_a_record_is_what_it_was(name):
 
 
 def test_the_file_holds_no_other_scenario():
-    assert sorted(OLD) == sorted(scenario_names()), ADVICE
+    assert sorted(OLD) == sorted(contents.recorded()), ADVICE
 
 
 @pytest.fixture(scope="module")

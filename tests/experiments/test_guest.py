@@ -251,85 +251,6 @@ def test_scenarios_that_it_cannot_read_are_left_out(capsys, short, tmp_path):
     assert main(words) == 2 and "leave the scenario out" in capsys.readouterr().err
 
 
-BATCH = """\
-import numpy as np
-from guests import Base
-
-
-class Alone(Base):
-    def __init__(self, nominal, period, *, gain=0.01):
-        super().__init__(nominal, period)
-        self.gain = gain
-
-    def step(self, u, y):
-        self.theta += 1e-3 * self.gain * ((0.0 if y is None else y) * 0.05 - self.theta)
-        return [self.theta]
-
-
-class Gain(Alone):
-    calls = []
-
-    def run_batch(self, u, y):
-        Gain.calls.append(u.shape)
-        theta, found = np.full(len(u), self.theta), np.empty((*u.shape, 1))
-        for k in range(u.shape[1]):
-            theta = theta + 1e-3 * self.gain * (y[:, k] * 0.05 - theta)
-            found[:, k, 0] = theta
-        return found
-
-
-class Wrong(Gain):
-    def run_batch(self, u, y):
-        return super().run_batch(u, y)[:, 1:]
-
-
-class Texts(Gain):
-    def run_batch(self, u, y):
-        return super().run_batch(u, y).astype(str)
-
-
-class Drifts(Gain):
-    def run_batch(self, u, y):
-        return super().run_batch(u, y) * 1.01
-"""
-
-
-def test_a_batch_is_asked_for_once_a_task_and_scored_as_runs_are(capsys, tmp_path, short):
-    from flexaxis.experiments.running.study import Study
-    from flexaxis.experiments.running.work import run_unit
-
-    (tmp_path / "batch.py").write_text(BATCH)
-    made = parse("batch.py:Gain").make
-    rows = {}
-    for name in ("Gain", "Alone", "Wrong", "Texts"):
-        study = Study("s", (short,), (f"batch.py:{name}",), (0, 1, 2))
-        lines = run_unit(_whole(study)).lines.splitlines()
-        rows[name] = [json.loads(line) for line in lines]
-    assert made.calls == [(3, short.samples)] * 3  # of all but Alone
-    for one, other in zip(rows["Gain"], rows["Alone"], strict=True):
-        assert one["lag"] == pytest.approx(other["lag"], rel=1e-12) and one["error"] is None
-    assert all("run_batch returned the shape" in row["error"] for row in rows["Wrong"])
-    assert all("run_batch returned texts" in row["error"] for row in rows["Texts"])
-
-
-def _whole(study):
-    """One task with all seeds, whatever the number of processes would be."""
-    from dataclasses import replace
-
-    from flexaxis.experiments.running.plan import make_plan
-
-    first, *_ = make_plan(study, run_code=True).units()
-    return replace(first, seeds=study.seeds)
-
-
-@pytest.mark.parametrize(("name", "holds"), [("Gain", True), ("Alone", None), ("Drifts", False)])
-def test_check_compares_a_batch_with_runs(capsys, tmp_path, name, holds):
-    (tmp_path / "batch.py").write_text(BATCH)
-    main(["check", f"batch.py:{name}", "--json"])
-    rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
-    assert rules["run_batch equals run"]["holds"] is holds
-
-
 def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
     """The template, to the noise of the reference in the parameter that it estimates."""
     main(["new", "mine.py"])
@@ -345,7 +266,7 @@ def test_any_class_with_a_knob_is_tuned(capsys, monkeypatch, tmp_path):
 
 
 def test_who_is_in_no_row_at_equal_noise_is_named():
-    from flexaxis.experiments.reporting.run_first import not_compared
+    from flexaxis.experiments.reporting.run.first import not_compared
 
     swept = {"matched": [{"estimator": "ekf"}], "left_out": ["mine.py:Breaks"]}
     told = not_compared(swept, ["ekf", "frozen", "mine.py:Blind", "mine.py:Breaks"])

@@ -8,20 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexaxis.estimators.offline.descent import ROUGH
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.fits import Fits, contradictions
 from flexaxis.experiments.logs.forgetting import with_forgetting
 from flexaxis.experiments.logs.friction import guessed_level
 from flexaxis.experiments.logs.identify import identify
-from flexaxis.experiments.logs.remedies import remedied
+from flexaxis.experiments.logs.importing import _as_imported
+from flexaxis.experiments.logs.judging import Fit
 from flexaxis.experiments.logs.track import track
 from flexaxis.experiments.logs.validate import validate
-from flexaxis.experiments.logs.verdict import judge
+from flexaxis.experiments.logs.verdict import _bounds, _restless
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES, log
@@ -42,11 +40,11 @@ def found(record):
 def test_dry_friction_is_found_and_told_from_viscous(found):
     values = dict(zip(found.names, found.theta, strict=True))
     assert found.friction == "coulomb" and not found.warnings
-    assert found.fitted.converged
+    assert found.best.fitted.converged and len(found.ways) == 3
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.03)
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
-    assert np.all(found.deviations >= found.noise_deviations)
+    assert np.all(found.deviations >= found.best.fitted.deviations[: len(found.names)])
     errors = found.theta - [{**VALUES[1], "f_c": F_C}[name] for name in found.names]
     assert np.all(
         abs(errors) < 4 * found.deviations
@@ -64,6 +62,7 @@ def test_a_linear_axis_gets_no_law():
     found = identify(log(1, 0, "multisine", seed=0, seconds=20.0), find_axis("one_mass"))
     assert found.friction == "none" and not found.warnings
     assert [tried.taken for tried in found.tried] == [False]
+    assert "not taken" in " ".join(each.text for each in found.findings)
 
 
 def test_the_guess_of_the_level_needs_no_model(record):
@@ -135,7 +134,7 @@ def test_forgetting_that_cannot_be(text):
 
 def test_a_log_without_slow_motion_says_that_friction_was_not_looked_for(record, tmp_path, capsys):
     path = tmp_path / "rec.nc"
-    remedied(record, {"highpass": 0.5}).save(path)
+    _as_imported(record, {"highpass": 0.5}).save(path)
     words = ["identify", str(path), "--model", "one_mass", "-o", str(tmp_path / "axis.toml")]
     assert main(words) == 1
     assert "friction was not looked for" in capsys.readouterr().out
@@ -150,50 +149,36 @@ def test_a_filter_of_residuals_leaves_friction_to_be_found(record):
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 
 
-def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found, record):
-    axis = replace(found.axis, model=replace(found.axis.model, laws=()))
-    attempt = Attempt(log_of(record, axis), found.axis.model, found.names)
-    fitted, deviations = found.fitted, found.fitted.deviations
-    z = fitted.z.copy()
+def test_a_law_at_its_bound_and_a_fit_that_moves_on_are_said(found):
+    z = found.best.fitted.z.copy()
     z[found.names.index("f_c")] = 0.0
-
-    def said(fitted):
-        told = {"seen": None, "tried": (), "word": "coulomb"}
-        return judge(attempt, fitted, deviations, **told).warnings
-
-    assert any("f_c: at the bound" in text for text in said(replace(fitted, z=z)))
-    assert any("did not converge" in text for text in said(replace(fitted, converged=False)))
-    assert not any("bound" in text or "converge" in text for text in said(fitted))
-
-
-def test_how_a_law_is_solved_is_part_of_the_deviation(found):
-    # reversals are met exactly: what is left is a step that gains nothing
-    assert np.all(found.discretisation < ROUGH * found.noise_deviations)
-    wider = np.hypot(np.maximum(found.noise_deviations, found.spread), found.discretisation)
-    np.testing.assert_allclose(found.deviations, wider)
+    stuck = replace(found.best, fitted=replace(found.best.fitted, z=z))
+    assert any("f_c: at the bound" in each.text for each in _bounds(stuck))
+    moving = replace(found.best, fitted=replace(found.best.fitted, converged=False))
+    assert any("did not converge" in each.text for each in _restless(moving))
+    assert not [*_bounds(found.best), *_restless(found.best)]
 
 
 @pytest.mark.slow
 def test_a_validation_can_fail(found, record, tmp_path, capsys):
     other = log(1, 10, "moves", seed=1, seconds=20.0)
-    assert validate(other, found.axis, found.fits).warnings == ()
-    heavier = validate(replace(other, torque=0.5 * other.torque), found.axis, found.fits)
-    assert any("on the other log the fit of a simulation" in text for text in heavier.warnings)
-    quiet = validate(replace(other, torque=-other.torque), found.axis)
-    assert quiet.simulation < 0 and quiet.warnings == ()  # nothing to compare with
+    assert validate(other, found.axis).unlike == ""
+    heavier = validate(replace(other, torque=0.5 * other.torque), found.axis)
+    assert "a simulation from the torque fits by" in heavier.unlike
+    turned = validate(replace(other, torque=-other.torque), replace(found.axis, error=None))
+    assert turned.simulation < 0 and "another sign" in turned.unlike
     here, there = tmp_path / "here.nc", tmp_path / "there.nc"
     record.save(here)
     replace(other, torque=0.5 * other.torque).save(there)
     words = ["identify", here, "--model", "one_mass", "-o", tmp_path / "axis.toml"]
     assert main([*map(str, words), "--validate", str(there)]) == 1
-    assert "on the other log the fit of a" in capsys.readouterr().out
+    assert "on the other log, a simulation from the torque fits" in capsys.readouterr().out
 
 
 def test_less_motion_is_a_poorer_fit_and_no_contradiction():
-    own = Fits(98.0, 98.5, 0.2, 0.15)
-    assert contradictions(own, Fits(80.0, 85.0, 0.2, 0.15)) == ()
-    assert len(contradictions(own, Fits(80.0, 85.0, 0.4, 0.3))) == 2
-    assert len(contradictions(own, Fits(-3.0, 98.0, 0.1, 0.1))) == 1
+    assert Fit(80.0, 0.2, 1.0).unlike(0.2) == ""
+    assert "errors elsewhere would leave 80.0 %" in Fit(60.0, 0.4, 1.0).unlike(0.2)
+    assert "fits by -3.0 % only" in Fit(-3.0, 0.1, 0.097).unlike(0.1)
 
 
 def test_an_axis_knows_the_rate_of_its_noise(found, tmp_path):

@@ -33,7 +33,7 @@ LINES = [
     ("merge one two -o r", "merge"),
     ("report r", "report of a run"),
     ("export r --csv r.csv", "export"),
-    ("verify r --sample 1", "verify"),
+    ("rerun r --sample 1", "rerun"),
     ("study study.toml --dry-run", "study --dry-run"),
     ("compare r r --base frozen --candidate frozen -o c", "compare"),
     ("check frozen", "check"),

@@ -14,14 +14,11 @@ from threading import Event
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import previous as place
-from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.studies import benchmark
+from flexaxis.experiments.running.interrupts import one_stage
 from flexaxis.experiments.studies.definition import study_from
+from tests.experiments.kept_rows import cases_of
 
 HERE = Path(__file__).parent
 posix = pytest.mark.skipif(os.name == "nt", reason="no fork, and other signals, on Windows")
@@ -64,83 +61,8 @@ def test_sixty_kills(name):
     kill([name], 60)
 
 
-# ------------------------------------------------ each moment of a replacement
-
-
 class Killed(BaseException):
     """Stands in for a kill: nothing catches it."""
-
-
-def result(folder, seeds):
-    """Whether a complete result of so many seeds is in a folder."""
-    if not (folder / "summary.json").exists() or not (folder / "study.json").exists():
-        return False
-    assert json.loads((folder / "study.json").read_text())["seeds"] == list(
-        range(1000, 1000 + seeds)
-    )
-    return len(rows.done(folder)) == seeds and (folder / "traces" / "a.npz").exists()
-
-
-def complete(folder, seeds, stubs, **how):
-    """Make a complete result, as a run does, in little time."""
-    run_study(study(seeds), folder, Means(work=stubs.quick), **how)
-    (folder / "traces").mkdir(exist_ok=True)
-    (folder / "traces" / "a.npz").touch()
-    (folder / "summary.json").write_text("{}")
-    place.completed(folder)
-
-
-@pytest.mark.parametrize("resume", [False, True])
-def test_an_old_result_is_whole_at_every_moment_of_its_replacement(
-    stubs, tmp_path, monkeypatch, resume
-):
-    """Each call that changes a folder is the last one once; the old result has two seeds."""
-    left, moments = 0, 0
-
-    def counted(usual):
-        def call(*args, **options):
-            nonlocal left
-            left -= 1
-            if left < 0:
-                raise Killed
-            return usual(*args, **options)
-
-        return call
-
-    complete(tmp_path, 2, stubs)
-    while True:
-        left = moments
-        with monkeypatch.context() as patch:
-            for module, name in ((os, "replace"), (os, "link"), (os, "unlink"), (os, "rmdir"),
-                                 (Path, "unlink"), (Path, "mkdir")):  # fmt: skip
-                patch.setattr(module, name, counted(getattr(module, name)))
-            try:
-                run_study(study(3), tmp_path, Means(work=stubs.quick), replace=True)
-            except Killed:
-                pass
-            else:
-                break
-        assert result(tmp_path, 2) or result(tmp_path / "previous", 2), moments
-        # And going on from there, or beginning again, comes to the new one.
-        complete(tmp_path, 3, stubs, replace=True, resume=resume)
-        assert result(tmp_path, 3) and not (tmp_path / "previous").exists(), moments
-        complete(tmp_path, 2, stubs, replace=True)
-        moments += 1
-    assert moments > 10
-
-
-def test_a_result_that_lacks_nothing_stays_complete_when_it_is_gone_on_with(stubs, tmp_path):
-    """At no moment of it is what was made of all rows away; the first other row takes it."""
-    complete(tmp_path, 2, stubs)
-    made = tmp_path / "summary.json"
-    with Bench(study(2).scenarios, tmp_path, Means(work=stubs.quick), resume=True, replace=True):
-        assert made.exists()
-    run_study(study(2), tmp_path, Means(work=stubs.quick), resume=True, replace=True)
-    assert made.exists()
-    seen = []
-    means = Means(work=stubs.quick, advance=lambda outcome: seen.append(made.exists()))
-    run_study(study(3), tmp_path, means, resume=True, replace=True)
-    assert seen == [False]
 
 
 def test_what_was_killed_before_its_first_row_binds_nobody(stubs, tmp_path):
@@ -151,57 +73,11 @@ def test_what_was_killed_before_its_first_row_binds_nobody(stubs, tmp_path):
         run_study(study(2), tmp_path, Means(work=dies))
     assert (tmp_path / "study.json").exists()
     other = {"name": "o", "scenario": "kt_step-v1", "estimators": ["ekf"], "seeds": 3}
-    run_study(study_from(other), tmp_path, Means(work=stubs.quick), resume=True)
+    run_study(study_from(other), tmp_path, Means(work=stubs.quick))
     there = json.loads((tmp_path / "study.json").read_text())
-    assert (there["estimators"], len(rows.done(tmp_path))) == (["ekf"], 3)
-    with pytest.raises(StudyError, match="holds another study"):
-        run_study(study(2), tmp_path, Means(work=stubs.quick), resume=True)
-
-
-def test_a_run_that_writes_its_report_has_its_folder_for_itself(short, tmp_path, monkeypatch):
-    wanted = benchmark.Benchmark(study(2), "t", "flexaxis run")
-    usual, refused = benchmark.finish, []
-
-    def meanwhile(folder, *args, **options):
-        if refused:
-            return usual(folder, *args, **options)
-        refused.append(folder)
-        with pytest.raises(StudyError, match="another process is at work here"):
-            benchmark.benchmark(wanted, folder)
-        return usual(folder, *args, **options)
-
-    monkeypatch.setattr(benchmark, "finish", meanwhile)
-    benchmark.benchmark(wanted, tmp_path)
-    assert refused == [tmp_path]
-
-
-# ------------------------------------------------------------- rows that are damaged
-
-DAMAGE = {
-    "no row": lambda line: line[:100] + b"\n",
-    "no JSON": lambda line: line[:-20] + b"}\n",
-    "no text": lambda line: line[:40] + b"\xff\xfe" + line[42:],
-    "no number": lambda line: line.replace(line[12:20], b"zzzzzzzz"),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGE)
-@pytest.mark.parametrize("line", [0, 4])
-def test_a_damaged_row_is_said_and_its_case_run_again(stubs, tmp_path, damage, line):
-    means = Means(work=stubs.quick)
-    run_study(study(5), tmp_path, means)
-    path = tmp_path / "scores.jsonl"
-    lines = path.read_bytes().splitlines(keepends=True)
-    kept, lines[line] = [*lines], DAMAGE[damage](lines[line])
-    path.write_bytes(b"".join(lines))
-    if damage != "no number":  # another case then, of which rows are missing
-        with pytest.raises(StudyError, match="Remove it from the file; with --resume its case"):
-            list(rows.read(path))
-        path.write_bytes(b"".join(lines[:line] + lines[line + 1 :]))
-    assert run_study(study(5), tmp_path, means, resume=True).cases == 1
-    assert sorted(map(json.dumps, rows.read(path))) == sorted(
-        json.dumps(json.loads(each)) for each in kept
-    )
+    assert (there["estimators"], cases_of(tmp_path)) == (["ekf"], 3)
+    run_study(study(2), tmp_path, Means(work=stubs.quick))
+    assert cases_of(tmp_path) == 5
 
 
 # --------------------------------------------------------------- who reads, who asks
@@ -284,26 +160,26 @@ def test_a_queue_that_ends_a_command_is_as_ctrl_c(name, tmp_path, short_toml):
         [sys.executable, "-c", TERMINATED, *words],
         stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=tmp_path,
     )  # fmt: skip
-    rows_file = tmp_path / "out" / "scores.jsonl"
+    rows_file = tmp_path / "out" / "scores.sqlite"
     until = time.monotonic() + 120
-    while not (rows_file.exists() and rows_file.stat().st_size) and time.monotonic() < until:
+    while not (rows_file.exists() and cases_of(tmp_path / "out")) and time.monotonic() < until:
         time.sleep(0.1)
     done.send_signal(signal.SIGTERM)
     _, said = done.communicate(timeout=60)
     assert done.returncode == 130
     assert "done just now; go on with: flexaxis " in said and "--resume" in said
     assert "leaked" not in said and "Traceback" not in said
-    assert rows.done(tmp_path / "out").size
+    assert cases_of(tmp_path / "out")
 
 
 @posix
 def test_the_line_to_go_on_with_is_told_before_anything_is_run(tmp_path, capsys, monkeypatch):
-    from flexaxis.experiments.running import forecast
+    from flexaxis.experiments.commands import study
 
     def stop(*args):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(forecast, "forecast", stop)
+    monkeypatch.setattr(study, "_announced", stop)
     toml = tmp_path / "s.toml"
     toml.write_text("name = 's'\nscenario = 'fm_step-v1'\nestimators = ['frozen']\nseeds = 2\n")
     words = ["study", str(toml), "-o", str(tmp_path / "out")]
@@ -321,7 +197,6 @@ def test_a_signal_to_terminate_is_as_ctrl_c(capfd, monkeypatch, usual):
     def work(task):
         if task == "b":
             signal.raise_signal(signal.SIGTERM)
-            time.sleep(5)
         return task
 
     try:
@@ -329,8 +204,8 @@ def test_a_signal_to_terminate_is_as_ctrl_c(capfd, monkeypatch, usual):
             done.extend(spread("abc", work))
     finally:
         signal.signal(signal.SIGINT, before)
-    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-    assert "stopping; what is done is kept" in capfd.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL and done == ["a", "b"]
+    assert "stopping after the cases that are under way" in capfd.readouterr().err
 
 
 @posix
@@ -343,12 +218,9 @@ def test_ctrl_c_is_not_raised_into_compiled_code():
         seen.append("went on")
         return 1
 
-    def work(task):
+    with pytest.raises(KeyboardInterrupt), one_stage():
         _numba_unpickle()
         for _ in range(500):
             time.sleep(0.01)
         seen.append("too late")
-
-    with pytest.raises(KeyboardInterrupt):
-        list(spread("a", work))
     assert seen == ["went on"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.logs.changes import Change
-from flexaxis.experiments.logs.doubts.doubt import Doubt
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.import_page import _finding as of_import
 from flexaxis.experiments.logs.log_charts import log_chart
 from flexaxis.experiments.logs.log_page import LogPage, capital, write_page
@@ -18,7 +18,7 @@ from flexaxis.experiments.reporting.thinning import COLUMNS, extremes
 from flexaxis.sim.record import Record
 
 sys.path.insert(0, str(Path(__file__).parent))
-from page_text import charts_of, text_of
+from page_data import charts_of, text_of
 
 N = 200_000
 
@@ -55,15 +55,15 @@ def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
     write_page(page, tmp_path / "log.html")
     assert (tmp_path / "log.html").stat().st_size < 200_000
     html = (tmp_path / "log.html").read_text(encoding="utf-8")
-    _, motion = charts_of(html)["the-log"]["panels"]
-    kind, _, count, low, step = motion["lines"][0]["y"]["array"]
-    assert kind == "i2" and low + step * 32_500 == pytest.approx(50, rel=1e-3)
-    assert motion["y_range"][1] > 50  # nor does the axis cut it off
-    assert count < 4 * COLUMNS and f"Of {N} samples" in text_of(html)
+    ((_, motion),) = [view["panels"] for view in charts_of(html)["the-log"]]
+    (drawn,) = motion["lines"]
+    assert max(drawn["y"]) == pytest.approx(50, rel=5e-3)
+    assert motion["high"] > 50  # nor does the axis cut it off
+    assert len(drawn["x"]) < 4 * COLUMNS and f"Of {N} samples" in text_of(html)
 
 
 def doubt(name, verdict):
-    return Doubt(name, 1.0, "", verdict, "text")
+    return Finding(verdict, "text", name, 1.0)
 
 
 def test_an_import_says_first_what_spoils_it():

@@ -10,11 +10,11 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from flexaxis.estimators import Rpem, three_mass
+from flexaxis.estimators.offline.colour import noise_model
 from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import find_changes
-from flexaxis.experiments.logs.identify import noise_model
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.load_angle import load_side
 from flexaxis.sim.parameters import preset

@@ -9,29 +9,50 @@ from flexaxis.experiments.logs.mapping import UNITS, mapping_from, pick
 from flexaxis.experiments.logs.reading.log import Log
 
 # One of each unit, as a book of tables has it.
+TURN, INCH, POUND = 2 * math.pi, 0.0254, 0.45359237 * 9.80665
 ONE = {
-    "time": {"s": 1, "ms": 1 / 1000, "us": 1 / 1_000_000, "ns": 1 / 1_000_000_000},
-    "torque": {"Nm": 1, "mNm": 1 / 1000, "kNm": 1000, "A": 1, "mA": 1 / 1000, "%": 1 / 100, "1": 1},
-    "angle": {"rad": 1, "mrad": 1 / 1000, "deg": math.radians(1), "rev": 2 * math.pi},
-    "speed": {
-        "rad/s": 1,
-        "deg/s": math.radians(1),
-        "rpm": 2 * math.pi / 60,
-        "rev/s": 2 * math.pi,
-        "1/min": 2 * math.pi / 60,
-        "Hz": 2 * math.pi,
+    "time": {"s": 1, "ms": 1 / 1000, "us": 1e-6, "ns": 1e-9, "min": 60, "h": 3600},
+    "torque": {
+        "Nm": 1, "mNm": 1 / 1000, "cNm": 1 / 100, "Ncm": 1 / 100, "Nmm": 1 / 1000, "kNm": 1000,
+        "lb·in": POUND * INCH, "lbf·in": POUND * INCH, "lbf*ft": POUND * 0.3048,
+        "lbfin": POUND * INCH, "lbfft": POUND * 0.3048, "ozfin": POUND / 16 * INCH,
+        "kgfm": 9.80665, "kgfcm": 0.0980665, "N": 1, "mN": 1 / 1000, "kN": 1000, "lbf": POUND,
+        "A": 1, "mA": 1 / 1000, "V": 1, "mV": 1 / 1000, "%": 1 / 100, "1": 1,
     },
-}
+    "angle": {
+        "rad": 1, "mrad": 1 / 1000, "deg": math.radians(1), "arcmin": math.radians(1 / 60),
+        "arcsec": math.radians(1 / 3600), "gon": math.radians(0.9), "rev": TURN,
+        "m": 1, "cm": 1 / 100, "mm": 1 / 1000, "um": 1e-6, "nm": 1e-9, "in": INCH,
+    },
+    "speed": {
+        "rad/s": 1, "mrad/s": 1 / 1000, "deg/s": math.radians(1), "deg/min": math.radians(1 / 60),
+        "rpm": TURN / 60, "rev/s": TURN, "1/min": TURN / 60, "Hz": TURN,
+        "m/s": 1, "cm/s": 1 / 100, "mm/s": 1 / 1000, "m/min": 1 / 60, "mm/min": 1 / 60000,
+        "in/s": INCH,
+    },
+}  # fmt: skip
 
 
-def log(clock=None, **columns):
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [("speed_deg_s", "deg/s"), ("speed_rad_s", "rad/s"), ("speed_mm_s", "mm/s"), ("speed", "")],
+)
+def test_a_unit_at_the_end_of_a_name(column, unit):
+    ramp = np.arange(1.0, 6.0)
+    given = mapping_from({"speed": column}, source="")
+    raw = pick(log(time=ramp, torque=ramp, **{column: ramp}), given)
+    np.testing.assert_allclose(raw.speed, ramp * ONE["speed"].get(unit, 1.0), rtol=1e-12)
+    assert raw.linear == (unit == "mm/s")
+
+
+def log(**columns):
     """A log whose columns are named as its signals, or as told."""
     arrays = {name: np.asarray(values, float) for name, values in columns.items()}
 
     def read(names, *, strict=True):
         return {name: arrays[name] for name in names}
 
-    return Log("log", tuple(arrays), read, clock=clock or {})
+    return Log("log", tuple(arrays), read)
 
 
 def test_every_unit_is_in_the_table_of_the_test():
@@ -54,25 +75,3 @@ def test_a_factor_comes_after_the_unit():
     given = mapping_from({"unit": {"angle": "rev"}, "scale": {"angle": -0.5}}, source="")
     raw = pick(log(time=ramp, torque=ramp, angle=ramp), given)
     np.testing.assert_allclose(raw.angle, -math.pi * ramp)
-
-
-@pytest.mark.parametrize(
-    ("kind", "wanted"),
-    [
-        # a command stays until the next, and before the first one there is none
-        ("held", [math.nan, 10.0, 10.0, 20.0, 30.0, 30.0]),
-        # a current is read off between its samples, and not beyond them
-        ("smooth", [math.nan, 10.0, 15.0, 20.0, math.nan, math.nan]),
-    ],
-)
-def test_a_torque_by_a_clock_of_its_own(kind, wanted):
-    columns = {
-        "time": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
-        "angle": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
-        "sent": [1.0, 3.0, 3.5],
-        "torque": [10.0, 20.0, 30.0],
-    }
-    given = log(clock={"angle": "time", "torque": "sent"}, **columns)
-    raw = pick(given, mapping_from({"torque_is": kind}, source=""))
-    np.testing.assert_array_equal(raw.torque, wanted)
-    assert "torque by sent" in raw.joined

@@ -107,3 +107,26 @@ def test_each_worker_process_has_them_apart_too(two, short):
     rows = list(fx.benchmark(names, scenarios=short, seeds=4, jobs=2).rows)
     found = {name: {row["bias"] for row in rows if row["estimator"] == name} for name in names}
     assert found["old/mine.py:Mine"].isdisjoint(found["new/mine.py:Mine"])
+
+
+@pytest.mark.parametrize("edited", ["mine.py", "helper_of_mine.py", "late_helper_of_mine.py"])
+def test_the_digest_is_of_what_was_imported(two, edited):
+    """Who edits a file while it runs has not run what he wrote."""
+    text, before = "old/mine.py:Mine", digest("old/mine.py:Mine")
+    parse(text)
+    path = two / "old" / edited
+    content = path.read_text()
+    path.write_text(content + "# edited while it runs\n")
+    assert digest(text) == before
+    path.write_text(content)
+    assert digest("new/mine.py:Mine") != before
+
+
+def test_the_digest_of_a_module_is_of_what_was_imported(two, monkeypatch):
+    (two / "module_of_mine.py").write_text("class Mine: pass\n")
+    monkeypatch.syspath_prepend(str(two))
+    before = digest("module_of_mine:Mine")
+    parse("module_of_mine:Mine")
+    (two / "module_of_mine.py").write_text("class Mine: x = 1\n")
+    assert digest("module_of_mine:Mine") == before
+    monkeypatch.delitem(sys.modules, "module_of_mine")

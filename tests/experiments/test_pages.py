@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.reporting import run_page, study_page
 from flexaxis.experiments.reporting.page import render
+from flexaxis.experiments.reporting.run import page as run_page
+from flexaxis.experiments.reporting.study import page as study_page
 
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 BASE = "reporting/templates/page.html"
 PAGES = sorted(
     path.relative_to(EXPERIMENTS).as_posix()
     for path in EXPERIMENTS.glob("*/templates/*.html")
-    if path.name not in ("page.html", "equations.html", "table.html")
+    if path.name not in ("page.html", "equations.html", "table.html", "pick.html")
 )
 LOG = {
     "title": "t", "command": "c", "version": "1", "finding": ("ok", "f"), "remarks": (),

@@ -1,6 +1,5 @@
 """Other sampling periods from the command line: run, study, record and estimate."""
 
-import json
 import subprocess
 import sys
 
@@ -10,6 +9,7 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.record import load_record
+from tests.experiments.kept_rows import lines_of
 
 STUDY = """\
 scenario = "short.toml"
@@ -33,11 +33,8 @@ def test_a_study_sweeps_the_period(short_toml, tmp_path, capsys):
     words = ["study", tmp_path / "sweep.toml", "-o", tmp_path / "out", "--jobs", 1]
     status, _, err = flexaxis(capsys, *words)
     assert status == 0, err
-    rows = [
-        json.loads(line)
-        for path in sorted((tmp_path / "out").glob("*.jsonl"))
-        for line in path.read_text(encoding="utf-8").splitlines()
-    ]
+    rows = lines_of(tmp_path / "out")
+    assert rows
     bounds = {}
     for row in rows:
         if row["parameter"] != "f_m":

@@ -1,8 +1,13 @@
-"""Programs as estimators: the examples of the documentation, and programs that misbehave."""
+"""Programs that speak binary blocks: the templates in C and Octave, and what misbehaves."""
 
-import gc
+import json
+import os
+import shlex
 import shutil
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +15,60 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
+from flexaxis.experiments.building.code import digest
+from flexaxis.experiments.building.guest import in_words, noted
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.building.specs import build, parse
-from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.cli import main
+from flexaxis.experiments.running.case import run_case
 from flexaxis.sim.simulate import simulate
 
-EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
-PYTHON = f'"{Path(sys.executable).as_posix()}"'
+CC = shutil.which("cc") or shutil.which("gcc")
 OCTAVE = shutil.which("octave-cli")
-HEADER = 'import json, sys; h = json.loads(input()); print(\'{"names": ["f_m"]}\', flush=True); '
+PYTHON = shlex.quote(Path(sys.executable).as_posix())
+
+# Answers half of what u was, and y where there is one; all that a program may need of the protocol.
+HALF = """
+import struct, sys
+take, give = sys.stdin.buffer.read, sys.stdout.buffer.write
+assert take(8) == b"FLEXAXIS"
+version, mark = struct.unpack("<II", take(8))
+period, output, values, names = struct.unpack("<dIII", take(20))
+nominal = {}
+for _ in range(values):
+    name = take(32).rstrip(b"\\0").decode()
+    nominal[name], = struct.unpack("<d", take(8))
+asked = [take(32).rstrip(b"\\0").decode() for _ in range(names)]
+give(b"FLEXAXIS" + struct.pack("<IIII", version, mark, 2, output))
+give(b"k_T".ljust(32, b"\\0") + b"f_m".ljust(32, b"\\0"))
+sys.stdout.flush()
+while len(count := take(8)) == 8:
+    n, = struct.unpack("<Q", count)
+    samples = struct.unpack(f"<{2 * n}d", take(16 * n))
+    for u, y in zip(samples[::2], samples[1::2]):
+        give(struct.pack("<dd", u / 2, y if y == y else -1.0))
+    sys.stdout.flush()
+"""
+
+
+@pytest.fixture
+def program(tmp_path):
+    """A function that writes a program, by replacing something in the one above."""
+
+    def write(*pairs):
+        text = HALF
+        for old, new in pairs:
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / "program.py"
+        path.write_text(text)
+        return f"{PYTHON} {shlex.quote(path.as_posix())}"
+
+    return write
+
+
+def started(command, **more):
+    return PipeEstimator(command, {"k_T": 1.0, "f_m": 0.05}, 0.005, patience=20, **more)
 
 
 @pytest.fixture(scope="module")
@@ -26,122 +76,157 @@ def record(short):
     return simulate(short, [0])[0]
 
 
-def example(name):
-    path = (EXAMPLES / name).as_posix()
-    return f'{PYTHON} "{path}"' if name.endswith(".py") else f'octave-cli -q "{path}"'
-
-
-def estimates(command, short, record):
-    estimator = build(parse(f"pipe:{command}"), short)
-    assert tuple(estimator.names) == ("f_m",) and estimator.output == "speed"
-    return run_estimator(estimator, record.torque, record.speed)
-
-
+@pytest.fixture(scope="module")
 def shipped(short, record):
-    """The shipped method for f_m alone, from the example's P(0)."""
+    """The shipped method for f_m alone, from the templates' P(0)."""
     from flexaxis.estimators import Rpem, three_mass
 
-    rpem = Rpem(
-        three_mass(short.nominal.as_dict()),
-        identify=("f_m",),
-        P0=[[5e-6]],
-        forgetting=0.995,
-        period=0.005,
-    )
+    rpem = Rpem(three_mass(short.nominal.as_dict()), identify=("f_m",), P0=[[5e-6]],
+                forgetting=0.995, period=0.005)  # fmt: skip
     return rpem.run(record.torque, record.speed)
 
 
-def test_the_python_example_is_the_shipped_method(short, record):
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The template in C as somebody gets it, compiled with every warning as an error."""
+    if CC is None:
+        pytest.skip("there is no C compiler")
+    place = tmp_path_factory.mktemp("c")
+    assert main(["new", str(place / "mine.c")]) == 0
+    words = [CC, "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2"]
+    where = [str(place / "mine"), str(place / "mine.c")]
+    subprocess.run([*words, "-o", *where, "-lm"], check=True)
+    return shlex.quote(where[0])
+
+
+def test_the_template_in_c_is_the_shipped_method(short, record, shipped, compiled):
     """Two implementations that share no line; the kernel's Taylor series is good to 1e-13."""
-    found = estimates(example("pipe_friction.py"), short, record)
-    np.testing.assert_allclose(found, shipped(short, record), rtol=1e-8)
+    estimator = build(parse(f"pipe:{compiled}"), short)
+    found = run_estimator(estimator, record.torque, record.speed)
+    np.testing.assert_allclose(found, shipped, rtol=1e-8)
 
 
 @pytest.mark.skipif(OCTAVE is None, reason="GNU Octave is not installed")
-def test_the_octave_example_is_the_shipped_method(short, record):
-    found = estimates(example("pipe_friction.m"), short, record)
-    np.testing.assert_allclose(found, shipped(short, record), rtol=1e-8)
+def test_the_template_in_octave_is_the_shipped_method(short, record, shipped, tmp_path):
+    assert main(["new", str(tmp_path / "mine.m")]) == 0
+    estimator = build(parse(f"pipe:octave-cli -q {tmp_path}/mine.m"), short)
+    found = run_estimator(estimator, record.torque, record.speed)
+    np.testing.assert_allclose(found, shipped, rtol=1e-8)
 
 
-def test_in_the_benchmark(short):
-    text = f"pipe:{example('pipe_friction.py')}"
-    (((row,),),) = Bench([short]).runs([short], [text], [0]).values()
-    assert row["parameter"] == "f_m" and 0 < row["lag"] < 2
+def test_the_template_in_c_keeps_the_rules(compiled, capsys):
+    """No look-ahead, step equals run, gaps, and so on, also where samples come in blocks."""
+    assert main(["check", f"pipe:{compiled}", "--json"]) == 0
+    rules = {r["rule"]: r["holds"] for r in json.loads(capsys.readouterr().out)["rules"]}
+    assert rules["no look-ahead"] and rules["step equals run"] and rules["survives a gap"]
 
 
-def test_what_is_said(tmp_path):
-    """The header, samples and a gap, as a program sees them."""
-    script = tmp_path / "echo.py"
-    script.write_text(
-        "import json, sys\n"
-        "lines = []\n"
-        "for line in sys.stdin:\n"
-        "    lines.append(line)\n"
-        "    open(sys.argv[1], 'w').writelines(lines)\n"
-        "    print(json.dumps({'names': 'f_m', 'theta': len(lines)}), flush=True)\n"
-    )
+def test_what_goes_there_and_back(program):
+    """More samples than a block has, and gaps; the same step by step."""
+    u, y = np.arange(5000.0), -np.arange(5000.0)
+    valid = np.arange(5000) % 7 > 0
+    estimator = started(program(), output="increment")
+    assert estimator.names == ("k_T", "f_m") and estimator.output == "increment"
+    theta = estimator.run(u, y, valid)
+    np.testing.assert_array_equal(theta, np.stack([u / 2, np.where(valid, y, -1.0)], axis=1))
+    assert estimator.step(3.0, None).tolist() == [1.5, -1.0]
+    assert estimator.step(3.0, 4.0).tolist() == [1.5, 4.0]
+
+
+def test_the_header_has_what_there_is_to_know(program, tmp_path):
     heard = tmp_path / "heard"
-    command = f'{PYTHON} "{script.as_posix()}" "{heard.as_posix()}"'
-    estimator = PipeEstimator(command, {"f_m": 0.05}, 0.005, identify=["f_m"], output="increment")
-    assert estimator.names == ("f_m",) and estimator.output == "increment"
-    assert estimator.step(0.25, 1.5).tolist() == [2.0]  # a number will do for one parameter
-    assert estimator.step(0.5, None).tolist() == [3.0]
-    assert heard.read_text().splitlines() == [
-        '{"flexaxis": 1, "names": ["f_m"], "nominal": {"f_m": 0.05}, "period": 0.005, '
-        '"output": "increment"}',
-        '{"u": 0.25, "y": 1.5}',
-        '{"u": 0.5, "y": null}',
-    ]
+    saves = f"open({str(heard)!r}, 'w').write(repr([version, period, output, nominal, asked]))\n"
+    started(program(('give(b"FLEXAXIS"', f'{saves}give(b"FLEXAXIS"')), identify=["1/J_a", "f_m"])
+    assert eval(heard.read_text()) == [1, 0.005, 0, {"k_T": 1.0, "f_m": 0.05}, ["1/J_a", "f_m"]]
 
 
-def test_the_program_ends_with_the_estimator():
-    estimator = PipeEstimator(f'{PYTHON} -c "{escaped(HEADER)}sys.stdin.read()"', {}, 0.005)
-    process = estimator._lines.program.process
-    assert process.poll() is None
-    del estimator
-    gc.collect()
-    assert process.poll() is not None
+FIRST = [
+    ("assert take(8)", "sys.exit('no licence')\nassert take(8)", r"status 1 .*no licence"),
+    ("period, output, v", "print('{}' * 20)\nperiod, output, v", r"answered b'\{\}.*lines of JSON"),
+    ('"<IIII", version, mark', '">IIII", version, mark', "in the wrong order"),
+    ('"<IIII", version, mark', '"<IIII", 2, mark', r"version 2 .*flexaxis version 1"),
+    ("mark, 2, output", "mark, 0, output", "0 names and output 0"),
+    ("mark, 2, output", "mark, 2 << 24, output", "33554432 names"),
+    ('.ljust(32, b"\\0"))', ")\nsys.exit()", r"instead of 2 names .*wrote 35 of 64 bytes"),
+]  # fmt: skip
+LATER = [
+    ("for u, y", "sys.exit('no luck')\n    for u, y", r"status 1 .*wrote 0 of 80.*no luck"),
+    ("sys.stdout.flush()\n", "sys.stdout.flush(); give(b'x' * 9); sys.stdout.flush()\n",
+     r"9 bytes more than were asked for"),
+]  # fmt: skip
 
 
-def escaped(code):
-    return code.replace('"', '\\"')
-
-
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        ("import sys; sys.exit('no licence')", r"ended with status 1 .*no licence"),
-        ("print('hello', flush=True); input()", "answered 'hello'; one JSON object"),
-        ("print('{}', flush=True); input()", "has no 'names'"),
-    ],
-)
-def test_programs_that_fail_at_once(code, message):
+@pytest.mark.parametrize(("old", "new", "message"), FIRST, ids=range(len(FIRST)))
+def test_programs_that_fail_at_once(program, old, new, message):
     with pytest.raises(EstimatorError, match=message):
-        PipeEstimator(f'{PYTHON} -c "{escaped(code)}"', {}, 0.005)
+        started(program((old, new)))
 
 
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        ("input(); print('[1]', flush=True); input()", r"answered '\[1\]'"),
-        ("""input(); print('{"theta": [1, 2]}', flush=True); input()""", r"shape \(2,\)"),
-        ("input(); raise ValueError('bad luck')", "status 1 .*bad luck"),
-        ("raise SystemExit('this is no flexaxis on stdin')", "blocks of numbers is pipe-binary:"),
-        ("sys.stdin.read()", "did not answer within 0.5 s"),
-    ],
-)
-def test_programs_that_fail_later(code, message):
-    estimator = PipeEstimator(f'{PYTHON} -c "{escaped(HEADER + code)}"', {}, 0.005, patience=10)
-    estimator._lines.program.patience = 0.5  # the start of Python may take longer
+@pytest.mark.parametrize(("old", "new", "message"), LATER, ids=range(len(LATER)))
+def test_programs_that_fail_later(program, old, new, message):
     with pytest.raises(EstimatorError, match=message):
-        estimator.step(0.0, 0.0)
+        estimator = started(program((old, new)))
+        for _ in range(2):
+            time.sleep(0.2)
+            estimator.run(np.ones(5), np.ones(5))
 
 
-@pytest.mark.parametrize("command", ["", "no-such-program -x", '"'])
-def test_programs_that_are_not_there(short, command):
-    with pytest.raises(EstimatorError, match="cannot be started"):
-        build(parse(f"pipe:{command}"), short)
+def test_a_program_that_writes_too_little_has_its_time(program):
+    less = ("for u, y in zip(samples[::2]", "for u, y in zip(samples[2::2]")
+    estimator = started(program(less))
+    estimator._program.patience = 0.5
+    with pytest.raises(EstimatorError, match=r"did not answer within 0.5 s and was stopped"):
+        estimator.run(np.ones(5), np.ones(5))
 
 
-def test_brackets_belong_to_the_command():
-    assert parse("pipe:prog [x]").make.args == ("prog [x]",)
+def test_an_estimate_that_is_not_finite_is_told(program, short, record):
+    spec = parse("pipe:" + program(("u / 2, y", "u / 2 if u < 1 else float('nan'), y")))
+    with noted() as remarks:
+        case = run_case(short, record, spec)
+    assert in_words(remarks) and "not finite once, first on short" in in_words(remarks)[0]
+    assert next(row for row in case.rows if row["parameter"] == "k_T")["diverged"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
+def test_ctrl_c_is_not_for_the_program(program):
+    """A terminal sends it to all that was started from it; the program would end in the middle."""
+    estimator = started(program())
+    os.kill(estimator._program.process.pid, signal.SIGINT)
+    time.sleep(0.2)
+    assert estimator.step(1.0, 2.0).tolist() == [0.5, 2.0]
+
+
+def test_it_is_code_as_any_other(program, tmp_path):
+    """Digest and consent, as for what is asked by lines."""
+    from flexaxis.experiments.building.consent import CodeRefused, require
+
+    with pytest.raises(CodeRefused):
+        require(False, ["pipe:./mine [x]"], source="a study")
+    before = digest(f"pipe:{program()}")
+    after = digest(f"pipe:{program(('u / 2', 'u / 3'))}")
+    assert before != after and len(before) == len(after) == 12
+    spec = parse("pipe:my program [with, brackets]")  # which belong to the command
+    assert spec.make.args == ("my program [with, brackets]",) and not spec.options
+
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "pipe_friction.py"
+
+
+def test_the_example_in_python_is_the_shipped_method(short, record, shipped):
+    estimator = build(parse(f"pipe:{PYTHON} {shlex.quote(EXAMPLE.as_posix())}"), short)
+    assert tuple(estimator.names) == ("f_m",) and estimator.output == "speed"
+    found = run_estimator(estimator, record.torque, record.speed)
+    np.testing.assert_allclose(found, shipped, rtol=1e-8)
+
+
+@pytest.mark.parametrize("kind", ["pipe-binary", "pipe-binary-step", "pipe-bin"])
+def test_the_doors_of_0_1_are_told_the_one_there_is(kind):
+    with pytest.raises(EstimatorError, match=r"there is one, pipe:.*Write pipe:\./mine$"):
+        parse(f"{kind}:./mine")
+
+
+def test_a_program_that_speaks_json_is_told(tmp_path):
+    old = """import sys; sys.stdin.buffer.read(8); print('{"names": ["f_m"]}', flush=True)"""
+    (tmp_path / "old.py").write_text(f"{old}\nsys.stdin.buffer.read()")
+    with pytest.raises(EstimatorError, match=r"lines of JSON, as in flexaxis 0\.1, are no longer"):
+        started(f"{PYTHON} {shlex.quote((tmp_path / 'old.py').as_posix())}")

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import pytest
 
@@ -22,7 +23,7 @@ def test_rules(flexaxis_check):
     flexaxis_check("frozen")
 
 def test_broken(flexaxis_check):
-    flexaxis_check("flexaxis.experiments.conformance.wrong:Cheater")
+    flexaxis_check("WRONG:Cheater")
 
 def test_of_their_own():
     pass
@@ -31,7 +32,8 @@ def test_of_their_own():
 
 @pytest.fixture
 def suite(tmp_path, short_toml):
-    (tmp_path / "test_mine.py").write_text(TESTS)
+    wrong = str(Path(__file__).with_name("wrong.py"))
+    (tmp_path / "test_mine.py").write_text(TESTS.replace("WRONG", wrong))
     installed = {point.name for point in entry_points(group="pytest11")}
     plugin = [] if "flexaxis" in installed else ["-p", "flexaxis.experiments.conformance.plugin"]
 

@@ -272,3 +272,12 @@ def test_registered_estimators_look_different():
     looks = [(colour(name), marker(name)) for name in REGISTRY]
     assert len(set(looks)) == len(looks)
     assert colour("mine.py:Mine") == colour("mine.py:Mine")
+
+
+def test_who_is_ahead_of_the_best_is_not_behind_it():
+    """Three in a circle, each ahead of the next on the seeds that the two have in common."""
+    a = [0.0] * 6 + [None] * 6 + [3.0] * 6
+    b = [1.0 + 0.01 * k for k in range(6)] + [0.0] * 6 + [None] * 6
+    c = [None] * 6 + [1.0 + 0.01 * k for k in range(6)] + [0.0] * 6
+    found = leaders({"a": a, "b": b, "c": c})
+    assert len(found) == 2  # the best, who is ahead of it, and not who is behind it

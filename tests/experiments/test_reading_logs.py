@@ -9,6 +9,7 @@ from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.reading import csv_file
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.sim.record import load_record
 
 N = 400
 rng = np.random.default_rng(0)
@@ -180,75 +181,76 @@ def test_parquet(tmp_path):
     np.testing.assert_array_equal(log.load(["torque"])["torque"], TORQUE)
 
 
-def bag(path, *, kind, apart=False):
-    """Write a bag of ROS 2: joint states, and the command on a topic of its own if `apart`."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    kinds = store.types
-    storage = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
-    start = 1_700_000_000_000_000_000
-    with Writer(path, version=9, storage_plugin=storage) as writer:
-        state = "sensor_msgs/msg/JointState"
-        joints = writer.add_connection("/joint_states", state, typestore=store)
-        number = "std_msgs/msg/Float64"
-        command = writer.add_connection("/command", number, typestore=store) if apart else None
-        for k in range(N):
-            at = start + round(TIME[k] * 1e9)
-            stamp = kinds["builtin_interfaces/msg/Time"](at // 10**9, at % 10**9)
-            message = kinds[state](
-                header=kinds["std_msgs/msg/Header"](stamp, "base"),
-                name=["other", "joint_1"],
-                position=np.array([0.5, ANGLE[k]]),
-                velocity=np.array([]),
-                effort=np.array([0.0, TORQUE[k]]),
-            )
-            writer.write(joints, at + 300_000, store.serialize_cdr(message, state))
-            if command is not None and k % 2 == 0:
-                u = kinds[number](TORQUE[k])
-                writer.write(command, at + 1, store.serialize_cdr(u, number))
-
-
-@pytest.mark.parametrize("kind", ["mcap", "sqlite3"])
-def test_bags_of_ros_2(tmp_path, kind):
-    pytest.importorskip("rosbags")
-    bag(tmp_path / "run", kind=kind)
-    log = open_log(tmp_path / "run")
-    tables = {
-        "torque": "joint_states.effort[joint_1]",
-        "angle": "joint_states.position[joint_1]",
-    }
-    raw = pick(log, mapping_from(tables, source=""))
-    # the stamp of the measurement, not that of its arrival
-    np.testing.assert_allclose(raw.time, TIME, atol=1e-8)
-    np.testing.assert_array_equal(raw.torque, TORQUE)
-    np.testing.assert_array_equal(raw.angle, ANGLE)
-    (inside,) = [p for p in (tmp_path / "run").iterdir() if p.suffix in {".mcap", ".db3"}]
-    if kind == "mcap":  # one file is a bag as well
-        assert open_log(inside).names == log.names
-
-
-def test_topics_of_two_clocks_are_brought_to_one(tmp_path):
-    pytest.importorskip("rosbags")
-    bag(tmp_path / "run", kind="mcap", apart=True)
-    tables = {"torque": "command.data", "angle": "joint_states.position[joint_1]"}
-    raw = pick(open_log(tmp_path / "run"), mapping_from(tables, source=""))
-    assert len(raw.torque) == N and "command.arrival" in raw.joined
-    # a command stays until the next: that of sample 2k acts at 2k + 1 as well
-    np.testing.assert_array_equal(raw.torque[2::2], raw.torque[3::2])
-
-
 def test_formats_that_need_more_say_what_to_install(tmp_path, monkeypatch):
     import sys
 
-    (tmp_path / "log.mcap").write_bytes(b"\x89MCAP0\r\n")
     (tmp_path / "log.parquet").write_bytes(b"PAR1")
-    for name, extra, module in (("mcap", "ros", "rosbags"), ("parquet", "parquet", "pyarrow")):
-        for part in (module, "rosbags.highlevel"):
-            monkeypatch.setitem(sys.modules, part, None)
-        with pytest.raises(LogError, match=rf"pip install 'flexaxis\[{extra}\]'"):
-            open_log(tmp_path / f"log.{name}")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(LogError, match="pip install pyarrow"):
+        open_log(tmp_path / "log.parquet")
+
+
+def test_sizes_are_read_before_contents(tmp_path):
+    """A small file may say that it unpacks to gigabytes; a line may have no end."""
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    rows = 1 << 20
+    column = pyarrow.array(np.zeros(rows, np.int8))
+    with parquet.ParquetWriter(tmp_path / "log.parquet", pyarrow.schema([("u", "int8")])) as file:
+        for _ in range(200):
+            file.write_table(pyarrow.table({"u": column}), row_group_size=rows)
+    with pytest.raises(LogError, match="says that it holds 209715200 rows"):
+        open_log(tmp_path / "log.parquet")
+    (tmp_path / "wide.csv").write_text(",".join(f"c{i}" for i in range(300_000)) + "\n")
+    with pytest.raises(LogError, match="more than 262144 characters"):
+        open_log(tmp_path / "wide.csv")
+
+
+def test_several_axes_of_one_file_and_some_of_its_rows(tmp_path):
+    from flexaxis.experiments.cli import main
+
+    k = np.arange(1000)
+    rng = np.random.default_rng(0)
+    columns = {"t": k * 1e-3} | {f"{n}_{i}": rng.standard_normal(1000) for n in "uv" for i in "12"}
+    text = ",".join(columns) + "\n"
+    text += "\n".join(
+        ",".join(f"{v:.9g}" for v in row) for row in zip(*columns.values(), strict=True)
+    )
+    (tmp_path / "log.csv").write_text(text)
+    words = [
+        "--time",
+        "t",
+        "--torque",
+        "u_{}",
+        "--speed",
+        "v_{}",
+        "--axis",
+        "2",
+        "--rows",
+        "100:900",
+    ]
+    assert main(["import", str(tmp_path / "log.csv"), *words]) == 0
+    record = load_record(tmp_path / "log.nc")
+    assert len(record.time) == 800
+    np.testing.assert_allclose(record.speed, columns["v_2"][100:900], rtol=1e-6)
+    assert main(["import", str(tmp_path / "log.csv"), *words[:-1], "9:3"]) == 2
+
+
+def test_irregular_stamps_are_resampled_with_a_warning(tmp_path):
+    rng = np.random.default_rng(0)
+    t = np.cumsum(rng.choice([1.2e-3, 2.86e-3, 5e-3], 3000))
+    u = np.sin(2 * np.pi * 3 * t)
+    rows = "\n".join(
+        f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(t, u, np.cos(7 * t), strict=True)
+    )
+    (tmp_path / "log.csv").write_text(f"time,torque,speed\n{rows}\n")
+    found = import_log(tmp_path / "log.csv", {"torque_is": "smooth"})
+    (stamps,) = [c for c in found.checks if c.name == "time stamps"]
+    assert stamps.kind == "note" and "interpolated" in stamps.text
+    record = found.record
+    assert record.period == pytest.approx(2.86e-3, rel=1e-3)
+    np.testing.assert_allclose(record.speed, np.cos(7 * record.time), atol=1e-3)
 
 
 def test_what_was_stated_is_kept_with_the_record(tmp_path):

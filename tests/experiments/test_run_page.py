@@ -1,23 +1,24 @@
 """The report of a run: one ranking, the time at the fault, single runs that can be repeated."""
 
-import json
 import re
 import shlex
-from dataclasses import replace
+import shutil
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting import run_charts, run_first, run_page, run_seeds, run_tables
-from flexaxis.experiments.reporting.glossary import TERMS
-from flexaxis.experiments.reporting.run_budget import THINNINGS, Budget, Thinning
+from flexaxis.experiments.reporting.run import first as run_first
+from flexaxis.experiments.reporting.run import measures, over_time, singles, speed
+from flexaxis.experiments.reporting.run import page as run_page
+from flexaxis.experiments.reporting.tables import TERMS
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.traces import Traces, write_traces
+from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
-from tests.experiments.page_data import lines, page_data, table
+from tests.experiments.kept_rows import change, scores_of
+from tests.experiments.page_data import charts_of, lines, page_data, table, text_of
 
 ESTIMATORS = ("frozen", "rpem-forgetting", "relocate")
 
@@ -44,11 +45,11 @@ def data(html):
 
 def test_it_is_read_from_top_to_bottom(html):
     texts = [
-        "<h1>t</h1>", "flexaxis run short.toml", run_first.FASTEST, run_first.DISTANCE,
-        run_first.WHY, "At equal noise</h2>", "Speed against noise</h2>", "Fault by fault",
-        "How often, how near to the bound: nominal</h2>", '<h2 id="short">',
+        "<h1>t</h1>", "flexaxis run short.toml", "At the fault: short</h2>", run_first.FASTEST,
+        run_first.DISTANCE, run_first.WHY, "At equal noise</h2>", "Speed against noise</h2>",
+        "Fault by fault", "How often, how near to the bound: nominal</h2>", '<h2 id="short">',
         "Parameters that did not change", "The same as a table", "What the columns mean",
-        'href="scores.jsonl"', "Recursive identification of physical parameters",
+        'href="scores.sqlite"', "Recursive identification of physical parameters",
     ]  # fmt: skip
     places = [html.index(text) for text in texts]
     assert places == sorted(places)
@@ -82,8 +83,13 @@ def test_a_lag_in_brackets_is_saved_with_them(folder, monkeypatch):
     wrong = {("short", "f_m", "rpem-forgetting")}
     monkeypatch.setattr(run_page.mismatch, "misled", lambda *_, **__: wrong)
     html = run_page.render(pooled.load(folder))
-    assert len(re.findall(r'data-mark="\(\)">\([\d.]+ s\)<br>', html)) == 1
-    assert html.count('data-mark="()"') == 1
+    (matrix,) = re.findall(
+        'data-name="unknown structure">.*?</table>|data-name="known structure">.*?</table>',
+        html,
+        re.DOTALL,
+    )
+    assert len(re.findall(r'data-mark="\(\)">\([\d.]+ s\)', matrix)) == 1
+    assert html.count('data-mark="()"') == 2  # and in the table of its scenario
 
 
 def test_cells_say_what_was_pooled(html, folder):
@@ -99,12 +105,12 @@ def test_cells_say_what_was_pooled(html, folder):
         assert float(row["× bound"][0]) == pytest.approx(own["lag"] / own["lag_bound"], rel=1e-5)
         assert row["lost"] == ("0", "0 of 6")
     still = rows[-1]
-    assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0", "0")
+    assert still["estimator"][0] == "frozen" and still["std [%]"] == ("0.0", "0")
     assert still["t10 [s]"][1] == "never"
 
 
 def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
-    known = run_tables.known_columns()
+    known = measures.measures()
     row = {
         "changed": True, "std": 3e-14, "std_interval": [1e-14, 5e-14], "bias": -2e-13,
         "lag": 5.0, "lag_interval": [5.0, 5.0], "t10": None, "t10_interval": [None, None],
@@ -117,81 +123,93 @@ def test_rounding_is_nothing_and_what_never_moves_has_no_interval():
 
 
 def test_a_word_has_one_definition():
-    columns = run_tables.glossary()
+    columns = measures.glossary()
     both = [name for name in columns if name in TERMS]
     assert len(both) > 12 and all(columns[name] == TERMS[name] for name in both)
     assert "bootstrap" not in TERMS["interval"] and "Student" in TERMS["interval"]
 
 
-def test_at_the_fault_every_sample_is_drawn(data, short):
-    chart = data["charts"]["curves-short"]
-    assert [w[0] for w in chart["windows"]] == ["at the fault", "whole run"]
-    _, start, end = chart["windows"][0]
-    assert (start, end) == pytest.approx((5.9, 7.0))
-    panel = chart["panels"][[p["y"] for p in chart["panels"]].index("f_m / nominal")]
-    (line,) = [each for each in panel["lines"] if each.get("who") == "relocate"]
-    x = np.array(line["x"])
-    level = 8.0 / 65_000  # s to which a page keeps times
-    inside = (x >= start - level) & (x <= end + level)
-    assert inside.sum() == 221
-    assert np.diff(x[inside]) == pytest.approx(short.period, abs=2 * level)
-    assert np.diff(x[x < start - 0.04]) == pytest.approx(10 * short.period, abs=2 * level)
-    (truth,) = [each for each in panel["lines"] if each.get("role") == "truth"]
-    assert truth["kind"] == "steps"
-    assert truth["x"] == pytest.approx([0.0, 6.0, 7.995]) and truth["y"] == [1.0, 1.5, 1.5]
+def panel_of(view, label):
+    (panel,) = [each for each in view["panels"] if each["y"] == label]
+    return panel
 
 
-def test_what_is_rounded_is_rounded_by_less_than_a_point_of_the_screen(data, folder):
+def test_the_fault_is_drawn_beside_the_whole_run(html, folder):
+    near, whole = charts_of(html)["curves-short"]
+    assert [near["window"], whole["window"]] == ["at the fault", "whole run"]
+    assert (near["from"], near["to"]) == pytest.approx((5.9, 7.0))
+    assert near["panels"][0]["y"] == "f_m / nominal"  # it changes
     (curve,) = [c for c in pooled.load(folder).curves if c.estimator == "relocate"]
-    assert data["charts"]["curves-short"]["panels"][0]["y"] == "f_m / nominal"  # it changes
-    panels = data["charts"]["curves-short"]["panels"]
     for i, parameter in enumerate(curve.names):
-        (panel,) = [p for p in panels if p["y"] == f"{parameter} / nominal"]
-        (line,) = [each for each in panel["lines"] if each.get("who") == "relocate"]
-        low, high = panel["y_range"]
-        first = np.searchsorted(line["x"], curve.near.time[0] - 1e-3)
-        known = np.array(line["y"])[first : first + len(curve.near.time)]
-        point = (high - low) / 200  # of a panel of 200 points
-        exact = np.clip(curve.near.median[:, i], low, high)
-        assert abs(np.clip(known, low, high) - exact).max() < point / 2
+        panel = panel_of(near, f"{parameter} / nominal")
+        (line,) = [each for each in panel["lines"] if each["who"] == "relocate"]
+        known = np.interp(curve.near.time, line["x"], line["y"])
+        off = known - np.clip(curve.near.median[:, i], panel["low"], panel["high"])
+        point = (panel["high"] - panel["low"]) / 165  # of a panel of so many points
+        assert np.percentile(abs(off), 99) < point
+        (truth,) = [each for each in panel["lines"] if each["role"] == "truth"]
+        if parameter == "f_m":
+            assert np.interp([5.95, 6.05], truth["x"], truth["y"]) == pytest.approx(
+                [1, 1.5], abs=0.002
+            )
+
+
+def test_the_first_picture_is_of_the_parameter_that_changes(html):
+    (view,) = charts_of(html)["at-a-fault"]
+    assert [panel["y"] for panel in view["panels"]] == ["f_m / nominal"]
+    assert (view["from"], view["to"]) == pytest.approx((5.0, 8.0))  # of 8 s, 5 s after the fault
+    whom = {line["who"] for line in view["panels"][0]["lines"]}
+    assert whom == {"", "relocate", "rpem-forgetting"}  # frozen is a control
+
+
+def test_whom_the_words_refuse_to_rank_no_chart_ranks(folder, monkeypatch):
+    """An estimate with a large bias may meet the new value because it was wrong before."""
+    wrong = {("short", "f_m", "relocate")}
+    monkeypatch.setattr(run_page.mismatch, "misled", lambda *_, **__: wrong)
+    html = run_page.render(pooled.load(folder))
+    found = charts_of(html)
+    for name in ("ecdf-nominal", "runs-short", "at-a-fault"):
+        whom = {line["who"] for panel in found[name][0]["panels"] for line in panel["lines"]}
+        assert "relocate" not in whom and "rpem-forgetting" in whom, name
+    assert text_of(html).count("Not drawn, for the bias before the fault is more than half") == 2
+    rows = pooled.load(folder).summary["rows"]
+    chart = speed.as_set(rows, ESTIMATORS, wrong)
+    assert {line.who for line in chart.panels[0].lines} == {"rpem-forgetting"}
+    assert "relocate (short)" in chart.words
 
 
 def test_no_excitation_is_said_only_where_there_is_none(short):
     pause = find_scenario("pause_fm_step-v1")
     for scenario, said in ((short, False), (pause, True)):
-        spans = [text for *_, text in run_charts.around(scenario)["spans"]]
+        spans = [text for *_, text in over_time.around(scenario)["spans"]]
         assert ("no excitation" in spans) is said
-        assert ("no excitation" in run_charts._words(scenario)) is said
+        assert ("no excitation" in over_time._words(scenario)) is said
 
 
 def test_each_run_can_be_opened(html, data):
-    points = [line for p in data["charts"]["runs-short"]["panels"] for line in p["lines"]]
+    points = [line for p in charts_of(html)["runs-short"][0]["panels"] for line in p["lines"]]
     opened = {line["pick"] for line in points}
     # one that never moves has no spread, and so no point; it is in the table
     expected = {f"short/{e}/{seed}" for e in ESTIMATORS for seed in range(1000, 1006)}
     assert opened == {name for name in expected if "frozen" not in name}
     assert set(data["picks"]) == expected == set(re.findall(r'data-opens="([^"]*)"', html))
-    medians = {line["pick"] for line in data["charts"]["curves-short"]["panels"][0]["lines"]
-               if line.get("who")}  # fmt: skip
+    panel = charts_of(html)["curves-short"][0]["panels"][0]
+    medians = {line["pick"] for line in panel["lines"] if line["who"]}
     assert len(medians) == 3 and medians <= expected
 
 
 def test_a_single_run_says_what_it_found(data, folder):
     run = data["picks"]["short/relocate/1002"]
-    assert re.match(r"Found: at 6\.\d\d s f_m × 1\.\d", run["words"])
-    assert data["picks"]["short/frozen/1002"]["words"] == "It reports no findings."
-    (chart,) = run["charts"]
-    assert chart["panels"][0]["y"] == "f_m / nominal"  # what changed comes first
-    assert chart["panels"][-1]["y"] == "residual, rms of 10 [rad/s]"
-    assert chart["marks"][0][1] == "f_m changes"
-    assert chart["marks"][1][1].startswith("found: f_m × 1.")
-    (trace,) = [
-        t for t in Traces.of(folder).find(_hash(folder), "relocate")
-        if t.case == dict(run["facts"])["case"]
-    ]  # fmt: skip
-    ((line,), *_) = lines(chart, "relocate")
+    assert re.search(r"Found: at 6\.\d\d s f_m × 1\.\d", text_of(run))
+    assert "It reports no findings." in data["picks"]["short/frozen/1002"]
+    near, whole = charts_of(run)["pick-0"]
+    assert near["panels"][0]["y"] == "f_m / nominal"  # what changed comes first
+    assert near["panels"][-1]["y"] == "residual, rms of 10 [rad/s]"
+    assert "fm changes" in whole["text"] and "found: fm × 1." in near["text"]
+    trace = Traces(folder).find(_hash(folder), "relocate")[1002]
+    ((line,), *_) = lines(near, "relocate")
     shown = np.interp(6.5, line["x"], line["y"])
-    assert shown == pytest.approx(trace.detail.near[120, 2], abs=2e-3)
+    assert shown == pytest.approx(trace.detail.near[120, 2], abs=5e-3)
 
 
 def _hash(folder):
@@ -202,15 +220,15 @@ def _hash(folder):
 def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypatch):
     (tmp_path / "short.toml").write_text(short.to_toml(), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    words = shlex.split(data["picks"]["short/rpem-forgetting/1003"]["command"])
+    run = data["picks"]["short/rpem-forgetting/1003"]
+    words = shlex.split(re.search('<pre class="command">(.*?)</pre>', run)[1])
     assert words[:3] == ["flexaxis", "run", "short.toml"]
     assert main(words[1:]) == 0
 
     def rows(place):
-        found = map(json.loads, (place / "scores.jsonl").read_text().splitlines())
         return [
-            {key: value for key, value in row.items() if key != "cost"}
-            for row in found
+            row
+            for row in scores_of(place).values()
             if (row["seed"], row["estimator"]) == (1003, "rpem-forgetting")
         ]
 
@@ -219,8 +237,7 @@ def test_its_command_repeats_it_exactly(data, folder, short, tmp_path, monkeypat
 
 
 def test_a_scenario_of_the_catalogue_is_named(short):
-    from flexaxis.experiments.reporting.run_seeds import Single, command
-
+    Single, command = singles.Single, singles.command
     known = find_scenario("fm_step-v1")
     run = Single(known.name, "rpem-forgetting[forgetting=0.99]", 1000, [])
     assert command(run, known) == (
@@ -234,7 +251,7 @@ def test_an_own_estimator_is_repeated_where_its_path_holds(short):
     row = {"case": "c", "parameter": "f_m", "changed": False, "std": None, "diverged": False,
            "lag_bound": None}  # fmt: skip
     for text, told in (("own/mine.py:Mine", "own/mine.py"), ("/mine.py:Mine", ""), ("ekf", "")):
-        facts = dict(run_seeds.pick(run_seeds.Single("short", text, 1, [row]), short, None).facts)
+        facts = dict(singles.pick(singles.Single("short", text, 1, [row]), short, None).facts)
         assert (told in facts["folder"]) if told else ("folder" not in facts)
 
 
@@ -255,48 +272,28 @@ def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
     assert len(page_data((folder.parent / "all.html").read_text())["picks"]) == 18
 
 
-def test_where_curves_alone_are_too_much_the_later_ones_are_thinned(folder, short):
-    curves = pooled.load(folder).curves
-    chart = run_charts.trajectories(curves, short, Thinning(bands=1, near=1, drawn=2), name="x")
-    first, second = (line for line in chart.panels[0].lines if line.who)
-    assert [first.who, second.who] == [curve.estimator for curve in curves[:2]]
-    assert first.low is not None and len(first.x) > 300
-    assert second.low is None and len(second.x) == 160
-
-    def made(chosen, left, thinning):  # of 1000 bytes a band and curve, and 100 a run
-        bands = {t: n for t, n in zip(THINNINGS, (40, 30, 20, 10, 5), strict=True)}
-        return left.ljust(1000 * bands[thinning] + 100 * len(chosen), "x")
-
-    page = Budget(25_000).fitted(list(range(1000)), made, "out")
-    assert len(page) <= 25_000 and page.startswith(THINNINGS[2].words)
-    assert "All of it: flexaxis report out --size" in page
+def test_where_curves_alone_are_too_much_the_later_ones_are_left_out(folder, monkeypatch):
+    monkeypatch.setattr(run_page, "AT_FIRST", 2)
+    html = run_page.render(pooled.load(folder), size=0.05)
+    whom = {n["who"] for p in charts_of(html)["curves-short"][0]["panels"] for n in p["lines"]}
+    assert whom == {"", "relocate", "rpem-forgetting"}
+    assert "Only the first 2 of the ranking are drawn over time. 0 of 18 single runs" in html
 
 
 def _lags(folder, estimator):
-    rows = map(json.loads, (folder / "scores.jsonl").read_text().splitlines())
+    rows = scores_of(folder).values()
     return {r["seed"]: r["lag"] for r in rows if r["changed"] and r["estimator"] == estimator}
 
 
-def test_a_folder_of_an_older_version_is_reported(folder, short, tmp_path):
+def test_a_folder_without_trajectories_is_reported(folder, tmp_path):
+    """As one that was converted from an older version."""
     found = pooled.load(folder)
     old = tmp_path / "old"
-    old.mkdir()
-    for name in ("study.json", "scores.jsonl", "summary.json"):
-        (old / name).write_bytes((folder / name).read_bytes())
-    traces = Traces.of(folder)
-    every = [t for e in ESTIMATORS for t in traces.find(short.hash, e)]
-    write_traces(old, [replace(trace, detail=None) for trace in every])
-    curves = [replace(curve, near=None) for curve in found.curves]
-    data = page_data(run_page.render(pooled.Pooled(found.summary, curves, old)))
-    ((line, *_), *_) = lines(data["charts"]["curves-short"], "relocate")
-    assert len(line["x"]) == 160  # every tenth sample of 8 s
-    run = data["picks"]["short/relocate/1002"]
-    assert "words" not in run and len(run["charts"][0]["panels"]) == 3
-    for path in (old / "traces").iterdir():
-        path.unlink()
-    bare = page_data(run_page.render(pooled.Pooled(found.summary, [], old)))
-    assert not bare["picks"]["short/relocate/1002"].get("charts")
-    assert "curves-short" not in bare["charts"]
+    shutil.copytree(folder, old)
+    change(old, "DELETE FROM traces")
+    bare = run_page.render(pooled.Pooled(found.summary, [], old))
+    assert not charts_of(page_data(bare)["picks"]["short/relocate/1002"])
+    assert "curves-short" not in charts_of(bare)
 
 
 def swept(*, seeds=6, **lags):
@@ -363,8 +360,8 @@ def test_too_few_seeds_rank_nobody():
 
 def test_columns_stand_under_the_noise_at_which_they_are_compared(html, folder):
     heads, rows = table(html, "at-equal-noise")
-    assert "lag at equal std of the parameter that changes</th>" in html
-    assert "all faults, at equal excess error</th>" in html
+    assert "at equal std of the parameter that changes" in html
+    assert "all faults, at equal excess error</span>" in html
     at_excess = pooled.load(folder).summary["tradeoff"]["at_excess"]
     for row in rows:
         (own,) = [r for r in at_excess if r["estimator"] == row["estimator"][0]]
@@ -390,7 +387,7 @@ def test_more_than_nine_estimators_are_there_and_hidden_at_first(folder):
     found = pooled.load(folder)
     summary = found.summary | {"estimators": found.summary["estimators"] | dict.fromkeys(names, "")}
     html = run_page.render(pooled.Pooled(summary, found.curves, folder))
-    assert page_data(html)["aside"] == names[6:]
+    assert run_page.Run.of(pooled.Pooled(summary, found.curves, folder)).order[9:] == names[6:]
     assert "Charts draw 9 of 15 estimators at first, the best of the first table" in html
 
 

@@ -41,10 +41,7 @@ LINES = [
     ["demo", "--seed", HUGE],
     ["compare", "--base", "frozen", "--candidate", "frozen", "--max-seeds", HUGE],
     ["compare", "--self-test", "--comparisons", HUGE],
-    ["speed", "--rounds", HUGE],
-    ["speed", "--steps", HUGE],
-    ["speed", "--memory", "inf"],
-    ["verify", ".", "--sample", HUGE],
+    ["rerun", ".", "--sample", HUGE],
     ["verify", ".", "--hidden", HUGE],
     ["import", "log.csv", "--resample", "1e300"],
 ]

@@ -1,47 +1,51 @@
-"""Ctrl-C in the middle of work: what is done is kept, and nothing is left."""
+"""Ctrl-C, and processes that die: what is done is kept, one killer loses one, nothing is left."""
 
-import json
 import os
 import signal
 import sys
-import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from flexaxis.experiments.building.inherited import STOP
+from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import stopping
 from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.engine import Means, run_study
+from flexaxis.experiments.running.errors import NotRun
 from flexaxis.experiments.running.interrupts import one_stage, two_stage
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import run_unit
+from tests.experiments.kept_rows import lines_of, scores_of
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")
 
-# Presses Ctrl-C itself in the middle of a run, and may go on whatever is raised.
+# Does what it is told at sample 700 of the run that is counted.
 OWN = """
-import signal
+import os, signal, sys
 class Mine:
     names, output, runs = ("f_m",), "speed", 0
     def __init__(self, nominal, period): self.f_m, self.k = nominal["f_m"], 0
     def step(self, u, y):
         self.k += 1
         Mine.runs += self.k == 700
-        if Mine.runs == PRESS and self.k == 700:
-            try: signal.raise_signal(signal.SIGINT)
-            except BaseException: SWALLOW
+        if self.k == 700:
+            WHAT
         return [self.f_m]
 """
 
 
-def unit(short, folder, press_at, swallow):
+def code(folder, what):
+    folder.mkdir(exist_ok=True)
+    (folder / "own.py").write_text(OWN.replace("WHAT", what))
+    return f"{folder}/own.py:Mine"
+
+
+def unit(short, estimator):
     """Five seeds that are run in one go."""
-    folder.mkdir()
-    code = OWN.replace("PRESS", str(press_at)).replace("SWALLOW", swallow)
-    (folder / "own.py").write_text(code)
-    study = Study("s", (short,), (f"{folder}/own.py:Mine",), range(5))
+    study = Study("s", (short,), (estimator,), range(5))
     first, *_ = make_plan(study, run_code=True).units()
     return replace(first, seeds=tuple(study.seeds))
 
@@ -52,99 +56,152 @@ def usual():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
-    stopping.begin(lambda: False)
-
-
-@pytest.mark.parametrize(("swallow", "whole"), [("raise", 2), ("pass", 3)])
-def test_the_cases_before_ctrl_c_are_kept(  # noqa: PLR0917
-    short, tmp_path, usual, monkeypatch, swallow, whole
-):
-    """Also where a user's code takes the stop for an error of its own: then after that case."""
-    monkeypatch.setattr(stopping, "LOST", 60.0)  # long after that case
-    every = run_unit(unit(short, tmp_path / "a", 0, "raise"))
-    expected = [json.loads(line) for line in every.lines.splitlines()]
-    outcomes = []
-    with pytest.raises(KeyboardInterrupt):
-        for outcome in spread([unit(short, tmp_path / "b", 3, swallow)], run_unit):
-            outcomes.append(outcome)
-    rows = [json.loads(line) for outcome in outcomes for line in outcome.lines.splitlines()]
-    assert sum(outcome.cases for outcome in outcomes) == len(rows) == whole
-    scores = {"lag", "std", "bias", "seed", "parameter"}
-    for row, other in zip(rows, expected, strict=False):
-        assert {key: row[key] for key in scores} == {key: other[key] for key in scores}
-
-
-def test_work_that_is_told_to_stop_does_not_begin(short, tmp_path, usual):
     stopping.begin()
+
+
+def test_the_case_under_ctrl_c_is_done_and_no_other_is_begun(short, tmp_path, usual):
+    press = "if Mine.runs == 2: signal.raise_signal(signal.SIGINT)"
+    work = unit(short, code(tmp_path, press))
+    every, found = run_unit(unit(short, code(tmp_path / "b", "pass"))), []
+    with pytest.raises(KeyboardInterrupt):
+        for outcome in spread([work, work], run_unit):
+            found.append(outcome)
+    (outcome,) = found
+    assert outcome.cases == 2 and not outcome.missing
+    lags = [[row["lag"] for row in each.rows] for each in (outcome, every)]
+    assert lags[0] == lags[1][:2]
+
+
+def test_twice_ends_at_once(usual):
+    began = time.monotonic()
+
+    def work(task):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(60)
+
+    with pytest.raises(KeyboardInterrupt):
+        list(spread("ab", work))
+    assert time.monotonic() - began < 30
+
+
+def test_work_that_is_told_to_end_does_not_begin(short, tmp_path):
     stopping.ask()
-    work = unit(short, tmp_path / "a", 0, "raise")
-    assert run_unit(work).cases == 0
+    assert run_unit(unit(short, "frozen")).cases == 0
     stopping.begin()
-    assert run_unit(work).cases == work.cases
+    assert run_unit(unit(short, "frozen")).cases == 5
 
 
-def slow(task):
-    """Work that knows of no stop."""
-    (task / "begun").touch()
-    time.sleep(60)
+def test_what_has_ended_asks_nothing_of_what_comes_after_it(short, usual):
+    with pytest.raises(KeyboardInterrupt), two_stage() as interrupts:
+        signal.raise_signal(signal.SIGINT)
+        interrupts.tell()
+    with two_stage():
+        assert run_unit(unit(short, "frozen")).cases == 5
 
 
-def test_a_stop_of_work_that_cannot_say_how_far_it_came(tmp_path, usual):
-    """It takes sixty seconds, and none of its signals is its own."""
-
-    def interrupt():
-        while not (tmp_path / "begun").exists():
-            time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    asking = threading.Thread(target=interrupt)
-    asking.start()
-    began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        list(spread([tmp_path], slow))
-    asking.join()
-    assert time.monotonic() - began < 30
-
-
-class Deaf:
-    """Drops what is raised while it goes, as weak references and finalisers do."""
-
-    def __init__(self, number):
-        self.number = number
-
-    def __del__(self):
-        signal.raise_signal(self.number)
-
-
-@pytest.mark.parametrize("stage", [one_stage, two_stage])
-def test_a_ctrl_c_that_python_drops_comes_again(usual, stage):
-    began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), one_stage(), stage():
-        if stage is two_stage:
-            signal.raise_signal(signal.SIGINT)  # the first, which is kept
-        Deaf(signal.SIGINT)
-        time.sleep(60)
-    assert time.monotonic() - began < 30
-
-
-def test_so_does_what_stops_the_work(usual):
-
-    def work(number):
-        Deaf(number)
-        time.sleep(60)
-
-    began = time.monotonic()
+def test_one_stage_ends_what_goes_on(usual):
     with pytest.raises(KeyboardInterrupt), one_stage():
-        list(spread([signal.SIGINT], work))
-    assert time.monotonic() - began < 30
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("it goes on")
 
+
+# ------------------------------------------------------------------ processes that die
+
+KILLED = "os.kill(os.getpid(), signal.SIGKILL)"  # as the system does where memory runs out
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_one_killer_among_many_loses_one(short, tmp_path, jobs):
+    """Also in one process, and whatever runs beside it."""
+    killer = code(tmp_path, f"if abs(u - {torque(short, 1007)!r}) < 1e-12: {KILLED}")
+    study = Study("s", (short,), (killer, "frozen"), tuple(range(1000, 1020)))
+    finished = run_study(study, tmp_path / "out", Means(jobs=jobs, apart=True), run_code=True)
+    assert (finished.cases, finished.failed) == (40, 1)
+    failed = {(r["seed"], r["estimator"]): r["error"] for r in lines_of(tmp_path / "out")
+              if r["error"]}  # fmt: skip
+    assert [*failed] == [(1007, killer)]
+    assert "its process died" in failed[1007, killer] and "seed 1007" in failed[1007, killer]
+    alone = Study("s", (short,), (killer, "frozen"), (1006,))
+    run_study(alone, tmp_path / "alone", Means(apart=True), run_code=True)
+    both = [scores_of(tmp_path / name) for name in ("out", "alone")]
+    assert {k: v for k, v in both[0].items() if k[3] == 1006} == both[1]
+
+
+def torque(scenario, seed):
+    """Return what the motor is told at sample 699 of a record, by which its seed is known."""
+    from flexaxis.sim.simulate import simulate
+
+    return float(simulate(scenario, [seed])[0].torque[699])
+
+
+def test_a_death_that_does_not_come_again_is_no_failure(short, tmp_path):
+    mark = str(tmp_path / "mark")
+    once = f"if not os.path.exists({mark!r}): open({mark!r}, 'w').close(); {KILLED}"
+    study = Study("s", (short,), (code(tmp_path, once),), (0, 1, 2))
+    finished = run_study(study, tmp_path / "out", Means(apart=True), run_code=True)
+    assert (finished.cases, finished.failed) == (3, 0) and (tmp_path / "mark").exists()
+
+
+REASONS = {
+    "memory": ("raise MemoryError('no more')", "MemoryError: no more"),
+    "disk": ("raise OSError(28, 'No space left on device')", "No space left on device"),
+    "package": ("import not_installed_anywhere", "No module named 'not_installed_anywhere'"),
+}
+
+
+@pytest.mark.parametrize("why", REASONS)
+def test_what_is_no_fault_of_the_estimator_has_no_row(short_toml, tmp_path, capsys, why):
+    what, said = REASONS[why]
+    mark = tmp_path / "repaired"
+    own = code(tmp_path, f"if Mine.runs == 2 and not os.path.exists({str(mark)!r}): {what}")
+    words = ["run", str(short_toml), "--estimator", own, "--seeds", "3", "--jobs", "1"]
+    words += ["-o", str(tmp_path / "out")]
+    assert main(words) == 70
+    told = capsys.readouterr().err
+    assert "1 of 3 cases were not run" in told and said in told and "same line goes on" in told
+    rows = lines_of(tmp_path / "out")
+    assert len(rows) == 2 and not any(row["error"] for row in rows)
+    mark.touch()
+    assert main(words) == 0
+    assert len(lines_of(tmp_path / "out")) == 3
+
+
+def test_a_shipped_estimator_whose_process_dies_is_not_run(stubs, tmp_path):
+    """Nothing but the system can have ended it."""
+    from functools import partial
+
+    from flexaxis.experiments.studies.definition import study_from
+
+    study = study_from(
+        {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen"], "seeds": 6}
+    )
+    with pytest.raises(NotRun, match=r"seeds 1005.*its process died"):
+        run_study(study, tmp_path, Means(jobs=2, work=partial(stubs.dies_on, 1005)))
+    assert len(scores_of(tmp_path)) == 5 * 3
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    import study_stubs
+
+    return study_stubs
+
+
+# ------------------------------------------------------------------ in a terminal
 
 # A program that hears nothing once it has its first sample, not even that nobody asks any more.
 DEAF = """
-import json, sys, time
-json.loads(input())
-print('{"names": ["f_m"]}', flush=True)
-input()
+import struct, sys, time
+take = sys.stdin.buffer.read
+take(16)
+_, _, values, names = struct.unpack("<dIII", take(20))
+take(40 * values + 32 * names)
+sys.stdout.buffer.write(b"FLEXAXIS" + struct.pack("<IIII", 1, 0x01020304, 1, 0))
+sys.stdout.buffer.write(b"f_m".ljust(32, b"\\0"))
+sys.stdout.flush()
+take(24)
 print("no more", file=open("/dev/tty", "w"))
 while True: time.sleep(1)
 """
@@ -186,40 +243,9 @@ def test_ctrl_c_in_a_terminal(name, times, tmp_path, monkeypatch):
         (name == "demo", times), {130}
     )
     assert ended.status in right, ctrl_c.last_lines(ended.said)
-    assert ended.seconds < 10 and not ended.orphans
+    assert ended.seconds < 40 and not ended.orphans
     assert "Traceback" not in ended.said
     if name in ("run", "study", "compare", "tune", "tradeoff"):
         assert "go on with: flexaxis" in ended.said and "--resume" in ended.said
     left = [path for path in tmp_path.rglob(".*") if path.is_file() and path.name != ".lock"]
     assert not left
-
-
-@pytest.mark.skipif(STOP is None, reason="there is no such signal")
-def test_a_signal_that_comes_late_stops_nothing_that_goes_on_now(short, tmp_path):
-    """As where a stop is sent again, and what it was for has ended meanwhile."""
-    work = unit(short, tmp_path / "a", 0, "raise")
-
-    def late(task):
-        signal.raise_signal(STOP)
-        return run_unit(task)
-
-    assert stopping.heed()
-    assert [outcome.cases for outcome in spread([work], late)] == [work.cases]
-    stopping.ask()  # nothing goes on
-    assert run_unit(work).cases == work.cases
-
-
-def test_a_stop_ends_what_goes_on_inside_something_else(short, tmp_path):
-    with two_stage() as outer, two_stage():
-        outer.asked = True
-        with stopping.stoppable():
-            stopping.ask()
-            pytest.fail("it goes on")
-
-
-def test_what_has_ended_sends_no_ctrl_c_to_what_comes_after_it(usual):
-    """It comes again where it seems lost: a second later, which may be in another command."""
-    with pytest.raises(KeyboardInterrupt), one_stage():
-        signal.raise_signal(signal.SIGINT)
-    with one_stage():
-        time.sleep(1.5 * stopping.LOST)

@@ -2,27 +2,22 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.reporting import study_settings, sweep_charts
-from flexaxis.experiments.reporting.findings import Alarms, alarms, confusion
-from flexaxis.experiments.running import forecast as forecasting
-from flexaxis.experiments.running.forecast import forecast
-from flexaxis.experiments.running.plan import Work, make_plan
-from flexaxis.experiments.running.units import Unit
+from flexaxis.experiments.reporting.study import charts
+from flexaxis.experiments.reporting.study import rows as study_rows
+from flexaxis.experiments.reporting.study.findings import Alarms, alarms, confusion
 from flexaxis.experiments.scoring.theory import isolation
-from flexaxis.experiments.studies.definition import study_from
 
 
 def pooled(method, factor, **changes):
     lag = (factor or 1.0) / 10
     row = {
         "method": method, "who": method, "estimator": method, "fault[0].factor": factor,
-        "start": 1.0, "parameter": "f_m", "changed": True, "cases": 4, "lag": lag,
+        "start": 1.0, "parameter": "f_m", "changed": True, "runs": 4, "lag": lag,
         "lag_bound": 0.05, "lag_interval": [lag / 2, 2 * lag], "std": 0.3, "bias": 0.4,
     }  # fmt: skip
     return row | changes
@@ -30,9 +25,9 @@ def pooled(method, factor, **changes):
 
 def test_degradation_draws_lags_with_intervals_and_errors():
     rows = [pooled("ekf", factor) for factor in (2.0, 1.5)]
-    rows += [pooled("ekf", 1.5, changed=False, std=0.0, bias=1.0, cases=12)]
+    rows += [pooled("ekf", 1.5, changed=False, std=0.0, bias=1.0, runs=12)]
     rows += [pooled("frozen", None)]  # an axis that is no option of this estimator
-    chart = sweep_charts.degradation(rows, "fault[0].factor", label="size", words="")
+    chart = charts.degradation(rows, "fault[0].factor", label="size", words="")
     lag, error = chart.panels
     drawn, bound = lag.lines
     np.testing.assert_allclose([drawn.x, drawn.y], [[1.5, 2.0], [0.15, 0.2]])
@@ -67,12 +62,12 @@ def test_a_lag_over_all_points_does_not_take_levels_for_draws(stored, tmp_path):
         for factor in (1.0, 100.0) for seed in range(6)
     ]  # fmt: skip
     results = stored(tmp_path, rows, axes=["fault[0].factor"], seeds=list(range(6)))
-    (row,) = study_settings.rows_of(results, [], {}, ["lag"])
+    (row,) = study_rows.rows_of(results, [], {}, ["lag"])
     low, high = row["lag_interval"]
     assert row["lag"] == pytest.approx(10.25, rel=1e-2) and 9.9 < low < high < 10.6
-    few = stored(tmp_path, [row for row in rows if row["seed"] < 3],
+    few = stored(tmp_path / "few", [row for row in rows if row["seed"] < 3],
                  axes=["fault[0].factor"], seeds=[0, 1, 2])  # fmt: skip
-    (row,) = study_settings.rows_of(few, [], {}, ["lag"])
+    (row,) = study_rows.rows_of(few, [], {}, ["lag"])
     assert row["lag_interval"] is None  # six runs of three seeds, and six draws they are not
 
 
@@ -80,7 +75,7 @@ def test_detection_draws_a_point_a_setting():
     found = [Alarms("m", "m[t=4]", 0.1, [0.0, 0.2], 0.0, 20.0),
              Alarms("m", "m[t=16]", 0.4, None, 0.25, 0.0),
              Alarms("m", "m[t=99]", None, None, 1.0, 0.0)]  # fmt: skip
-    delay, missed = sweep_charts.detection(found, words="").panels
+    delay, missed = charts.detection(found, words="").panels
     assert {line.who for line in delay.lines} == {"m"}
     through, *points = delay.lines
     assert through.x.tolist() == [0.0, 20.0] and through.y.tolist() == [0.4, 0.1]
@@ -127,7 +122,7 @@ def test_confusion_counts_each_case_once(stored, tmp_path):
         "m": Counter({("f_m", "f_m"): 1, ("J_a", "missed"): 1, ("f_m", "unmodelled"): 1,
                       ("J_a", "several"): 1})
     }  # fmt: skip
-    heat = sweep_charts.isolation(counts, words="")
+    heat = charts.isolation(counts, words="")
     (panel,) = heat.panels
     assert panel.who == "m" and heat.ys == ["J_a", "f_m"]
     share = dict(zip(heat.xs, panel.values[heat.ys.index("f_m")], strict=True))
@@ -138,7 +133,7 @@ def test_a_heat_map_has_a_field_for_every_pair():
     rows = [pooled("ekf", factor, start=start, lag=factor * start)
             for factor in (1.5, 2.0, 3.0) for start in (1.0, 1.2)]  # fmt: skip
     axes = ("start", "fault[0].factor")
-    heat = sweep_charts.lag_map(rows, axes, labels=("start", "size"), words="")
+    heat = charts.lag_map(rows, axes, labels=("start", "size"), words="")
     np.testing.assert_allclose(heat.panels[0].values, np.outer([1.5, 2.0, 3.0], [1.0, 1.2]))
     assert heat.xs == [1.0, 1.2] and heat.ys == [1.5, 2.0, 3.0] and not heat.log
 
@@ -159,39 +154,10 @@ def test_an_estimator_is_not_pooled_over_its_knob():
     """Each setting is a line, as long as they can be told apart; else the words say so."""
     knob = "rpem-forgetting.forgetting"
     few, many = Swept(8), Swept(9)
-    assert study_settings.told_apart(few, ["fault[0].factor"]) == [knob]
-    assert study_settings.pooled_over(few, ["fault[0].factor"]) == []
-    assert study_settings.told_apart(few, [knob]) == []  # it is the axis itself
-    assert study_settings.told_apart(many, ["fault[0].factor"]) == []
-    assert study_settings.pooled_over(many, ["fault[0].factor"]) == [knob]
+    assert study_rows.told_apart(few, ["fault[0].factor"]) == [knob]
+    assert study_rows.pooled_over(few, ["fault[0].factor"]) == []
+    assert study_rows.told_apart(few, [knob]) == []  # it is the axis itself
+    assert study_rows.told_apart(many, ["fault[0].factor"]) == []
+    assert study_rows.pooled_over(many, ["fault[0].factor"]) == [knob]
     row = {"method": "rpem-forgetting[regularization=1e-6]", knob: 0.99}
-    assert study_settings.who(row, [knob]) == "rpem-forgetting[regularization=1e-6,forgetting=0.99]"
-
-
-@pytest.mark.parametrize(("seconds", "records"), [(0.5, 4), (2.0, 1)])
-def test_a_forecast_of_slow_cases_takes_one_record_of_them(monkeypatch, seconds, records):
-    """Nobody waits for half a minute to hear how long a study takes."""
-    variant = SimpleNamespace(duration=8.0, entries=("frozen",))
-    unit = Unit(variants=(variant,), seeds=tuple(range(9)))
-    asked = []
-
-    def run_unit(unit):
-        asked.append(len(unit.seeds))
-        return SimpleNamespace(simulating=0.0, estimating=seconds, cases=asked[-1], lines=b"-")
-
-    monkeypatch.setattr(forecasting, "run_unit", run_unit)
-    forecast(unit, Work(cases=9, records=9, seconds=72.0))
-    assert asked == [1, records]
-
-
-def test_a_forecast_scales_with_the_work(short_toml):
-    """Twice the records and cases take twice the time and space; the sample is the same."""
-    plan = make_plan(
-        study_from({"name": "s", "scenario": str(short_toml), "estimators": ["frozen"], "seeds": 9})
-    )
-    unit, work = next(plan.units()), plan.work()
-    assert work == Work(cases=9, records=9, seconds=72.0)
-    told = forecast(unit, work)
-    assert 0 < told.seconds < 60 and 9 * 1000 < told.bytes < 9 * 6000
-    twice = forecast(unit, Work(cases=18, records=18, seconds=144.0))
-    assert twice.bytes == pytest.approx(2 * told.bytes, rel=0.02)  # but for digits of the cost
+    assert study_rows.who(row, [knob]) == "rpem-forgetting[regularization=1e-6,forgetting=0.99]"

@@ -14,18 +14,16 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import dispatch as spread
-from flexaxis.experiments.running import rows
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.lock import locked
+from flexaxis.experiments.running.errors import NotRun, StudyError
 from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.store import Store
 from flexaxis.experiments.studies.definition import study_from
+from tests.experiments.kept_rows import cases_of, change, lines_of, scores_of
 
 HERE = Path(__file__).parent
 STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
@@ -46,98 +44,69 @@ def study(seeds):
 
 
 def complete(folder, cases):
-    """Whether every case is there with all its rows, once, in lines that are whole."""
+    """Whether every case is there with all its rows, once."""
     found = {}
-    for path in folder.glob("*.jsonl"):
-        text = path.read_bytes()
-        assert text.endswith(b"\n")
-        for line in text.splitlines():
-            row = json.loads(line)
-            found.setdefault(row["case"], []).append(row["parameter"])
+    for row in scores_of(folder).values():
+        found.setdefault(row["case"], []).append(row["parameter"])
     assert all(sorted(names) == ["1/J_a", "f_m", "k_T"] for names in found.values())
     return len(found) == cases
 
 
-def test_a_file_that_is_cut_short_is_repaired(stubs, tmp_path):
-    """A kill leaves some first bytes of what was written."""
-    run_study(study(2), tmp_path / "whole", means=Means(work=stubs.quick))
-    whole = (tmp_path / "whole" / "scores.jsonl").read_bytes()
-    blocks = list(rows.blocks(tmp_path / "whole" / "scores.jsonl"))
-    ends = np.cumsum([sum(map(len, block.lines)) for block in blocks])
-    assert [block.end for block in blocks] == list(ends)
-    path = tmp_path / "scores.jsonl"
-    line_ends = np.cumsum([len(line) for line in whole.splitlines(keepends=True)])
-    near = {int(end) + more for end in [0, *line_ends] for more in (-2, -1, 0, 1, 20)}
-    for length in sorted(n for n in near | {*range(0, len(whole), 97)} if 0 <= n <= len(whole)):
-        path.write_bytes(whole[:length])
-        with rows.RowFile(path):
-            pass
-        expected = max([0, *(int(end) for end in ends if end <= length)])
-        assert path.read_bytes() == whole[:expected]
-
-
-def test_what_a_power_failure_leaves_is_repaired(stubs, tmp_path):
-    """Some file systems then show zeros where the last bytes were to be."""
+def test_a_unit_is_there_whole_or_not_at_all(stubs, tmp_path, monkeypatch):
+    """Whichever of its rows cannot be written, and whatever is raised there."""
     run_study(study(2), tmp_path, means=Means(work=stubs.quick))
-    path = tmp_path / "scores.jsonl"
-    whole = path.read_bytes()
-    path.write_bytes(whole[:-50] + b"\0" * 4096)
-    run_study(study(2), tmp_path, means=Means(work=stubs.quick), resume=True)
-    assert complete(tmp_path, 8) and sorted(path.read_bytes()) == sorted(whole)
+    before = scores_of(tmp_path)
 
+    class Killed(BaseException):
+        pass
 
-def test_a_line_that_is_no_row_is_not_guessed_at(stubs, tmp_path):
-    run_study(study(1), tmp_path, means=Means(work=stubs.quick))
-    path = tmp_path / "scores.jsonl"
-    path.write_bytes(b"hello\n" + path.read_bytes())
-    with pytest.raises(StudyError, match="line 1: this is no row"):
-        run_study(study(1), tmp_path, means=Means(work=stubs.quick), resume=True)
+    for place in range(12):
+        left = iter(range(place))
 
+        def broken(self, row, left=left, usual=Store._stored):
+            if next(left, None) is None:
+                raise Killed
+            return usual(self, row)
 
-def test_a_case_that_is_there_twice_in_a_row_is_not_taken_for_a_torn_one(stubs, tmp_path):
-    """Two files put together by hand: the same case ends the first and begins the second."""
-    run_study(study(1), tmp_path, means=Means(work=stubs.quick))
-    path = tmp_path / "scores.jsonl"
-    blocks = list(rows.blocks(path))
-    last = b"".join(blocks[-1].lines)
-    whole = path.read_bytes()
-    for more, times in ((last, 2), (last + last, 3), (blocks[-1].lines[0], 1)):
-        path.write_bytes(whole + more)
-        kept = whole + (times - 1) * last  # a torn one is not
-        assert rows.scan(path).cases.tolist().count(blocks[-1].case) == times
-        with rows.RowFile(path):
-            pass
-        assert path.read_bytes() == kept
-        assert sum(block.lines == blocks[-1].lines for block in rows.blocks(path)) == times
+        with monkeypatch.context() as patch:
+            patch.setattr(Store, "_stored", broken)
+            with pytest.raises(Killed):
+                run_study(study(40), tmp_path, means=Means(work=stubs.quick))
+        assert scores_of(tmp_path) == before
+    run_study(study(40), tmp_path, means=Means(work=stubs.quick))
+    assert complete(tmp_path, 160)
 
 
 def test_what_is_missing_in_the_middle_is_run_and_nothing_else(stubs, tmp_path):
     run_study(study(20), tmp_path, means=Means(work=stubs.quick))
-    path = tmp_path / "scores.jsonl"
-    blocks = [b"".join(block.lines) for block in rows.blocks(path)]
-    path.write_bytes(b"".join(blocks[:3] + blocks[4:9] + blocks[10:]))
-    finished = run_study(study(20), tmp_path, means=Means(work=stubs.quick), resume=True)
-    assert finished.cases == 2 and complete(tmp_path, 80)
+    change(tmp_path, "DELETE FROM cells WHERE (rowid - 1) / 3 IN (3, 9)")
+    assert run_study(study(20), tmp_path, means=Means(work=stubs.quick)).cases == 2
+    assert complete(tmp_path, 80)
 
 
-def test_a_second_process_is_refused_and_shares_are_not(stubs, tmp_path):
-    with locked(tmp_path / ".lock"):
-        with pytest.raises(StudyError, match="another process is at work here"):
-            run_study(study(1), tmp_path, means=Means(work=stubs.quick))
-        with pytest.raises(StudyError, match="another process"):
-            run_study(make_plan(study(1), shard=(1, 2)), tmp_path, means=Means(work=stubs.quick))
+def test_two_processes_may_work_in_one_folder(stubs, tmp_path):
+    """Each does what it found missing; every row is there once."""
+    code = PROGRAM.format(here=str(HERE), study=STUDY, seeds=200, folder=str(tmp_path))
+    both = [subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
+            for _ in range(2)]  # fmt: skip
+    told = [process.communicate(timeout=300)[1] for process in both]
+    assert [process.returncode for process in both] == [0, 0], told
+    assert complete(tmp_path, 800)
+
+
+def test_shares_have_files_of_their_own(stubs, tmp_path):
     seen = []
 
     def meanwhile(unit):
         if not seen:
             seen.append(unit)
             run_study(make_plan(study(4), shard=(2, 2)), tmp_path, means=Means(work=stubs.quick))
-            for shard in ((1, 2), (1, 1)):
-                with pytest.raises(StudyError, match="another process"):
-                    run_study(make_plan(study(4), shard=shard), tmp_path, resume=True)
         return stubs.quick(unit)
 
     run_study(make_plan(study(4), shard=(1, 2)), tmp_path, means=Means(work=meanwhile))
+    assert {p.name for p in tmp_path.glob("s*.sqlite")} == {
+        "scores-1-of-2.sqlite", "scores-2-of-2.sqlite"
+    }  # fmt: skip
     assert seen and complete(tmp_path, 16)
 
 
@@ -145,20 +114,17 @@ def test_a_disk_that_is_full_loses_nothing(stubs, tmp_path):
     """A limit on the size of files stands in for the disk: the write is cut short just so."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (75_000, before[1]))
     try:
-        with pytest.raises(OutputError, match=r"scores\.jsonl: cannot be written: File too large"):
-            run_study(study(20), tmp_path, means=Means(work=stubs.quick))
+        with pytest.raises(NotRun, match=r"scores\.sqlite: cannot be written"):
+            run_study(study(200), tmp_path, means=Means(work=stubs.quick))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
         signal.signal(signal.SIGXFSZ, handler)
-    there = rows.scan(tmp_path / "scores.jsonl")
-    assert 0 < len(there.cases) < 80
-    assert there.size == (tmp_path / "scores.jsonl").stat().st_size  # nothing torn even now
-    assert run_study(
-        study(20), tmp_path, means=Means(work=stubs.quick), resume=True
-    ).cases == 80 - len(there.cases)
-    assert complete(tmp_path, 80)
+    there = cases_of(tmp_path)
+    assert 0 < there < 800 and complete(tmp_path, there)
+    assert run_study(study(200), tmp_path, means=Means(work=stubs.quick)).cases == 800 - there
+    assert complete(tmp_path, 800)
 
 
 class Pool:
@@ -177,6 +143,9 @@ class Pool:
         else:
             future.set_result(work(unit))
         return future
+
+    def ask(self):
+        """Nobody does."""
 
 
 @pytest.mark.parametrize("deaths", [1, 2])
@@ -197,7 +166,7 @@ def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, mon
     monkeypatch.setattr(spread, "process_pool", process_pool)
     run_study(study(20), tmp_path, means=Means(jobs=2, work=stubs.quick))
     assert complete(tmp_path, 80)
-    assert len(killed) == 2 * deaths and {1, 2} == set(pools)
+    assert len(killed) == deaths * 2 and {1, 2} == set(pools)
 
 
 @pytest.mark.slow
@@ -211,7 +180,7 @@ def test_a_process_that_is_killed_is_replaced(stubs, tmp_path):
 
 @pytest.mark.slow
 def test_a_unit_that_always_kills_its_process_is_named(stubs, tmp_path):
-    with pytest.raises(StudyError, match=r"given up after 3 attempts on .*seeds.* 1005"):
+    with pytest.raises(NotRun, match=r"seeds 1005.*its process died"):
         run_study(study(10), tmp_path, means=Means(jobs=2, work=partial(stubs.dies_on, 1005)))
 
 
@@ -273,9 +242,8 @@ def test_a_case_that_fails_is_a_row_and_the_study_goes_on(short_toml, capsys, tm
     assert main(words) == 70  # code crashed
     assert "3 cases could not be run" in capsys.readouterr().err
     errors = {}
-    for line in (tmp_path / "out" / "scores.jsonl").read_text().splitlines():
-        row = json.loads(line)
-        errors.setdefault((row["axes"]["controller.Kv"], row["method"][-3:]), row["error"])
+    for row in lines_of(tmp_path / "out"):
+        errors.setdefault((row["controller.Kv"], row["method"][-3:]), row["error"])
     assert errors[0.22, "zen"] is None
     assert "ZeroDivisionError: no luck" in errors[0.22, "Odd"]
     assert errors[50.0, "zen"].startswith("SimulationError")
@@ -293,7 +261,7 @@ import study_stubs
 from pathlib import Path
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.studies.definition import study_from
-run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}), resume=True,
+run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}),
           means=Means(work=study_stubs.slowly))
 """
 
@@ -302,13 +270,13 @@ def kill_and_resume(folder, kills, *, seeds, seed):
     """Kill a study at random moments until it is done; return how often it was killed at work."""
     chance = random.Random(seed)
     code = PROGRAM.format(here=str(HERE), study=STUDY, seeds=seeds, folder=str(folder))
-    killed, before = 0, 0
+    killed, before = 0, 60_000
     for _ in range(kills):
         child = subprocess.Popen([sys.executable, "-c", code])
-        path = folder / "scores.jsonl"
+        path = folder / "scores.sqlite"
         while child.poll() is None and not (path.exists() and path.stat().st_size > before):
             time.sleep(0.002)
-        time.sleep(chance.uniform(0.0, 0.03))
+        time.sleep(chance.uniform(0.0, 0.3))
         child.send_signal(signal.SIGKILL)
         killed += child.wait() == -signal.SIGKILL
         before = path.stat().st_size
@@ -331,8 +299,8 @@ def test_twenty_kills_of_the_command_with_its_processes(short_toml, tmp_path):
     words = [sys.executable, "-m", "flexaxis.experiments", "study", str(tmp_path / "s.toml")]
     words += ["-o", str(tmp_path / "out"), "--resume", "--jobs", "2"]
     chance, killed = random.Random(0), 0
-    path = tmp_path / "out" / "scores.jsonl"
-    seen = [0]
+    path = tmp_path / "out" / "scores.sqlite"
+    seen = [60_000]
     while killed < 20:
         child = subprocess.Popen(words, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                                  start_new_session=True)  # fmt: skip
@@ -344,7 +312,7 @@ def test_twenty_kills_of_the_command_with_its_processes(short_toml, tmp_path):
             break
         killed += 1
         assert gone(child.pid), "processes are left after a kill"
-        seen.append(len(path.read_bytes()))
+        seen.append(path.stat().st_size)
     subprocess.run(words, check=True, capture_output=True)
     assert complete(tmp_path / "out", 1200)
     assert killed == 20
@@ -373,8 +341,8 @@ def test_ctrl_c_says_how_to_go_on(short_toml, tmp_path):
     words = [sys.executable, "-c", code, "study", str(tmp_path / "s.toml")]
     words += ["-o", str(tmp_path / "out"), "--jobs", "2"]
     child = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    path = tmp_path / "out" / "scores.jsonl"
-    while not (path.exists() and path.stat().st_size):
+    path = tmp_path / "out" / "scores.sqlite"
+    while not (path.exists() and path.stat().st_size > 60_000):
         time.sleep(0.05)
         assert child.poll() is None
     child.send_signal(signal.SIGINT)
@@ -382,7 +350,7 @@ def test_ctrl_c_says_how_to_go_on(short_toml, tmp_path):
     assert child.returncode == 130
     last = err.strip().splitlines()[-1]
     assert "cases done just now; go on with: flexaxis study" in last and last.endswith("--resume")
-    there = len(rows.scan(path).cases)
+    there = cases_of(path.parent)
     assert f"interrupted; {there} cases" in last and 0 < there < 300
     subprocess.run([*words, "--resume"], check=True, capture_output=True)
     assert complete(tmp_path / "out", 300)
@@ -411,7 +379,7 @@ def test_memory_does_not_grow_with_the_study(tmp_path):
             )
             used.append(int(out.stdout) / 1024)
         assert complete(tmp_path / str(seeds), 4 * seeds)
-    assert (tmp_path / "5000" / "scores.jsonl").stat().st_size > 12e6
+    assert (tmp_path / "5000" / "scores.sqlite").stat().st_size > 6e6
     assert max(used[2:]) - max(used[:2]) < 10, used
 
 
@@ -431,14 +399,12 @@ def test_a_disk_that_is_really_full(short_toml, tmp_path):
         words = [sys.executable, "-m", "flexaxis.experiments", "study", str(tmp_path / "s.toml")]
         words += ["-o", str(disk / "out"), "--jobs", "1"]
         child = subprocess.run(words, capture_output=True, text=True, check=False)
-        assert child.returncode == 2
-        assert "scores.jsonl: cannot be written: No space left on device" in child.stderr
+        assert child.returncode == 70
+        assert "scores.sqlite: cannot be written: No space left on the disk" in child.stderr
         assert "cases done just now; go on with: flexaxis study" in child.stderr
         assert "Traceback" not in child.stderr
-        there = rows.scan(disk / "out" / "scores.jsonl")
-        assert (
-            there.size == (disk / "out" / "scores.jsonl").stat().st_size and len(there.cases) > 20
-        )
+        there = cases_of(disk / "out")
+        assert there > 20 and complete(disk / "out", there)
         subprocess.run(["mount", "-o", "remount,size=8m", str(disk)], check=True)
         subprocess.run([*words, "--resume"], check=True, capture_output=True)
         assert complete(disk / "out", 200)
@@ -470,7 +436,7 @@ def test_a_worker_of_dask_is_killed(short, tmp_path):
         means = Means(executor=client.get_executor(), in_flight=4, advance=advance)
         run_study(wanted, tmp_path / "dask", means)
     run_study(wanted, tmp_path / "local")
-    found = [sorted(map(_row, (tmp_path / name / "scores.jsonl").read_text().splitlines()))
+    found = [sorted(map(_row, (tmp_path / name / "scores.sqlite").read_text().splitlines()))
              for name in ("dask", "local")]  # fmt: skip
     assert complete(tmp_path / "dask", 160) and found[0] == found[1]
 

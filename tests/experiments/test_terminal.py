@@ -12,7 +12,7 @@ from flexaxis.experiments.running import verify as running_verify
 from flexaxis.experiments.running.verify import Repeated
 from flexaxis.experiments.scoring.table import SCORES
 
-NAMES = ["rpem-forgetting", "pipe-binary:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
+NAMES = ["rpem-forgetting", "pipe:/home/somebody/of/us/a_very_long_name_of_a_program --x"]
 
 
 def rows():
@@ -23,7 +23,7 @@ def rows():
     return [values | {"estimator": name} for name in NAMES]
 
 
-@pytest.mark.parametrize(("width", "columns"), [(40, 4), (60, 7), (80, 10), (200, 10)])
+@pytest.mark.parametrize(("width", "columns"), [(40, 4), (60, 7), (80, 10), (200, 11)])
 def test_the_table_of_scores(monkeypatch, width, columns):
     monkeypatch.setattr(terminal, "_width", lambda: width)
     table, out = terminal.score_table(rows()), io.StringIO()
@@ -32,10 +32,10 @@ def test_the_table_of_scores(monkeypatch, width, columns):
     assert "…" not in text and max(map(len, text.splitlines())) <= width
     assert len(table.columns) == columns
     assert "".join(NAMES[1].split())[-8:] in "".join(text.split())
-    assert table.columns[-1 if width == 40 else 5].header == "lost"
-    assert ("x-talk: largest" in " ".join(text.split())) == (columns == 10)
+    assert table.columns[-1 if width == 40 else 6].header == "lost"
+    assert ("x-talk: largest" in " ".join(text.split())) == (columns >= 10)
     assert "lost: diverged runs" in " ".join(text.split())
-    assert ("left out, for the terminal is narrow: " in text) == (columns < 10)
+    assert ("left out, for the terminal is narrow: " in text) == (columns < 11)
 
 
 STRANGE = "[red]x\x1b]0;title\x07\x1b[2J\u202e"
@@ -62,11 +62,11 @@ def test_nor_does_one_at_equal_noise(key):
     assert all(c.isprintable() or c == "\n" for c in out.getvalue())
 
 
-def test_nor_does_what_verify_prints(monkeypatch, tmp_path, capsys):
+def test_nor_does_what_rerun_prints(monkeypatch, tmp_path, capsys):
     """Neither the names in a row that differs, nor those of what differs."""
     row = Repeated(STRANGE, f"{STRANGE}, ekf", True, (f"{STRANGE}: is 2, was 1",))
     monkeypatch.setattr(running_verify, "verify", lambda *_, **__: [row])
-    assert main(["verify", str(tmp_path)]) == 1
+    assert main(["rerun", str(tmp_path)]) == 1
     text = capsys.readouterr().out
     assert text.startswith(f"{SHOWN} ({SHOWN}, ekf):\n  {SHOWN}: is 2, was 1\n")
     assert all(c.isprintable() or c == "\n" for c in text)

@@ -57,7 +57,7 @@ def test_a_log_with_more_noise_is_fine_where_the_residual_is_white(tmp_path, cap
 
 @pytest.mark.parametrize(
     ("times", "said"),
-    [(2, "and its noise would leave 9"), (-1, "f_m at 10 times"), (0.2, "")],
+    [(2, "and its errors elsewhere would leave 9"), (-1, "f_m at 10 times"), (0.2, "")],
 )
 def test_a_torque_in_another_unit_or_sign_is_status_1(tmp_path, capsys, times, said):
     status, out = tracked(tmp_path, capsys, AXIS, "--json", torque_times=times)

@@ -7,7 +7,8 @@ import pytest
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.reporting.tradeoff_figure import figure
+from flexaxis.experiments.reporting.figures import figure
+from flexaxis.experiments.reporting.run.speed import tradeoff
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.scoring.intervals import mean_interval
 from flexaxis.experiments.scoring.matching import Setting, match
@@ -64,7 +65,7 @@ def test_an_own_estimator_says_which_option_is_its_knob(tmp_path):
         encoding="utf-8",
     )
     assert with_knob(f"{path}:Mine", 2.0) == f"{path}:Mine[gain=0.4]"
-    with pytest.raises(EstimatorError, match="'gian' is no option"):
+    with pytest.raises(EstimatorError, match=r"'gian' is no option.*did you mean 'gain'"):
         with_knob(f"{path}:Wrong", 2.0)
 
 
@@ -221,21 +222,20 @@ def test_false_alarms_are_a_rate(short):
 def test_the_figure_holds_every_estimator_and_the_bounds():
     points = [
         {"scenario": "s", "parameter": "f_m", "estimator": e, "lag": 1 / r, "std": r,
-         "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05}
+         "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05, "factor": r}
         for e in ("a", "b") for r in (0.5, 2.0)
     ]  # fmt: skip
-    labels = figure(points).axes[0].get_legend_handles_labels()[1]
-    assert sorted(labels) == [
-        "Cramér–Rao bound, all θ unknown", "a", "b", "the same, only this θ unknown"
-    ]  # fmt: skip
+    labels = figure(tradeoff(points, ["a", "b"])).axes[0].get_legend_handles_labels()[1]
+    assert sorted(labels) == ["a", "b", "bound, all θ unknown", "bound, only this θ unknown"]
 
 
 def test_a_panel_on_which_nothing_can_be_shown():
     one = {"scenario": "s", "parameter": "f_m", "estimator": "frozen", "lag": None, "std": 0.0,
-           "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05}  # fmt: skip
-    drawn = figure([one])
+           "lag_interval": None, "lag_bound": 0.1, "lag_bound_single": 0.05,
+           "factor": 1.0}  # fmt: skip
+    drawn = figure(tradeoff([one], ["frozen"]))
     drawn.canvas.draw()  # ticks are looked for
-    assert [text.get_text() for text in drawn.axes[0].texts] == ["no spread, or never settled"]
+    assert drawn.axes[0].get_legend_handles_labels()[1][0].startswith("bound")
 
 
 def test_the_command(tmp_path, capsys):

@@ -15,11 +15,12 @@ from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.studies import tuning
-from flexaxis.experiments.studies.tuning import TOLERANCE, Trials, least_lag, match_noise
+from flexaxis.experiments.studies.knobs import knob_of, with_knob
+from flexaxis.experiments.studies.sweep import TURNS
+from flexaxis.experiments.studies.tuning import ROUNDS, TOLERANCE, Trials, least_lag, match_noise
 from flexaxis.sim.parameters import preset
 
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
-NOISIER = {"imm"}  # its excess error is above the reference's however slowly θ walks
 # not tuned to equal noise on the linear axis: what dry friction does not do there costs them noise
 LAWS = {entry.name for entry in REGISTRY.values() if entry.laws}
 OWN = PAPER | LAWS | {"relocate", "oracle-reset"}  # these keep the value they are known for
@@ -80,6 +81,123 @@ def test_no_match_and_wrong_words_are_said(capsys):
         assert said in capsys.readouterr().err
 
 
+LAM = """
+class Mine:
+    names, output, knob, seen = ("f_m",), "speed", "lam", []
+    def __init__(self, nominal, period, *, lam=0.99, low=0.1, high=0.2):
+        Mine.seen.append(lam)
+        assert 0 < lam < 1, f"asked for {lam}"
+class Window(Mine):
+    knob = "1/low"
+class Along(Mine):
+    knob = {
+        0.25: {"low": 0.1, "high": 1.0}, 1: {"low": 0.2, "high": 1.0}, 4: {"low": 3.2, "high": 2.0}
+    }
+class Called(Mine):
+    knob = lambda x: {"low": 0.1 * x, "lam": 1 - 0.01 * x}
+class Outside(Mine):
+    knob = {2: {"low": 0.1}, 4: {"low": 0.2}}
+class Strange(Mine):
+    knob = {1: {"low": 0.1}, 4: {"lov": 0.2}}
+class Elsewhere(Mine):
+    knob = lambda x: {"lov": x}
+class Negative(Mine):
+    knob = {0.5: {"low": -0.1}, 4: {"low": 0.2}}
+class Words(Mine):
+    knob = "low, high"
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    (tmp_path / "own.py").write_text(LAM, encoding="utf-8")
+    return lambda name: f"{tmp_path / 'own.py'}:{name}"
+
+
+class Grows(Trials):
+    """Instead of runs: noise is a power of one option; `quiet` times the reference's at 1."""
+
+    quiet, option, power = 1.0, "low", 0.5
+
+    def noises(self, setting):
+        if setting.startswith("rpem"):
+            return {"excess": 1.0}
+        value = parse(setting).options[self.option]
+        assert self.option != "lam" or 0 < value < 1, setting
+        speed = 1 - value if self.option == "lam" else value
+        return {"excess": self.quiet * speed**self.power}
+
+
+@pytest.mark.parametrize("factor", [*TURNS, 99.0, 101.0])
+def test_a_forgetting_factor_by_any_name_stays_below_one(own, factor):
+    """Nobody is asked for 1.99, or 0."""
+    text = with_knob(own("Mine"), factor)
+    assert (text is None) == (factor >= 100)
+    assert text is None or 0 < parse(text).options["lam"] < 1
+
+
+def test_an_option_is_turned_as_its_class_says(own):
+    assert parse(with_knob(own("Mine"), 2.0)).options == {"lam": 0.98}
+    assert parse(with_knob(own("Window"), 2.0)).options == {"low": 0.05}
+    assert parse(with_knob(own("Called"), 2.0)).options == {"low": 0.2, "lam": 0.98}
+
+
+def test_a_path_is_straight_in_the_logarithms_and_ends(own):
+    assert parse(with_knob(own("Along"), 1.0)).options == {"low": 0.2, "high": 1.0}
+    turned = parse(with_knob(own("Along"), 2.0)).options
+    assert turned == pytest.approx({"low": 0.8, "high": 2**0.5})
+    assert with_knob(own("Along"), 5.0) is None and with_knob(own("Along"), 0.2) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Outside", "from 2 to 4, and does not hold 1"),
+        ("Strange", "the same options at each"),
+        ("Elsewhere", r"'lov' is no option.*did you mean 'low'"),
+        ("Negative", "numbers above 0"),
+        ("Words", r"cannot be read.*1-lam"),
+    ],
+)
+def test_a_knob_that_is_none_is_said_to_be_so(own, name, said):
+    with pytest.raises(ValueError, match=f"own.py:{name}: its `knob`.*{said}"):
+        with_knob(own(name), 2.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "quiet"),
+    [("Mine", "lam", 20.0), ("Along", "low", 0.9), ("Called", "low", 7.0)],
+)
+def test_a_path_is_matched_at_equal_noise(own, name, option, quiet):
+    trials = type("Own", (Grows,), {"quiet": quiet, "option": option})(range(1), Bench([]))
+    found = match_noise(own(name), trials)
+    knob = knob_of(own(name))
+    assert abs(found.ratio - 1) < TOLERANCE and found.knob == knob.label
+    assert parse(found.setting).options == pytest.approx(knob.at(knob.position(found.value)))
+
+
+@pytest.mark.parametrize(
+    ("name", "quiet", "last"),
+    [("Along", 1e3, "low=0.1,high=1]"), ("Along", 1e-3, "low=3.2,high=2]"), ("Window", 1, "low=")],
+)
+def test_a_knob_is_turned_within_its_range_and_budget(own, name, quiet, last):
+    """An end that is too noisy, or too quiet, is the last that is tried."""
+    asked = []
+
+    class Counted(Grows):
+        def noises(self, setting):
+            asked.append(setting)
+            return super().noises(setting)
+
+    Counted.quiet = quiet
+    with pytest.raises(ValueError, match=r"no setting of its knob.*within") as error:
+        match_noise(own(name), Counted(range(1), Bench([])))
+    assert last in str(error.value) and last in asked[-1]
+    assert 2 <= len(asked) - 1 <= ROUNDS
+    lows = [parse(text).options["low"] for text in asked[1:]]
+    assert all(0.1 / 1024 <= low <= 3.2 for low in lows)
+
+
 def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, capsys):
     path = tmp_path / "tuned.toml"
     monkeypatch.setattr(tuning, "Trials", Powers)
@@ -99,15 +217,19 @@ def test_what_is_found_is_saved_in_the_place_of_what_was(tmp_path, monkeypatch, 
 
 def test_the_registry_has_what_was_tuned():
     for entry in REGISTRY.values():
-        if entry.knob and entry.name not in OWN | NOISIER:
-            assert entry.options[entry.knob] == at_equal_noise(entry.name).value
+        if entry.knob and entry.name not in OWN:
+            knob, found = entry.turning, at_equal_noise(entry.name)
+            there = knob.at(knob.position(found.value))
+            assert {name: entry.options[name] for name in knob.names} == pytest.approx(there)
     known = {t.estimator for t in tunings()}
-    assert known == {e.name for e in REGISTRY.values() if e.knob} - NOISIER - LAWS
+    assert known == {e.name for e in REGISTRY.values() if e.knob} - LAWS
     for found in tunings():
         assert abs(found.ratio - 1) < TOLERANCE
         assert found.command.startswith(f"flexaxis tune {found.estimator} --seeds 0:16")
         options = parse(found.setting).options
-        assert options[found.knob] == found.value
+        assert ", ".join(REGISTRY[found.estimator].turning.names) == found.knob
+        there = REGISTRY[found.estimator].turning
+        assert options | there.at(there.position(found.value)) == pytest.approx(options)
     assert REGISTRY["rpem-forgetting"].options["forgetting"] == 0.995
 
 

@@ -1,6 +1,5 @@
 """Which cases are run again, and what counts as a difference."""
 
-import json
 from collections import Counter
 from random import Random
 
@@ -9,15 +8,10 @@ import pytest
 from flexaxis.experiments.running.verify import _sample, differences
 
 
-def test_every_case_is_as_likely_to_be_run_again_as_any_other(tmp_path):
+def test_every_case_is_as_likely_to_be_run_again_as_any_other(stored, tmp_path):
     """Three of ten, 400 times: each 120 times, give or take 9; five times that is allowed."""
-    path = tmp_path / "scores.jsonl"
-    lines = [
-        json.dumps({"case": f"{case:016x}", "parameter": name, "rows": 2}) + "\n"
-        for case in range(10)
-        for name in ("k_T", "f_m")
-    ]
-    path.write_text("".join(lines), encoding="utf-8")
+    cases = [{"case": str(case), "seed": case} for case in range(10)]
+    stored(tmp_path, [case | {"parameter": name} for case in cases for name in ("k_T", "f_m")])
     times: Counter = Counter()
     for seed in range(400):
         chosen = _sample(tmp_path, 3, Random(seed))

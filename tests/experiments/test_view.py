@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from flexaxis.experiments.reporting import offscreen
-from flexaxis.experiments.reporting.offscreen import draw_offscreen
+from flexaxis.experiments.demo import view
+from flexaxis.experiments.demo.view import draw_offscreen
 from flexaxis.sim.errors import FlexaxisError
 
 HIDDEN = {"DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL"}
@@ -33,13 +33,13 @@ def test_a_picture_needs_no_display(tmp_path):
 @pytest.fixture
 def bare(monkeypatch):
     """No display, no choice made; the test says which libraries there are."""
-    monkeypatch.setattr(offscreen.sys, "platform", "linux")
+    monkeypatch.setattr(view.sys, "platform", "linux")
     for name in HIDDEN:
         monkeypatch.setenv(name, "")  # so that it is put back as it was
         monkeypatch.delenv(name)
 
     def chosen(*libraries, **environment):
-        monkeypatch.setattr(offscreen, "find_library", lambda name: name in libraries or None)
+        monkeypatch.setattr(view, "find_library", lambda name: name in libraries or None)
         for name, value in environment.items():
             monkeypatch.setenv(name, value)
         draw_offscreen()

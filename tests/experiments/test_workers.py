@@ -53,7 +53,7 @@ def test_the_second_call_has_the_processes_of_the_first(monkeypatch):
         (second,) = spread([0], which, jobs=2, workers=workers)
         assert first == second != os.getpid()
         # One that is lost is replaced, and what was out with it is run again elsewhere.
-        with pytest.raises(Exception, match="given up"):
+        with pytest.raises(Exception, match="died twice"):
             list(spread([0], dies_if, jobs=2, workers=workers))
         (third,) = spread([0], which, jobs=2, workers=workers)
         assert third != first and not alive(first)

@@ -11,6 +11,8 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
+from flexaxis.experiments.running.store import row_files, rows_in
+
 ROOT = Path(__file__).parents[2]
 
 AXIS = """
@@ -174,12 +176,6 @@ def _signals(folder: Path) -> dict[str, Any]:
     return dict(zip(names, np.array(rows, float).T, strict=True))
 
 
-def replies(_: Path) -> list[bytes]:
-    """Return what programs answer over a pipe: names first, then θ for each sample."""
-    ready = b'{"names": ["f_m"], "output": "speed"}\n'
-    return [ready + b'{"theta": [0.05]}\n' * SAMPLES, ready + b'{"theta": null}\n', ready]
-
-
 def blocks(_: Path) -> list[bytes]:
     """Return what programs answer over a binary pipe."""
     head = struct.pack("<8sIIII", b"FLEXAXIS", 1, 0x01020304, 1, 0) + b"f_m".ljust(32, b"\0")
@@ -188,8 +184,7 @@ def blocks(_: Path) -> list[bytes]:
 
 def rows(folder: Path) -> list[dict[str, Any]]:
     """Return the rows of a run."""
-    lines = (folder / "run/scores.jsonl").read_text("utf-8").splitlines()
-    return [{"lines": [json.loads(line) for line in lines]}]
+    return [{"lines": [row for path in row_files(folder / "run") for row in rows_in(path)]}]
 
 
 def told(folder: Path) -> list[dict[str, Any]]:

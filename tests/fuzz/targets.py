@@ -84,6 +84,20 @@ def report_with(name: str) -> Callable[[Path], int]:
     return act
 
 
+def merged_with(name: str) -> Callable[[Path], int]:
+    """Return a call of `flexaxis merge` on a folder of version 0.1 with such rows."""
+
+    def act(path: Path) -> int:
+        old, new = path.parent / "old", path.parent / "merged"
+        shutil.rmtree(new, ignore_errors=True)
+        old.mkdir(exist_ok=True)
+        shutil.copy(path.parent / "run" / "study.json", old)
+        shutil.copy(path, old / name)
+        return main(["merge", str(old), "-o", str(new)])
+
+    return act
+
+
 LOG = ("import", "DIR/log.csv", "-o", "DIR/log.nc")
 OWN = ("import", "FILE", "-o", "DIR/log.nc", "--time", "t", "--torque", "u", "--angle", "phi")
 ESTIMATE = ("estimate", "-o", "DIR/estimates.nc", "--estimator")
@@ -105,12 +119,9 @@ TARGETS = {
     "mat": Target(documents.mats, None, command(*OWN), ".mat"),
     "hdf5": Target(documents.hdf5s, None, command(*OWN), ".h5"),
     "pipe": Target(
-        documents.replies, None, command(*ESTIMATE, f"pipe:{ANSWERS} lines FILE", *PIPE)
+        documents.blocks, None, command(*ESTIMATE, f"pipe:{ANSWERS} blocks FILE", *PIPE)
     ),
-    "pipe-binary": Target(
-        documents.blocks, None, command(*ESTIMATE, f"pipe-binary:{ANSWERS} blocks FILE", *PIPE)
-    ),
-    "rows": Target(documents.rows, documents.lines, report_with("scores.jsonl")),
+    "rows": Target(documents.rows, documents.lines, merged_with("scores.jsonl")),
     "told": Target(documents.told, documents.lines, report_with("study.json")),
     "summary": Target(documents.summaries, documents.lines, report_with("summary.json")),
 }

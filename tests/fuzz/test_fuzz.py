@@ -30,7 +30,7 @@ def folder(tmp_path_factory):
 
 EXAMPLES = {  # of those that take a tenth of a second and more each
     **dict.fromkeys(("told", "summary", "axis", "hdf5", "map"), 12),
-    **dict.fromkeys(("rows", "pipe", "pipe-binary", "study"), 6),
+    **dict.fromkeys(("rows", "pipe", "study"), 6),
     "mat": 4,  # read by a process of its own
 }
 MANY = 40

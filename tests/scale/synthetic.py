@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.files import dumps
+from flexaxis.experiments.running.store import Store
 from flexaxis.experiments.running.units import varied
 from flexaxis.experiments.running.work import made_with
 from flexaxis.experiments.scoring.table import SCORES, undefined
@@ -37,17 +37,17 @@ def make(folder, rows, *, seed=0):
     seeds = -(-rows // (len(points) * len(METHODS) * len(NAMES)))
     stock = {method: _stock(method, rng) for method in METHODS}
     count = 0
-    with (folder / "scores.jsonl").open("w", encoding="utf-8") as file:
+    with Store(folder / "scores.sqlite", tuple(AXES)) as store:
         for first in range(0, seeds, UNIT):
             for scenario, point in variants:
                 for method in METHODS:
                     unit = range(first, min(first + UNIT, seeds))
                     place = {"base": BASE, "method": method, "axes": point}
-                    file.write(_cases(scenario, place, unit, stock[method], rng))
+                    store.add(_cases(scenario, place, unit, stock[method], rng))
                     count += len(unit) * len(NAMES)
     base = find_scenario(BASE)
     study = {
-        "name": "synthetic", "identity": "synthetic", "estimators": list(METHODS),
+        "name": "synthetic", "estimators": list(METHODS),
         "scenarios": [{"hash": base.hash, "definition": base.resolved()}], "axes": list(AXES),
         "seeds": list(range(1000, 1000 + seeds)), "points": len(points),
     }  # fmt: skip
@@ -56,21 +56,19 @@ def make(folder, rows, *, seed=0):
 
 
 def _cases(scenario, place, unit, stock, rng):
-    fixed = {"hash": scenario.hash, "scenario": scenario.name, "estimator": place["method"]}
-    head = dumps(fixed)[1:-1]
-    rest = {"seconds": scenario.duration, "code": None, "rows": len(NAMES), "error": None}
-    tail = dumps(place | rest)[1:]
+    fixed = {"hash": scenario.hash, "scenario": scenario.name, "estimator": place["method"]} | place
+    fixed |= {"seconds": scenario.duration, "code": None, "rows": len(NAMES), "error": None}
     cases = rng.integers(0, 1 << 63, len(unit))
     chosen = rng.integers(0, STOCK, len(unit))
-    return "".join(
-        f'{{"case": "{case:016x}", {head}, "seed": {1000 + seed}, {scores}, {tail}\n'
+    return [
+        fixed | scores | {"case": f"{case:016x}", "seed": 1000 + seed}
         for case, seed, number in zip(cases, unit, chosen, strict=True)
         for scores in stock[number]
-    )
+    ]
 
 
 def _stock(method, rng):
-    """Return the scores of cases as text, a list of three rows each."""
+    """Return the scores of cases, a list of three rows each."""
     finds = method == "relocate"
     return [[_scores(name, finds, rng) for name in NAMES] for _ in range(STOCK)]
 
@@ -100,7 +98,7 @@ def _scores(name, finds, rng):
                 "isolation": [{"fault": "f_m", "named": None if missed else ["f_m"]}]}  # fmt: skip
     us = float(rng.lognormal(-1, 0.1))
     cost = {"us_per_sample": us, "seconds": 0.004 * us, "host": "node", "versions": made_with()}
-    return dumps(undefined() | one | {"cost": cost})[1:-1]
+    return undefined() | one | {"cost": cost}
 
 
 WHAT = {
@@ -115,7 +113,7 @@ WHAT = {
 PROGRAM = """
 import resource, sys, time
 from pathlib import Path
-from flexaxis.experiments.reporting.study_page import write_report
+from flexaxis.experiments.reporting.study.page import write_report
 from flexaxis.experiments.results.export import export_csv, export_netcdf, export_parquet
 from flexaxis.experiments.results.results import Results
 folder = Path(sys.argv[1])
@@ -130,14 +128,11 @@ if sys.argv[2] != "open":
 """
 
 
-def measure(folder, what, *, cold=False):
+def measure(folder, what):
     """Do one thing with a folder in a process of its own; return what it took.
 
-    Seconds by the clock, seconds of processor time with imports, and peak memory in megabytes;
-    `cold`: without the columns that an earlier reading has left.
+    Seconds by the clock, seconds of processor time with imports, and peak memory in megabytes.
     """
-    if cold:
-        (folder / ".columns.h5").unlink(missing_ok=True)
     words = [sys.executable, "-c", PROGRAM.format(what=WHAT[what]), str(folder), what]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -153,13 +148,12 @@ def main(words):
     if command == "make":
         before = time.perf_counter()
         count = make(folder, int(words[2]))
-        size = os.stat(folder / "scores.jsonl").st_size
+        size = os.stat(folder / "scores.sqlite").st_size
         print(f"{count} rows, {size / 1e6:.0f} MB, {time.perf_counter() - before:.0f} s")
         return
-    print("first read: s, s of processor, MB; then again, with the columns there")
+    print("s, s of processor, MB")
     for what in words[2:] or WHAT:
-        each = [*measure(folder, what, cold=True), *measure(folder, what)]
-        print(f"{what:10}", *(f"{value:8.1f}" for value in each), flush=True)
+        print(f"{what:10}", *(f"{value:8.1f}" for value in measure(folder, what)), flush=True)
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ def test_time_and_memory_grow_with_the_rows_and_no_faster(synthetic, folders, wh
     if what == "parquet":
         pytest.importorskip("pyarrow", reason="the extra `parquet`")
     made, (_, before, base) = folders
-    few, many = (synthetic.measure(folder, what, cold=True) for folder in made)
+    few, many = (synthetic.measure(folder, what) for folder in made)
     # Processor time: the clock knows of others. What does not grow with the rows only helps.
     assert many[1] - before < 2 * 4 * max(0.5, few[1] - before)
     assert many[1] - before < ROWS[1] * 60e-6 * 3  # 60 s a million, and others at work beside us

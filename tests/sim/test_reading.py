@@ -1,9 +1,11 @@
 """Tables of unknown origin are read within limits, or refused in one line."""
 
+import os
+
 import pytest
 
 from flexaxis.sim.errors import ScenarioError
-from flexaxis.sim.reading import json_value, read_toml, shown, toml_tables
+from flexaxis.sim.reading import json_value, read_text, read_toml, shown, toml_tables
 
 
 def toml(text):
@@ -48,6 +50,13 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "latin.toml").write_bytes(b"a = '\xe9'")
     with pytest.raises(ScenarioError, match=r"latin.toml: not UTF-8 text, from byte 5 on"):
         read_toml(tmp_path / "latin.toml", ScenarioError)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no such pipes")
+def test_a_pipe_that_nobody_writes_to_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.toml")
+    with pytest.raises(ScenarioError, match="a pipe, which may wait for ever: write it to a file"):
+        read_text(tmp_path / "a.toml", ScenarioError)
 
 
 def test_values_are_shown_short():

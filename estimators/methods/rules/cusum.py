@@ -109,7 +109,7 @@ ENTRIES = (
         "cusum-reset",
         "rpem-forgetting whose P is reset when a CUSUM on the residual raises an alarm",
         cusum_reset,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=24,
     ),

@@ -102,7 +102,7 @@ ENTRIES = (
         "directional-forgetting",
         "forgets along the gradient only (SIFt)",
         directional_forgetting,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=21,
     ),

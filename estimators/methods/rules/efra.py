@@ -88,7 +88,7 @@ ENTRIES = (
         "efra",
         "exponential forgetting and resetting, P bounded on both sides",
         efra,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=22,
     ),

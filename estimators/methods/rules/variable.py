@@ -109,7 +109,7 @@ ENTRIES = (
         "variable-forgetting",
         "forgets while the residual is large",
         variable_forgetting,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=23,
     ),

@@ -88,7 +88,7 @@ ENTRIES = (
         "vector-forgetting",
         "a forgetting factor for each parameter",
         vector_forgetting,
-        knob="forgetting",
+        knob="1-forgetting",
         default=0.995,
         rank=20,
     ),

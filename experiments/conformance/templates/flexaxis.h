@@ -1,6 +1,6 @@
 /* What a flexaxis estimator in C needs: flexaxis_open, flexaxis_value, and flexaxis_serve.
  *
- * Protocol 1 of `pipe-binary:`, all numbers little-endian. C99, nothing but the C library.
+ * Protocol 1 of `pipe:`, all numbers little-endian. C99, nothing but the C library.
  */
 #ifndef FLEXAXIS_H
 #define FLEXAXIS_H

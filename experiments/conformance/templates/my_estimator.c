@@ -1,7 +1,7 @@
 /* A flexaxis estimator in C: the motor friction f_m by recursive prediction errors.
  *
  *     cc -O2 -o my_estimator my_estimator.c -lm
- *     flexaxis check 'pipe-binary:./my_estimator'
+ *     flexaxis check 'pipe:./my_estimator'
  *
  * A predictor of the axis with the sensitivity of its states to f_m. Change it to your method.
  */

@@ -1,6 +1,6 @@
 % A flexaxis estimator in GNU Octave 7 or newer: the motor friction f_m by prediction errors.
 %
-%     flexaxis check 'pipe-binary:octave-cli -q my_estimator.m'
+%     flexaxis check 'pipe:octave-cli -q my_estimator.m'
 %
 % A predictor of the axis with the sensitivity of its states to f_m. Change it to your method.
 1;   % a script, although functions come first

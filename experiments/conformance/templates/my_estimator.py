@@ -15,7 +15,7 @@ class Mine:
     """Recursive prediction-error method for one parameter, with a forgetting factor."""
 
     names = ("f_m",)  # (1) what theta means; "k_T", "1/J_a", ... are others
-    knob = "forgetting"  # the option that buys speed with noise: `tune`, `--match-std` turn it
+    knob = "1-forgetting"  # what buys speed with noise: `tune`, `--match-std` turn λ in 1 − λ
 
     def __init__(self, nominal, period, *, output="speed", forgetting=0.995):
         # nominal: the 12 physical parameters by name (SI); period in s; output: what y is.

@@ -134,16 +134,6 @@ class Evidence:
         return float(low), float(high)
 
     @cached_property
-    def corner(self) -> float | None:
-        """Corner of a high-pass well below the band [Hz], to one digit; None if there is no room.
-
-        A filter of fourth order at .4 of a frequency changes it by less than .1 %.
-        """
-        corner = float(f"{0.4 * self.band[0]:.0e}")
-        enough = 2 / (len(self.time) * self.period)
-        return corner if corner > enough else None
-
-    @cached_property
     def step_speed(self) -> Array:
         """Mean motor speed over [t_k, t_{k+1}), on which the torque k acts (N,) [rad/s]."""
         after = np.append(self.speed[1:], self.speed[-1])

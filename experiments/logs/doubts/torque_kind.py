@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import coherence, csd, welch
 
-from flexaxis.experiments.logs.doubts.doubt import Doubt, Look
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.sketch import line, sketch
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Kind = Literal["held", "smooth"]
 
-BROAD = 0.05  # of its power above a quarter of the sampling rate: no current has that
+SWITCHES = 3  # values, of which no sensor has so few
 SPOTLESS = 1e-9  # of its power in noise: no sensor is so good
 STANDS = 0.5  # of the samples that equal the one before
 SHORT = 256  # samples in a piece, for the coherence
@@ -89,6 +89,8 @@ def kind_seen(
 
 def _by_shape(u: Array, period: float) -> str:
     """Return why a torque must be a command, or nothing."""
+    if len(np.unique(u)) <= SWITCHES:
+        return "it switches between few values"
     same = np.diff(u) == 0
     if same.mean() > STANDS and np.abs(np.diff(u)).max() > 0.1 * np.ptp(u):
         return f"it stands still at {100 * same.mean():.0f} % of the samples, and jumps between"
@@ -96,9 +98,6 @@ def _by_shape(u: Array, period: float) -> str:
         u, fs=1 / period, nperseg=min(len(u) // 2, 4096), window="blackmanharris"
     )
     share = power / power.sum()
-    fast = float(share[frequency > 0.25 / period].sum())
-    if fast > BROAD:
-        return f"{100 * fast:.0f} % of its power lies above a quarter of the sampling rate"
     floor = float(np.median(share[frequency > 0.4 / period]) * len(share))
     if floor < SPOTLESS:
         return "it has no noise on it, as what was computed"
@@ -130,21 +129,18 @@ def _by_motion(u: Array, speed: Array, period: float) -> tuple[Kind, str] | None
     return None
 
 
-def _look(e: Evidence) -> Doubt:
+def look(e: Evidence) -> Finding:
+    """Return how the torque was taken between its samples, and why."""
     name, kind = "torque between samples", "smooth" if e.smooth else "held"
     other = "held" if e.smooth else "smooth"
-    command, remedy = f"--torque-is {other}", {"torque_is": other}
+    command = f"--torque-is {other}"
     text = f"{kind}: {e.kind_because}" if e.kind_because else kind
-
-    def draw() -> Chart:
-        return _draw(e)
-
     if AGAINST in e.kind_because:
-        return Doubt(name, None, "", "problem", text, command, remedy, draw)
+        return Finding("problem", text, name, command=command, draw=lambda: _draw(e))
     if UNSEEN not in e.kind_because:
-        return Doubt(name, None, "", "ok", text)
+        return Finding("ok", text, name)
     text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
-    return Doubt(name, None, "", "note", text, command, draw=draw)
+    return Finding("note", text, name, command=command, draw=lambda: _draw(e))
 
 
 def _draw(e: Evidence) -> Chart:
@@ -165,6 +161,3 @@ def _draw(e: Evidence) -> Chart:
         x_log=True,
         marks=[(0.25 * rate, "a quarter of the rate")],
     )
-
-
-LOOK = Look(10, _look)

@@ -11,16 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading.header import names_and_units
 
 PROBE = 1 << 16  # bytes at the beginning by which a layout is told
 MOST = 1 << 26  # bytes that twenty lines may have
+LONGEST_LINE = 1 << 18  # characters, of the first lines: a thousand columns have a tenth of that
 ROWS = 20  # lines of numbers that are looked at
 COMMENTS = ("#", "%", "//")
 BLANKS = " "
 _SEPARATORS = (";", "\t", ",", "|", BLANKS)
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.I)
 _MISSING = {"", "na", "n/a", "null", "none", "-", "--"}
+
+# "pos [deg]", "pos (deg)", "pos / deg", "pos in deg"
+_UNIT = re.compile(
+    r"^\s*(?P<name>.*?)\s*(?:[\[(]\s*(?P<a>[^\])]*?)\s*[\])]|\s/\s(?P<b>\S+)|\sin\s(?P<c>\S+))\s*$"
+)
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,12 @@ def _beginning(path: Path) -> tuple[str, list[str]]:
         encoding = _encoding(start)
         text = codecs.getincrementaldecoder(encoding)("replace").decode(start)
         lines = text.splitlines()
+        longest = max(map(len, lines), default=0)
+        if longest > LONGEST_LINE:
+            raise LogError(
+                f"{path}: one of its first lines has more than {LONGEST_LINE} characters, as no "
+                "table of signals has: is it transposed, or without line breaks?"
+            )
         if whole or len(lines) > 2 * ROWS or size > MOST:
             # the last one may be cut off
             return encoding, lines if whole else lines[:-1]
@@ -206,3 +217,27 @@ def _are_units(row: Sequence[str]) -> bool:
 def shortened(text: str) -> str:
     """Return a text for a message."""
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+def names_and_units(head: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return the names of columns, each once, and the units that stand in brackets behind them.
+
+    Examples
+    --------
+    >>> names_and_units(["t [s]", "phi in deg", "phi in deg", "", "i"])
+    (['t', 'phi', 'phi#2', 'column4', 'i'], {'t': 's', 'phi': 'deg', 'phi#2': 'deg'})
+    """
+    names: list[str] = []
+    units: dict[str, str] = {}
+    for place, text in enumerate(head, 1):
+        found = _UNIT.match(text)
+        plain = (found["name"] if found else text).strip() or f"column{place}"
+        name, count = plain, 1
+        while name in names:
+            count += 1
+            name = f"{plain}#{count}"
+        names.append(name)
+        unit = (found["a"] or found["b"] or found["c"]) if found else None
+        if unit:
+            units[name] = unit
+    return names, units

@@ -40,15 +40,12 @@ class Log:
         Reads columns; see `load` and `numbers`.
     units : dict of str to str
         Units as the file states them, of some columns.
-    clock : dict of str to str
-        The column of time that belongs to a column, where the file says so.
     """
 
     source: str
     names: tuple[str, ...]
     read: Reader
     units: Mapping[str, str] = field(default_factory=dict)
-    clock: Mapping[str, str] = field(default_factory=dict)
 
     def load(self, names: Sequence[str]) -> dict[str, Array]:
         """Return some columns.

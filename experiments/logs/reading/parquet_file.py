@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.reading.header import names_and_units
-from flexaxis.experiments.logs.reading.log import Array, Log
+from flexaxis.experiments.logs.reading.csv_layout import names_and_units
+from flexaxis.experiments.logs.reading.log import LONGEST, Array, Log
 
 
 def open_file(path: Path) -> Log:
@@ -19,12 +19,18 @@ def open_file(path: Path) -> Log:
     except ImportError as error:
         raise LogError(
             f"{path}: this is parquet, and pyarrow is not installed: pip install "
-            "'flexaxis[parquet]', or save the log as CSV"
+            "pyarrow, or save the log as CSV"
         ) from error
     try:
-        schema = parquet.read_schema(path)
+        told = parquet.read_metadata(path)  # the footer: how much there is, before it is read
+        schema = told.schema.to_arrow_schema()
     except (ArrowException, OSError) as error:
         raise LogError(f"{path}: no parquet file, or a broken one ({error})") from error
+    if told.num_rows > LONGEST:
+        raise LogError(
+            f"{path} says that it holds {told.num_rows} rows; no more than {LONGEST} can be read, "
+            "so take a piece of it"
+        )
     fields = [
         f.name
         for f in schema

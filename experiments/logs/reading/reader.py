@@ -21,9 +21,8 @@ def open_log(path: Path) -> Log:
     ----------
     path : Path
         CSV (``,``, ``;``, tab or blanks between the columns, decimal points or commas, UTF-8,
-        UTF-16 or Latin-1), MAT up to v7.3, HDF5, NetCDF-4, parquet, or a bag of ROS: an ``.mcap``,
-        ``.bag`` or ``.db3`` file, or the folder of one. Matrices give a column ``name[i]`` each,
-        structs and groups ``outer.inner``.
+        UTF-16 or Latin-1), MAT up to v7.3, HDF5, NetCDF-4 or parquet. Matrices give a column
+        ``name[i]`` each, structs and groups ``outer.inner``.
 
     Raises
     ------
@@ -43,13 +42,12 @@ def open_log(path: Path) -> Log:
 
 def _module(path: Path) -> object:
     if path.is_dir():
-        kind = "bag"
-    else:
-        with path.open("rb") as file:
-            start = file.read(HEAD)
-        if not start:
-            raise LogError(f"{path}: is empty")
-        kind = next((kind for kind, has in _KINDS.items() if has(path, start)), "csv")
+        raise LogError(f"{path}: is a folder; name one of the logs in it")
+    with path.open("rb") as file:
+        start = file.read(HEAD)
+    if not start:
+        raise LogError(f"{path}: is empty")
+    kind = next((kind for kind, has in _KINDS.items() if has(path, start)), "csv")
     if kind in _NOT_READ:
         raise LogError(f"{path}: {_NOT_READ[kind]}")
     return import_module(f"flexaxis.experiments.logs.reading.{kind}_file")
@@ -80,5 +78,6 @@ _NOT_READ = {
     "gzip": "this is compressed: unpack it first",
     "netcdf3": "this is NetCDF-3; convert it with nccopy -k netCDF-4 OLD.nc NEW.nc",
     "pdf": "this is a document; export the log as CSV",
-    "other": "neither CSV nor MAT nor HDF5 nor parquet nor a bag; convert the log to one of them",
+    "bag": "this is a bag of ROS, MCAP or SQLite: export its topics as CSV or parquet",
+    "other": "neither CSV nor MAT nor HDF5 nor parquet; convert the log to one of them",
 }

@@ -31,8 +31,8 @@ function freeId(wanted) {
   return id;
 }
 
-/** Everyone on the page, in the order of the looks. */
-const everyone = () => Object.keys(looks);
+let everyoneHere = []; // on the page, in the order of the registry
+const everyone = () => everyoneHere;
 
 /** What the page calls them: its lines may be of measurements and models. */
 const called = () => document.body.dataset.called ?? "Estimators";
@@ -42,7 +42,7 @@ function whoMenu() {
   const boxes = everyone().map((who) =>
     el("label", {}, el("input", {
       type: "checkbox", "data-toggle": who, onchange: (e) => State.toggle("hide", who, !e.target.checked),
-    }), swatch({ who }), el("span", { text: who })),
+    }), swatch(who), el("span", { text: who })),
   );
   const set = (text, members) =>
     el("button", { type: "button", class: "small", text, onclick: () => State.setList("hide", members()) });
@@ -74,10 +74,12 @@ const groupShown = () => (groupsOfPage().includes(State.get("group")) ? State.ge
 /** What is only too much for charts at first stays in tables. */
 const absent = (who) => hidden(who) && !State.isFirst("hide", who);
 
-/** Show in bar, tables and text who and which group the state says; charts look themselves. */
+/** Show in bar, tables and charts who and which group the state says. */
 function showParts() {
   for (const part of document.querySelectorAll("[data-who]"))
-    if (part.namespaceURI !== SVG_NS) part.classList.toggle("gone", absent(part.dataset.who));
+    part.classList.toggle("gone", (part.closest("figure.chart") ? hidden : absent)(part.dataset.who));
+  for (const button of document.querySelectorAll("button[data-toggle]"))
+    button.setAttribute("aria-pressed", String(!hidden(button.dataset.toggle)));
   const group = groupShown();
   for (const part of document.querySelectorAll("[data-group]"))
     part.classList.toggle("other", group !== "" && part.dataset.group !== group);
@@ -121,4 +123,37 @@ function kept(key, value) {
   } catch {
     return "";
   }
+}
+
+let terms = {}; // by term, as the page was given them
+
+function setUpTerms() {
+  const tip = el("div", { id: "term-tip", class: "tip term-tip", role: "tooltip", hidden: true });
+  document.body.append(tip);
+  for (const place of document.querySelectorAll("[data-term]")) reachableTerm(place);
+  const show = (event) => showTerm(tip, event.target.closest?.("[data-term]"));
+  document.addEventListener("pointerover", show);
+  document.addEventListener("focusin", show);
+  document.addEventListener("keydown", (event) => event.key === "Escape" && (tip.hidden = true));
+  document.addEventListener("focusout", () => (tip.hidden = true));
+}
+
+function reachableTerm(place) {
+  if (!terms[place.dataset.term]) return;
+  if (place.tagName !== "BUTTON") place.setAttribute("tabindex", "0");
+  place.setAttribute("aria-describedby", "term-tip");
+}
+
+function showTerm(tip, place) {
+  const words = place && terms[place.dataset.term];
+  tip.hidden = !words;
+  if (!words) return;
+  tip.replaceChildren();
+  typeset(tip, words);
+  const box = place.getBoundingClientRect();
+  const wide = Math.min(340, document.documentElement.clientWidth - 16);
+  tip.style.width = `${wide}px`;
+  tip.style.left = `${Math.max(8, Math.min(box.left, document.documentElement.clientWidth - wide - 8))}px`;
+  const above = box.bottom + tip.offsetHeight + 12 > window.innerHeight;
+  tip.style.top = `${above ? box.top - tip.offsetHeight - 6 : box.bottom + 6}px`;
 }

@@ -1,6 +1,6 @@
 // What opens when a line or a point is clicked: facts, the command that repeats it, charts.
 
-let picks = {}; // by name, as the page was given them
+let picks = {}; // by name: HTML, deflated, in base64
 
 let cameFrom = null; // the address before one was opened here; null where a link opened it
 
@@ -15,37 +15,34 @@ function openPick(name) {
 }
 
 /** Show in the dialog what the state says, or close it. */
-function showPick() {
+async function showPick() {
   const dialog = document.getElementById("picked");
   const found = pickOf(State.get("pick"));
   if (!found) return dialog.open && dialog.close();
-  dialog.replaceChildren(...pickParts(found));
+  const close = el("button", { type: "button", class: "close", "aria-label": "Close", text: "×", onclick: closePick });
+  dialog.replaceChildren(close, ...(await unpacked(found).catch(tooOld)));
   if (!dialog.open) dialog.showModal();
-  for (const place of dialog.querySelectorAll("[data-chart]"))
-    setUpFigure(place, found.charts[Number(place.dataset.chart.split(".")[1])]);
+  dialog.querySelectorAll("pre.command").forEach(command);
+  dialog.querySelectorAll("figure.chart").forEach(setUpFigure);
+  showParts();
 }
 
-function pickParts(found) {
-  const facts = (found.facts ?? []).flatMap(([term, text]) => [
-    el("dt", { symbols: term }), el("dd", { symbols: text }),
-  ]);
-  const charts = (found.charts ?? []).flatMap((chart, i) => [
-    el("h3", { symbols: chart.title }), el("figure", { "data-chart": `pick.${i}` }),
-    el("p", { class: "muted", symbols: chart.words }),
-  ]);
-  return [
-    el("button", { type: "button", class: "close", "aria-label": "Close", text: "×", onclick: closePick }),
-    el("h2", { id: "picked-title", symbols: found.title }),
-    found.words ? el("p", { symbols: found.words }) : null,
-    facts.length ? el("dl", { class: "facts" }, ...facts) : null,
-    found.command ? command(el("pre", { class: "command", text: found.command })) : null,
-    ...charts,
-  ].filter(Boolean);
+/** The elements that were packed: written by the page's maker, everything from data escaped there. */
+async function unpacked(text) {
+  const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const html = await new Response(stream).text();
+  return [...new DOMParser().parseFromString(html, "text/html").body.childNodes];
+}
+
+/** Go on with the page alone where a browser is too old to unpack the rest. */
+function tooOld() {
+  return [el("p", { class: "note", role: "alert", text: "This browser is too old for single runs; the page is whole." })];
 }
 
 /** Close it as going back does, where that shows what is shown now: it shall not open once more. */
 function closePick() {
-  const zooms = [...State.values.keys()].filter((key) => key.startsWith("win.pick."));
+  const zooms = [...State.values.keys()].filter((key) => key.startsWith("win.pick-"));
   const changes = Object.fromEntries(["pick", ...zooms].map((key) => [key, null]));
   document.getElementById("picked").close();
   if (State.fragment(changes) === cameFrom) window.history.back();

@@ -4,160 +4,151 @@ const HELP =
   "Left and right read off values, up and down choose a curve, plus and minus zoom, " +
   "Enter opens the chosen curve where it can be opened, Escape goes back.";
 
-/** Wrap a view so that it can be read: pointer, touch, keys. */
+/** Let a view be read: pointer, touch, keys. */
 function readable(figure, view) {
+  const { box } = view;
   const tip = el("div", { class: "tip", hidden: true });
-  const label = `${described(figure.chart, view.range)} ${HELP}`;
-  const box = el("div", { class: "view", tabindex: "0", role: "group", "aria-label": label }, view.svg, tip);
-  const reader = {
-    figure, view, box, tip, cursor: null, line: figure.chosen ?? 0, drag: null,
-    rule: svg("path", { class: "rule" }), brush: svg("rect", { class: "brush" }),
-  };
-  view.svg.append(reader.brush, reader.rule);
+  const reader = { figure, view, box, tip, chosen: 0, cursor: null, drag: null };
+  box.setAttribute("tabindex", "0");
+  box.setAttribute("aria-label", `${box.getAttribute("aria-label")} ${HELP}`);
+  box.append(tip);
   box.addEventListener("pointermove", (event) => onMove(reader, event));
   box.addEventListener("pointerleave", () => leave(reader));
   box.addEventListener("pointerdown", (event) => onDown(reader, event));
   box.addEventListener("pointerup", (event) => onUp(reader, event));
-  box.addEventListener("dblclick", () => zoomTo(reader.figure, null));
+  box.addEventListener("dblclick", () => zoomTo(view, null));
   box.addEventListener("keydown", (event) => onKey(reader, event));
   box.addEventListener("blur", () => leave(reader));
-  return box;
 }
 
-/** Where the pointer is, in units of the picture. */
-function placeOf(reader, event) {
-  const box = reader.view.svg.getBoundingClientRect();
-  const k = reader.view.width / box.width;
-  return [(event.clientX - box.left) * k, (event.clientY - box.top) * k];
+/** Which panel lies under the pointer, and where in it: pixels, and the share of the whole axis. */
+function placeOf({ view }, event) {
+  const panel = view.panels.find(({ svg }) => {
+    const { top, bottom } = svg.getBoundingClientRect();
+    return event.clientY >= top - 13 && event.clientY <= bottom + 13;
+  });
+  const { left, top, width, height } = (panel ?? view.panels[0]).svg.getBoundingClientRect();
+  const [px, py] = [event.clientX - left, event.clientY - top];
+  const [a, b] = view.shown;
+  return { panel, px, py, width, height, share: a + (Math.min(Math.max(px / width, 0), 1)) * (b - a) };
 }
 
 function onMove(reader, event) {
-  const [px, py] = placeOf(reader, event);
-  if (reader.drag !== null) return showBrush(reader, px);
-  const hit = nearest(reader.view, px, py);
+  const place = placeOf(reader, event);
+  if (reader.drag !== null) return showBrush(reader, place.share);
+  const hit = nearest(reader.view, place);
   hit ? showTip(reader, hit) : leave(reader);
 }
 
 function onDown(reader, event) {
-  if (event.button === 0 && event.pointerType !== "touch") reader.drag = placeOf(reader, event)[0];
+  if (event.button === 0 && event.pointerType !== "touch") reader.drag = placeOf(reader, event).share;
 }
 
 function onUp(reader, event) {
-  const [px, py] = placeOf(reader, event);
-  const from = reader.drag;
+  const place = placeOf(reader, event);
+  const { view, drag } = reader;
   reader.drag = null;
-  reader.brush.setAttribute("width", 0);
-  if (from !== null && Math.abs(px - from) > 6) return zoomBetween(reader, from, px);
-  const hit = nearest(reader.view, px, py);
+  view.box.querySelectorAll(".brush").forEach((brush) => brush.remove());
+  const [a, b] = view.shown;
+  if (drag !== null && Math.abs(place.share - drag) > (6 / place.width) * (b - a)) return zoomBetween(view, drag, place.share);
+  const hit = nearest(view, place);
   if (hit && hit.line.pick && hit.distance < 14) openPick(hit.line.pick);
   else if (hit) showTip(reader, hit); // a finger does not hover
 }
 
-function showBrush(reader, px) {
-  const { x, panels } = reader.view;
-  const [a, b] = [reader.drag, px].sort((p, q) => p - q).map((p) => Math.min(Math.max(p, x.begin), x.end));
-  const [top, bottom] = [panels[0].top, panels[panels.length - 1].bottom];
-  for (const [key, value] of Object.entries({ x: a, width: b - a, y: top, height: bottom - top }))
-    reader.brush.setAttribute(key, value);
-}
-
-function zoomBetween(reader, a, b) {
-  const { x } = reader.view;
-  const ends = [a, b].map((p) => x.from(Math.min(Math.max(p, x.begin), x.end))).sort((p, q) => p - q);
-  if (ends[1] > ends[0]) zoomTo(reader.figure, ends);
-}
-
-/** Show a range of x of a chart, or none: as at first. */
-function zoomTo(figure, ends) {
-  const text = ends && ends.map((v) => Number(v.toPrecision(5))).join("~");
-  State.set({ [`win.${figure.name}`]: text });
-}
-
-/** The index of the value of x next to one; x need not be sorted. */
-function nearestIndex(x, target) {
-  let best = -1;
-  for (let i = 0; i < x.length; i++)
-    if (Number.isFinite(x[i]) && (best < 0 || Math.abs(x[i] - target) < Math.abs(x[best] - target))) best = i;
-  return best;
-}
-
-/** What is drawn next to a place: { panel, line, index, px, py, distance }, or null. */
-function nearest(view, px, py) {
-  const panel = view.panels.find((p) => py >= p.top - 13 && py <= p.bottom + 13);
-  if (!panel || px < view.x.begin - 8 || px > view.x.end + 8) return null;
-  let best = null;
-  for (const line of panel.lines) {
-    const hit = nearestOf(panel, line, px, py);
-    if (hit && (!best || hit.distance < best.distance)) best = hit;
+function showBrush({ view, drag }, share) {
+  const [a, b] = [drag, share].sort((p, q) => p - q);
+  for (const { area } of view.panels) {
+    const brush = area.querySelector(".brush") ?? area.appendChild(svg("rect", { class: "brush", height: UNITS }));
+    brush.setAttribute("x", UNITS * a);
+    brush.setAttribute("width", UNITS * (b - a));
   }
-  return best;
 }
 
-function nearestOf(panel, line, px, py) {
-  const isLine = line.kind !== "points" && line.kind !== "both";
-  if (isLine) return hitAt(panel, line, indexAt(line, panel.x.from(px)), px, py, true);
-  let best = null;
-  for (let i = 0; i < line.x.length; i++) {
-    const hit = hitAt(panel, line, i, px, py, false);
-    if (hit && (!best || hit.distance < best.distance)) best = hit;
-  }
-  return best;
+function zoomBetween(view, a, b) {
+  const ends = [a, b].map((share) => view.x.value(share)).sort((p, q) => p - q);
+  if (ends[1] > ends[0]) zoomTo(view, ends);
 }
 
-/** Of steps the value that holds there, else the nearest. */
-function indexAt(line, value) {
-  const i = nearestIndex(line.x, value);
-  return line.kind === "steps" && line.x[i] > value && i > 0 ? i - 1 : i;
+/** Show a range of x of a view, or none: as at first. */
+function zoomTo(view, ends) {
+  State.set({ [`win.${view.id}`]: ends && ends.map((v) => Number(v.toPrecision(5))).join("~") });
 }
 
-function hitAt(panel, line, index, px, py, vertical) {
-  if (index < 0 || !Number.isFinite(line.y[index])) return null;
-  const [ax, ay] = [panel.x.to(line.x[index]), panel.y.to(line.y[index])];
-  const distance = vertical ? Math.abs(ay - py) : Math.hypot(ax - px, ay - py);
-  return { panel, line, index, px: ax, py: ay, distance };
+/** What is drawn next to a place: { panel, line, index, x, y, distance }, or null; x and y shares. */
+function nearest(view, place) {
+  if (!place.panel || place.px < -8 || place.px > place.width + 8) return null;
+  const hits = shownLines(place.panel).flatMap((line) => (line.marked ? pointHits(view, place, line) : curveHit(place, line)));
+  return hits.reduce((best, hit) => (!best || hit.distance < best.distance ? hit : best), null);
+}
+
+const shownLines = (panel) => panel.lines.filter((line) => !hidden(line.who));
+
+function curveHit({ panel, share, py, height }, line) {
+  const y = heightAt(line.curve, share);
+  return Number.isFinite(y) ? [{ panel, line, x: share, y, distance: Math.abs((1 - y) * height - py) }] : [];
+}
+
+function pointHits(view, { panel, px, py, width, height }, line) {
+  const [a, b] = view.shown;
+  return line.values.map((row, index) => {
+    const [x, y] = [view.x.share(row[0]), panel.y.share(row[1])];
+    const distance = Math.hypot(((x - a) / (b - a)) * width - px, (1 - y) * height - py);
+    return { panel, line, index, x, y, distance };
+  }).filter((hit) => Number.isFinite(hit.distance));
 }
 
 /** Say what there is at a place: all curves at this x, the chosen one first in weight. */
 function showTip(reader, hit) {
-  const { view, tip } = reader;
-  highlight(reader.figure, hit.line.who);
-  reader.rule.setAttribute("d", `M${hit.px},${view.panels[0].top}V${view.panels[view.panels.length - 1].bottom}`);
-  tip.replaceChildren(...tipRows(reader.figure.chart, hit));
+  const { view, tip, box } = reader;
+  leave(reader);
+  highlight(reader.figure.place, hit.line.who);
+  const [a, b] = view.shown;
+  const at = (hit.x - a) / (b - a);
+  for (const { svg: panel } of view.panels)
+    panel.append(svg("line", { class: "rule", x1: `${100 * at}%`, x2: `${100 * at}%`, y2: panel.getAttribute("height") }));
+  tip.replaceChildren(...tipRows(view, hit));
   tip.hidden = false;
-  const k = reader.box.clientWidth / view.width;
-  const right = hit.px > view.width / 2;
-  tip.style.left = right ? "" : `${hit.px * k + 12}px`;
-  tip.style.right = right ? `${(view.width - hit.px) * k + 12}px` : "";
-  tip.style.top = `${Math.max(0, (hit.panel.top + 4) * k)}px`;
+  const [panel, whole] = [hit.panel.svg.getBoundingClientRect(), box.getBoundingClientRect()];
+  const px = panel.left - whole.left + at * panel.width;
+  tip.style.left = at > 0.5 ? "" : `${px + 12}px`;
+  tip.style.right = at > 0.5 ? `${whole.width - px + 12}px` : "";
+  tip.style.top = `${panel.top - whole.top + 4}px`;
 }
 
-function tipRows(chart, hit) {
-  const at = hit.line.x[hit.index];
-  const rows = alike(hit).map(([line, i]) =>
-    el("div", { class: line === hit.line ? "chosen" : null }, swatch(line),
-      el("span", { symbols: line.label || line.who || line.role || "" }),
-      el("b", { text: digits(line.y[i]) }), el("small", { text: ends(line, i) })),
+function tipRows(view, hit) {
+  const rows = alike(hit).map((each) =>
+    el("div", { class: each.line === hit.line ? "chosen" : null }, swatchOf(each.line), el("span", { symbols: each.line.said }),
+      el("b", { text: digits(valueOfHit(each), each.line.marked ? 4 : 3) }), el("small", { text: endsOf(each) })),
   );
   const more = hit.line.pick ? [el("small", { text: "click to open" })] : [];
-  return [el("div", { class: "where", symbols: `${chart.x}: ${sayX(chart, at)}` }), ...rows, ...more];
+  return [el("div", { class: "where", symbols: `${view.label}: ${sayX(view, xOfHit(view, hit))}` }), ...rows, ...more];
 }
 
-const ends = (line, i) => (line.low ? ` ${digits(line.low[i], 3)} … ${digits(line.high[i], 3)}` : "");
+function swatchOf(line) {
+  return el("i", { class: `key ${line.group.getAttribute("class")}` });
+}
 
 /** The curves that have a value at the same x: for points only the point itself. */
 function alike(hit) {
-  if (hit.line.kind === "points" || hit.line.kind === "both") return [[hit.line, hit.index]];
-  const at = hit.line.x[hit.index];
-  return hit.panel.lines
-    .map((line) => [line, indexAt(line, at)])
-    .filter(([line, i]) => line.kind !== "points" && i >= 0 && Number.isFinite(line.y[i]))
-    .slice(0, 14);
+  if (hit.line.marked) return [hit];
+  const { panel, x } = hit;
+  const found = shownLines(panel).filter((line) => !line.marked).map((line) => ({ panel, line, x, y: heightAt(line.curve, x) }));
+  return found.filter(({ y }) => Number.isFinite(y)).slice(0, 14);
+}
+
+const xOfHit = (view, { line, index, x }) => (line.marked ? line.values[index][0] : view.x.value(x));
+const valueOfHit = ({ panel, line, index, y }) => (line.marked ? line.values[index][1] : panel.y.value(y));
+
+function endsOf({ panel, line, index, x }) {
+  const ends = line.marked ? line.values[index].slice(2, 4) : (line.sides ?? []).map((side) => panel.y.value(heightAt(side, x)));
+  return ends.length && ends.every(Number.isFinite) ? ` ${digits(ends[0], 3)} … ${digits(ends[1], 3)}` : "";
 }
 
 function leave(reader) {
   reader.tip.hidden = true;
-  reader.rule.setAttribute("d", "");
-  highlight(reader.figure, "");
+  reader.box.querySelectorAll("line.rule").forEach((rule) => rule.remove());
+  highlight(reader.figure.place, "");
 }
 
 const KEYS = {
@@ -167,7 +158,7 @@ const KEYS = {
   ArrowDown: (reader) => choose(reader, 1),
   "+": (reader) => zoomAround(reader, 0.5),
   "-": (reader) => zoomAround(reader, 2),
-  Escape: (reader) => (leave(reader), zoomTo(reader.figure, null)),
+  Escape: (reader) => (leave(reader), zoomTo(reader.view, null)),
   Enter: (reader) => reader.cursor?.line.pick && openPick(reader.cursor.line.pick),
 };
 
@@ -180,48 +171,46 @@ function onKey(reader, event) {
 }
 
 /** Every curve of a view that can be read, panel by panel. */
-const curves = (view) => view.panels.flatMap((panel) => panel.lines.map((line) => ({ panel, line })));
+const curvesOf = (view) => view.panels.flatMap((panel) => shownLines(panel).map((line) => ({ panel, line })));
 
+/** Go on along the chosen curve: to its next point, or by a sixtieth of the view. */
 function step(reader, way) {
-  const all = curves(reader.view);
-  const { line } = reader.cursor ?? all[Math.min(reader.line, all.length - 1)] ?? {};
+  const { panel, line } = curvesOf(reader.view)[reader.chosen] ?? {};
   if (!line) return;
-  const { x } = reader.view;
-  const count = line.x.length;
-  const wide = line.kind === "points" || line.kind === "both" ? 1 : Math.max(1, Math.round(shownOf(line, x) / 60));
-  let index = reader.cursor ? reader.cursor.index + way * wide : firstShown(line, x);
-  while (index > 0 && index < count - 1 && !Number.isFinite(line.y[index])) index += way;
-  setCursor(reader, Math.min(Math.max(index, 0), count - 1));
+  const [a, b] = reader.view.shown;
+  const { cursor } = reader;
+  if (line.marked) {
+    const index = cursor ? cursor.index + way : 0;
+    return setCursor(reader, pointAt(reader.view, panel, line, Math.min(Math.max(index, 0), line.values.length - 1)));
+  }
+  const x = cursor ? Math.min(Math.max(cursor.x + (way * (b - a)) / 60, a), b) : a;
+  setCursor(reader, { panel, line, x, y: heightAt(line.curve, x) });
 }
 
-const shownOf = (line, x) => line.x.reduce((n, v) => n + (v >= x.low && v <= x.high), 0);
-const firstShown = (line, x) => Math.max(0, line.x.findIndex((v) => v >= x.low));
+const pointAt = (view, panel, line, index) =>
+  ({ panel, line, index, x: view.x.share(line.values[index][0]), y: panel.y.share(line.values[index][1]) });
 
+/** Read the curve above or below on, at the same x. */
 function choose(reader, way) {
-  const all = curves(reader.view);
+  const all = curvesOf(reader.view);
   if (!all.length) return;
-  reader.line = (reader.line + (reader.cursor ? way : 0) + all.length) % all.length;
-  const at = reader.cursor ? reader.cursor.line.x[reader.cursor.index] : reader.view.x.low;
-  reader.cursor = null;
-  setCursor(reader, Math.max(0, indexAt(all[reader.line].line, at)));
+  reader.chosen = (reader.chosen + (reader.cursor ? way : 0) + all.length) % all.length;
+  const { panel, line } = all[reader.chosen];
+  const x = reader.cursor?.x ?? reader.view.shown[0];
+  if (!line.marked) return setCursor(reader, { panel, line, x, y: heightAt(line.curve, x) });
+  const far = line.values.map((row) => Math.abs(reader.view.x.share(row[0]) - x));
+  setCursor(reader, pointAt(reader.view, panel, line, far.indexOf(Math.min(...far))));
 }
 
-function setCursor(reader, index) {
-  const all = curves(reader.view);
-  reader.line = Math.min(reader.line, all.length - 1);
-  const { panel, line } = all[reader.line];
-  reader.cursor = { line, index };
-  reader.figure.chosen = reader.line; // drawn anew, the same curve is read on
-  const hit = hitAt(panel, line, index, 0, 0, false);
-  if (hit) showTip(reader, hit);
-  const name = line.label || line.who || line.role;
-  say(`${name}, ${panel.panel.y}: ${digits(line.y[index])}${ends(line, index)} at ${sayX(reader.figure.chart, line.x[index])}`);
+function setCursor(reader, hit) {
+  reader.cursor = hit;
+  showTip(reader, hit);
+  const value = Number.isFinite(hit.y) ? `${digits(valueOfHit(hit), hit.line.marked ? 4 : 3)}${endsOf(hit)}` : "–";
+  say(`${hit.line.said}, ${hit.panel.label}: ${value} at ${sayX(reader.view, xOfHit(reader.view, hit))}`);
 }
 
-function zoomAround(reader, factor) {
-  const { x } = reader.view;
-  const at = reader.cursor ? x.to(reader.cursor.line.x[reader.cursor.index]) : (x.begin + x.end) / 2;
-  const half = ((x.end - x.begin) * factor) / 2;
-  const ends = [x.from(at - half), x.from(at + half)];
-  if (ends.every(Number.isFinite)) zoomTo(reader.figure, ends);
+function zoomAround({ view, cursor }, factor) {
+  const [a, b] = view.shown;
+  const [at, half] = [cursor?.x ?? (a + b) / 2, ((b - a) * factor) / 2];
+  zoomTo(view, half >= 0.5 ? null : [at - half, at + half].map((share) => view.x.value(share)));
 }

@@ -114,3 +114,81 @@ function closeMenus(event) {
   for (const open of document.querySelectorAll("details.menu[open]"))
     if (!open.contains(event.target)) open.open = false;
 }
+
+// What the style sheet says of a part of a chart, and an SVG alone would not know.
+const STYLES = ["fill", "stroke", "stroke-width", "stroke-dasharray", "vector-effect", "opacity", "font-size", "font-family", "font-style", "text-anchor"];
+const MARGIN = { left: 62, right: 14, top: 22, between: 26, bottom: 40 }; // of panels, as the style sheet has it
+
+/** A menu to take a chart along. */
+function chartMenu(figure) {
+  const item = (text, act) => el("button", { type: "button", class: "small", text, onclick: act });
+  return menu(
+    "Save", `Save chart ${figure.place.dataset.title}`,
+    item("CSV of the curves", () => download(`${figure.name}.csv`, separated(valuesOf(figure), ","), "text/csv")),
+    ...(figure.views.length ? [item("SVG, as shown", () => savePictures(figure))] : []),
+  );
+}
+
+/** All values of a chart as they are drawn, a row a point; of two views the whole one. */
+function valuesOf(figure) {
+  const view = figure.views[figure.views.length - 1];
+  if (!view) return cellsOf(figure.place);
+  const heads = ["panel", "quantity", "estimator", "curve", view.label, "y", "low", "high", "x_low", "x_high"];
+  const rows = view.panels.flatMap((panel) => panel.lines.flatMap((line) => {
+    const about = [panel.title, panel.label, line.who, line.said === line.who ? "" : line.said];
+    const values = line.values ?? line.curve.filter(([x]) => Number.isFinite(x)).map(([x, y]) => [x, y, ...(line.sides ?? []).map((side) => heightAt(side, x))]
+      .map((share, i) => (i ? panel.y : view.x).value(share)));
+    return values.map((row) => [...about, ...Array.from({ length: 6 }, (_, i) => number(row[i]))]);
+  }));
+  return { heads, rows };
+}
+
+function cellsOf(place) {
+  const rows = [...place.querySelectorAll("table.heat")].flatMap((table) => {
+    const across = [...table.tFoot.rows[0].cells].slice(1).map((cell) => cell.textContent);
+    return [...table.tBodies[0].rows].flatMap((row) => [...row.cells].slice(1).map((cell, i) =>
+      [table.caption.textContent, across[i], row.cells[0].textContent, asValue(cell.dataset.value ?? "")]));
+  });
+  return { heads: ["map", "across", "up", `value [${place.dataset.unit}]`], rows };
+}
+
+/** A number to six digits, as the page has it; what is none is nothing. */
+const number = (v) => (v === undefined || v === null || Number.isNaN(v) ? null : Number(v.toPrecision(6)));
+
+function savePictures(figure) {
+  figure.views.forEach((view, i) => {
+    const name = figure.views.length > 1 ? `${figure.name}-${i + 1}.svg` : `${figure.name}.svg`;
+    download(name, new XMLSerializer().serializeToString(alone(view)), "image/svg+xml");
+  });
+}
+
+/** A view as an SVG of its own: its panels below one another, with the styles that the page gives them. */
+function alone(view) {
+  const width = view.panels[0].svg.getBoundingClientRect().width;
+  let top = MARGIN.top;
+  const parts = view.panels.map((panel) => {
+    const high = Number(panel.svg.getAttribute("height"));
+    const part = dressed(panel.svg);
+    for (const [key, value] of Object.entries({ x: MARGIN.left, y: top, width, height: high, overflow: "visible" })) part.setAttribute(key, value);
+    top += high + MARGIN.between;
+    return part;
+  });
+  const height = top - MARGIN.between + MARGIN.bottom;
+  const whole = svg("svg", { xmlns: SVG_NS, width: width + MARGIN.left + MARGIN.right, height }, dressed(document.getElementById("marks")), ...parts);
+  whole.style.background = getComputedStyle(document.body).backgroundColor;
+  return whole;
+}
+
+/** A copy of a part with its style written into it. */
+function dressed(part) {
+  const copy = part.cloneNode(true);
+  const those = part.querySelectorAll("*");
+  copy.querySelectorAll("*").forEach((each, i) => {
+    const style = getComputedStyle(those[i]);
+    for (const name of STYLES) each.setAttribute(name, style.getPropertyValue(name));
+    if (style.display === "none") each.setAttribute("display", "none");
+    each.removeAttribute("class");
+  });
+  copy.removeAttribute("class");
+  return copy;
+}

@@ -2,26 +2,24 @@
 
 /** Who listens to what of the state. */
 function showChanges(keys) {
-  const charts = keys.filter((key) => key.startsWith("win.")).map((key) => key.slice(4));
   if (keys.some((key) => key === "hide" || key === "group")) {
     showParts();
-    redrawFigures();
     for (const live of Tables.values()) showTable(live);
-  } else charts.forEach((name) => Figures.has(name) && Figures.get(name).draw());
+  }
+  if (keys.some((key) => key.startsWith("win."))) for (const { views } of Figures.values()) views.forEach(zoomed);
   for (const id of keys.filter((key) => /^(sort|find|all)\./.test(key)).map((key) => key.replace(/^\w+\./, "")))
     if (Tables.has(id)) showTable(Tables.get(id));
   if (keys.includes("pick")) showPick();
 }
 
-/** Draw all for paper, whatever has been near the screen. */
+/** On paper everything is open but what is long, and was folded for it. */
 function setUpPrint() {
   window.addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("main details:not([open], .menu)")) {
-      if (details.querySelector("table.live")) continue; // folded, for it is long
+      if (details.querySelector("table.live")) continue;
       details.open = true;
       details.dataset.opened = "";
     }
-    [...waiting.keys()].forEach(drawNow);
   });
   window.addEventListener("afterprint", () => {
     for (const details of document.querySelectorAll("details[data-opened]")) {
@@ -31,21 +29,18 @@ function setUpPrint() {
   });
 }
 
-function setUpResize() {
-  let width = document.documentElement.clientWidth;
-  let timer = 0;
-  window.addEventListener("resize", () => {
-    if (document.documentElement.clientWidth === width) return;
-    width = document.documentElement.clientWidth;
-    clearTimeout(timer);
-    timer = setTimeout(() => redrawFigures(), 120);
+/** The legends: a button hides its estimator in the whole page, and lights its curves up. */
+function setUpLegends() {
+  const button = (event) => event.target.closest?.("button[data-toggle]");
+  document.addEventListener("click", (event) => {
+    const found = button(event);
+    if (found) State.toggle("hide", found.dataset.toggle, found.getAttribute("aria-pressed") === "true");
   });
-}
-
-/** Go on with tables alone where a browser is too old to unpack the rest. */
-function withoutCharts() {
-  remark("This browser is too old for the charts of this page; its tables are whole.");
-  return EMPTY;
+  for (const [kind, on] of [["pointerover", true], ["focusin", true], ["pointerout", false], ["focusout", false]])
+    document.addEventListener(kind, (event) => {
+      const place = button(event)?.closest("figure.chart");
+      if (place) highlight(place, on ? button(event).dataset.toggle : "");
+    });
 }
 
 const remark = (words) =>
@@ -54,7 +49,7 @@ const remark = (words) =>
 /** Whether colours have a light and a dark variant; else the style sheet has the light ones alone. */
 const twoColours = () => window.CSS?.supports?.("color", "light-dark(#000, #fff)") ?? false;
 
-async function start() {
+function start() {
   document.documentElement.classList.add("scripted");
   if (!twoColours()) remark("This browser is too old for dark colours; a newer one has both.");
   document.body.append(el("p", { id: "said", class: "unseen", "aria-live": "polite" }));
@@ -63,21 +58,18 @@ async function start() {
   document.querySelectorAll("pre.command").forEach(command);
   followAnchors();
   setUpPrint();
-  setUpResize();
+  setUpLegends();
   document.addEventListener("click", closeMenus);
-  const given = await unpacked().catch(withoutCharts);
-  ({ picks, looks, terms } = given);
+  const given = JSON.parse(document.getElementById("page-data").textContent);
+  ({ picks, terms } = given);
+  everyoneHere = given.everyone;
   if (given.aside.length) State.first.set("hide", given.aside.map(encodeURIComponent).join("|"));
-  fillSwatches();
   setUpPicks();
   setUpTerms();
   setUpBar();
+  document.querySelectorAll("main figure.chart").forEach(setUpFigure);
   showParts();
   for (const live of Tables.values()) showTools(live);
-  for (const [name, chart] of Object.entries(given.charts)) {
-    const place = document.getElementById(name);
-    if (place) setUpFigure(place, chart);
-  }
   State.listen(showChanges);
   window.addEventListener("hashchange", () => {
     const before = State.get("at");

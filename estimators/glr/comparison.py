@@ -1,0 +1,281 @@
+"""
+Which parameter jumped: candidates, each gone through again with its jump, and held together.
+
+A column of the bank is linear in the size of a jump, and only good for small ones. So the best
+onset of each of a few parameters is gone through again from the state that was kept there, with the
+jump, and with one column, whence a step of Gauss and Newton; at most `PASSES` of these. They are
+held together by the e²/S that is left of all samples since, with the priors of sizes and onsets.
+Until one leads, the mean over all hypotheses stands for them. After that the others are looked at
+again a few times, and may still take its place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.finding import Finding
+from flexaxis.estimators.glr.bank import PER_LEVEL
+from flexaxis.estimators.glr.records import NEVER
+from flexaxis.estimators.glr.workspace import Workspace
+
+Array = NDArray[np.float64]
+
+ALARM = 7.0  # nats, odds of any jump against none from which on candidates are compared
+LEAD = 4.5  # nats, of a candidate over each other parameter: 90 to 1
+CANDIDATES = 3  # parameters that are gone through again
+PASSES = 3  # of Gauss and Newton, at most, for each
+NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
+AGAIN = 5  # what was compared in vain is compared again a fifth of its age later
+REVIEWS = (0.15, 0.3, 0.6, 1.0)  # of the time until a name is final, when it is looked at again
+LEAST = 0.02  # of a parameter, a change that is told; a smaller one corrects what was learnt
+Z95 = 1.96  # standard deviations on both sides that hold 95 %
+
+
+@dataclass
+class Candidate:
+    """
+    A jump of one parameter at one onset.
+
+    Attributes
+    ----------
+    which : int
+        Place of the parameter among those that jump.
+    onset : int
+        Sample.
+    size : float
+        In units of the scale.
+    xi, P : (m,), (m, w) arrays
+        Of the filter at the onset.
+    chi2 : float
+        Σ e²/S of the filter until the onset.
+    path : float
+        Logarithm of the prior of this jump, and of those that were taken before it.
+    instead : bool
+        Whether it would stand in the place of the last finding, rather than come after it.
+    evidence : float
+        Logarithm, against the filter as it is.
+    """
+
+    which: int
+    onset: int
+    size: float
+    xi: Array
+    P: Array
+    chi2: float
+    path: float
+    instead: bool = False
+    evidence: float = -np.inf
+    deviation: float = np.nan
+    penalty: float = 0.0
+    total: float = 0.0
+    passes: int = 0
+
+
+class Comparison:
+    """
+    What is being compared, and what was found.
+
+    Parameters
+    ----------
+    work : Workspace
+    origin : int
+        Sample at which the filter began.
+
+    Attributes
+    ----------
+    findings : list of Finding
+    """
+
+    def __init__(self, work: Workspace, origin: int = 0) -> None:
+        self._work, self._origin = work, origin
+        self.findings: list[Finding] = []
+        self._candidates: list[Candidate] = []
+        self._todo: list[Candidate] = []
+        self._others: list[float] = []  # evidence of what is not gone through again
+        self._rest: list[Candidate] = []  # what the last finding may still give way to
+        self._reviews: list[int] = []
+        self._path = 0.0
+        self._chosen: Candidate | None = None
+
+    def begin(self) -> None:
+        """Compare the best that the bank has, and what the last finding may give way to."""
+        best = self._best()
+        if best:
+            self._compare([*best, *self._rest])
+
+    def review(self) -> None:
+        """Look at the last name again."""
+        self._others = []
+        rest = self._rest
+        self._schedule()
+        if rest:
+            self._compare(rest)
+
+    def forget(self) -> None:
+        """Leave the last name as it is."""
+        self._rest, self._reviews, self._work.bank["due"] = [], [], NEVER
+        self._todo, self._chosen = [], None
+
+    def go_on(self) -> bool:
+        """Go on from a pass that has ended; return whether something was found."""
+        if self._chosen is not None:
+            return self._take(self._chosen)
+        candidate = self._todo[0]
+        before, step = candidate.size, self._weigh(candidate)
+        candidate.size += step
+        if (
+            not np.isfinite(candidate.evidence)
+            or candidate.passes >= PASSES
+            or abs(step) < NEAR * candidate.deviation
+            or self._inside(candidate) == before
+        ):
+            self._todo.pop(0)
+        if self._todo:
+            self._pass(self._todo[0])
+        else:
+            self._decide()
+        return False
+
+    def _best(self) -> list[Candidate]:
+        """Return the best onset of the parameters that explain most."""
+        bank, tuning, q = self._work.bank[0], self._work.tuning[0], len(self._work.jumps.which)
+        table = bank["evidence"].reshape(-1, q)
+        rows = table.argmax(axis=0)
+        best = table[rows, range(q)]
+        order = [int(i) for i in np.argsort(-best) if np.isfinite(best[i])]
+        self._others = [float(best[i]) for i in order[CANDIDATES:]]
+        found = []
+        for i in order[:CANDIDATES]:
+            row, spacing = rows[i], self._work.timing.base << (int(rows[i]) // PER_LEVEL)
+            found.append(
+                Candidate(
+                    which=i,
+                    onset=int(bank["onset"][row]),
+                    size=float(bank["size"][row * q + i]),
+                    xi=bank["kept_xi"][row].copy(),
+                    P=bank["kept_P"][row].copy(),
+                    chi2=float(bank["chi2_at"][row]),
+                    path=self._path + float(tuning["log_prior"][i]) + float(np.log(spacing)),
+                )
+            )
+        return found
+
+    def _compare(self, candidates: Sequence[Candidate]) -> None:
+        bank = self._work.bank[0]
+        self._candidates, self._todo = list(candidates), list(candidates)
+        for candidate in candidates:
+            candidate.passes = 0
+        self._kappa, self._now = float(bank["kappa"]), int(bank["taken"])
+        self._chi2, self._before = float(bank["chi2"]), self._path
+        self._pass(self._todo[0])
+
+    def _inside(self, candidate: Candidate) -> float:
+        """Return the size of a jump, cut off where the box ends."""
+        i, design = self._work.jumps.which[candidate.which], self._work.design
+        start = candidate.xi[i]
+        return float(np.clip(start + candidate.size, design.lower[i], design.upper[i]) - start)
+
+    def _pass(self, candidate: Candidate, *, follow: bool = False) -> None:
+        """Go through the samples since an onset again, with the jump."""
+        i, bank = self._work.jumps.which[candidate.which], self._work.bank[0]
+        candidate.size = self._inside(candidate)
+        xi = candidate.xi.copy()
+        xi[i] += candidate.size
+        self._work.go_through(xi, candidate.P, candidate.onset, first=True, follow=follow)
+        bank["delta"] = 0.0
+        bank["delta"][i] = 1.0
+        if not follow:
+            bank["end"] = self._now
+
+    def _weigh(self, candidate: Candidate) -> float:
+        """Return the step of Gauss and Newton after a pass, and note what the pass tells."""
+        bank, variance = self._work.bank[0], self._work.tuning["variance"][0, candidate.which]
+        J, prior = float(bank["J_one"]) / self._kappa, 1.0 / float(variance)
+        step = (float(bank["d_one"]) / self._kappa - candidate.size * prior) / (J + prior)
+        candidate.passes += 1
+        candidate.deviation = (J + prior) ** -0.5
+        candidate.penalty = candidate.path - 0.5 * (
+            (candidate.size + step) ** 2 * prior + float(np.log1p(J / prior))
+        )
+        candidate.total = float(bank["chi2_one"]) + candidate.chi2
+        explained = 0.5 * (self._chi2 - candidate.total) / self._kappa
+        ahead = 0.5 * J * step**2 + prior * step * (candidate.size + step)  # what the step explains
+        evidence = explained + ahead + candidate.penalty - self._before
+        candidate.evidence = evidence if np.isfinite(evidence) else -np.inf
+        return step
+
+    def _decide(self) -> None:
+        """Take the best candidate if it leads, or wait."""
+        best = max(self._candidates, key=lambda c: c.evidence)
+        others = [
+            c.evidence
+            for c in self._candidates
+            if (c.which, c.instead) != (best.which, best.instead)
+        ]
+        lead = best.evidence - max([0.0, *others, *self._others])
+        bank = self._work.bank[0]
+        if best.evidence > (LEAD if best.instead else ALARM) and lead > LEAD:
+            self._chosen = best
+            self._pass(best, follow=True)
+            return
+        bank["busy"] = 0
+        if not all(c.instead for c in self._candidates):
+            bank["patience"] = self._now + max(1, (self._now - best.onset) // AGAIN)
+
+    def _take(self, chosen: Candidate) -> bool:
+        """Let what was gone through with a jump take the filter's place; whether that is told."""
+        work, self._chosen = self._work, None
+        bank = work.bank[0]
+        step, delta = self._weigh(chosen), bank["delta"].copy()
+        if not np.isfinite(step):
+            work.empty()
+            return False
+        work.move(step * delta)
+        chosen.size += step
+        work.states[1]["P"][:, : len(delta)] += np.outer(delta, delta) * chosen.deviation**2
+        work.adopt()
+        bank["chi2"], self._path = chosen.total, chosen.penalty
+        told = self._tell(chosen)
+        self._rest = [
+            replace(c, instead=True)
+            for c in self._candidates
+            if c is not chosen and c.instead == chosen.instead
+        ]
+        final = work.timing.review
+        self._reviews = [chosen.onset + round(part * final) for part in REVIEWS]
+        self._schedule()
+        if not told:
+            self.forget()
+        return told and not chosen.instead
+
+    def _schedule(self) -> None:
+        """Set when the last name is looked at again, or leave it as it is."""
+        self._reviews = [at for at in self._reviews if at > self._work.now]
+        if self._reviews:
+            self._work.bank["due"] = self._reviews[0]
+        else:
+            self.forget()
+
+    def _tell(self, chosen: Candidate) -> bool:
+        """Note what was found, and return whether it is worth telling."""
+        i = self._work.jumps.which[chosen.which]
+        before = float(chosen.xi[i]) or 1e-12
+        ratio, half = 1 + chosen.size / before, Z95 * chosen.deviation / abs(before)
+        if abs(chosen.size) < LEAST * abs(before):
+            if chosen.instead:  # what it gives way to has not happened
+                self.findings[-1:] = []
+            return False
+        finding = Finding(
+            self._work.now + self._origin,
+            chosen.onset + self._origin,
+            (self._work.names[i],),
+            (float(ratio),),
+            interval=((float(ratio - half), float(ratio + half)),),
+        )
+        if chosen.instead and self.findings:
+            self.findings[-1] = replace(finding, alarm=self.findings[-1].alarm)
+        else:
+            self.findings.append(finding)
+        return True

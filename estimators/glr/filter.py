@@ -1,0 +1,248 @@
+"""A joint Kalman filter with a bank of hypotheses, as an estimator."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.finding import Finding
+from flexaxis.estimators.glr.comparison import ALARM, Comparison
+from flexaxis.estimators.glr.first_seconds import FirstSeconds
+from flexaxis.estimators.glr.loop import glr_loop
+from flexaxis.estimators.glr.records import Jumps, Timing, glr_records
+from flexaxis.estimators.glr.workspace import Workspace
+from flexaxis.estimators.recursion.astray import begin_anew
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.filter import RecursiveEstimator
+from flexaxis.estimators.recursion.joint import with_state
+from flexaxis.estimators.sampling.pattern import split
+
+Array = NDArray[np.float64]
+
+
+class Glr(RecursiveEstimator):
+    """
+    A joint Kalman filter with a bank of hypotheses that learns structure in the first seconds.
+
+    Parameters
+    ----------
+    design : Design
+        Tracked parameters first, those that are learnt once after them.
+    tracked : int
+        Number of the tracked ones, the estimates.
+    jumps : Jumps
+    timing : Timing
+    told : sequence of mapping of str to float
+        Groups of parameters with the values to which estimates are drawn where the data do not
+        contradict, see `flexaxis.estimators.recursion.as_told`.
+    fixable : mapping of str to str
+        What of these is fixed where it is not seen, and how `fixed_because` says so.
+    x0_covariance : (n, n) array
+
+    Attributes
+    ----------
+    theta, covariance
+        Mean and covariance of the tracked parameters over all hypotheses.
+    findings : tuple of Finding
+        What was found; a name may give way to another one for 2.6 time scales after its onset.
+    alarm : bool
+        Whether something was found in the last sample.
+    learnt : dict of str to (float, float)
+        All parameters with value and standard deviation.
+    beliefs : dict of str to float
+        Probability that each parameter has jumped within the time that the bank covers.
+    fixed_because : dict of str to str
+        Parameters that were not learnt, and why not.
+    """
+
+    _shared = (*RecursiveEstimator._shared, "_design", "_records", "_loop", "_fixable", "_told")
+
+    def __init__(
+        self,
+        design: Design,
+        *,
+        tracked: int,
+        jumps: Jumps,
+        timing: Timing,
+        told: Sequence[Mapping[str, float]],
+        fixable: Mapping[str, str],
+        x0_covariance: Array,
+    ) -> None:
+        names = design.model.names
+        lower, upper = design.bounds
+        super().__init__(names[:tracked], design.output, (lower[:tracked], upper[:tracked]))
+        self._design, self._jumps, self._timing = design, jumps, timing
+        self._fixable = dict(fixable)
+        self._told = {
+            names.index(name): value / design.scale[names.index(name)]
+            for group in told
+            for name, value in group.items()
+        }
+        groups = [[names.index(name) for name in group] for group in told if group]
+        pattern = with_state(split(design.model)[0])
+        self._records = glr_records(
+            design,
+            pattern,
+            x0_covariance,
+            jumps,
+            timing,
+            ALARM,
+            [(g, [self._told[i] for i in g]) for g in groups],
+            tracked,
+        )
+        self._loop = glr_loop(pattern)
+        self.reset()
+        self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
+        self.reset()
+
+    def _start(self) -> None:
+        self._before: list[Finding] = []
+        self._begin_at(0)
+
+    def _begin_at(self, origin: int) -> None:
+        """Be about to take the first sample."""
+        tuning, states, bank = self._records
+        work = Workspace(
+            self._design, self._jumps, self._timing, tuning, states.copy(), bank.copy(), states
+        )
+        first = FirstSeconds(work, len(self.names), self._told, self._fixable)
+        self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
+        self._origin, self.alarm = origin, False
+        self.fixed_because: dict[str, str] = {}
+        if self._timing.first == 0:
+            work.bank["awake"] = 1
+
+    @property
+    def _work(self) -> Workspace:
+        return self._parts[0]
+
+    @property
+    def _comparison(self) -> Comparison:
+        return self._parts[1]
+
+    @property
+    def theta(self) -> Array:  # noqa: D102
+        return self._all()[0][: len(self.names)]
+
+    @property
+    def covariance(self) -> Array:  # noqa: D102
+        p = len(self.names)
+        return self._all()[1][:p, :p]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:  # noqa: D102
+        return (*self._before, *self._comparison.findings)
+
+    @property
+    def learnt(self) -> dict[str, tuple[float, float]]:  # noqa: D102
+        return self._named(*self._all())
+
+    @property
+    def beliefs(self) -> dict[str, float]:  # noqa: D102
+        by = self._work.bank["weight"][0].reshape(-1, len(self._jumps.which)).sum(axis=0)
+        names = self._design.model.names
+        return {names[i]: float(w) for i, w in zip(self._jumps.which, by, strict=True)}
+
+    def _all(self) -> tuple[Array, Array]:
+        """Return all parameters (p,) and their covariance (p, p)."""
+        work = self._work
+        bank, scale, p = work.bank[0], self._design.scale, work.p
+        theta, P = work.states["theta"][0, :p].copy(), work.states["P"][0, :p, :p].copy()
+        if bank["taken"]:
+            theta[:] = bank["mixed"]
+            union = work.tuning["union"][0]
+            theta[union] = bank["given"]
+            P[np.ix_(union, union)] = bank["given_P"] + bank["given_between"]
+            P += self._between()
+        return theta * scale, P * np.outer(scale, scale)
+
+    def _between(self) -> Array:
+        """Return what of the covariance of θ lies between the hypotheses, and in their sizes."""
+        bank, tuning = self._work.bank[0], self._work.tuning[0]
+        likely = np.flatnonzero(bank["weight"] > 1e-9)
+        D, weight = bank["D"][: self._work.p, likely], bank["weight"][likely]
+        size = bank["size"][likely]
+        variance = tuning["variance"][likely % len(self._jumps.which)]
+        spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
+        mean = D @ (weight * size)
+        return (D * (weight * (size**2 + spread))) @ D.T - np.outer(mean, mean)
+
+    def _named(self, theta: Array, P: Array) -> dict[str, tuple[float, float]]:
+        """Return value and standard deviation by name."""
+        pairs = zip(theta.tolist(), np.sqrt(np.maximum(np.diag(P), 0)).tolist(), strict=True)
+        return dict(zip(self._design.model.names, pairs, strict=True))
+
+    def commissioned(self) -> dict[str, dict[str, float]]:
+        """
+        Return what is known of the axis now, from which another estimator may begin.
+
+        Returns
+        -------
+        dict
+            ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
+            What was fixed is not among them; they are those of the data, not drawn to what was
+            told.
+        """
+        scale, p = self._design.scale, self._work.p
+        state = self._work.states[0]
+        all_of = self._named(
+            state["theta"][:p] * scale, state["P"][:p, :p] * np.outer(scale, scale)
+        )
+        found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
+        for name, (value, deviation) in all_of.items():
+            if name in self.fixed_because:
+                continue
+            inverse = name.startswith("1/")
+            physical = name.removeprefix("1/")
+            found["nominal"][physical] = 1 / value if inverse else value
+            found["deviations"][physical] = deviation / value**2 if inverse else deviation
+        return found
+
+    def _take(
+        self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
+    ) -> None:
+        done = 0
+        while done < len(u):
+            self.alarm = False
+            rest, work = slice(done, None), self._work
+            given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
+            done += self._loop(work.tuning, work.states, work.bank, *given)
+            self._attend()
+            if not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
+                estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
+        estimates *= self._design.scale[: len(self.names)]
+
+    def _attend(self) -> None:
+        """Do what is due after a sample."""
+        work, bank = self._work, self._work.bank[0]
+        if work.states["anew"][0] > 0:
+            self._begin_anew()
+        elif work.caught_up and not bank["awake"]:
+            self._parts[2].go_on()
+        elif work.caught_up:
+            self.alarm = self._comparison.go_on()
+        elif work.busy or not bank["asks"]:
+            return
+        elif not bank["awake"]:
+            self.fixed_because = self._parts[2].begin()
+        elif 0 <= bank["due"] <= work.now:
+            self._comparison.review()
+        else:
+            self._comparison.begin()
+
+    def _begin_anew(self) -> None:
+        """Wait for the state after a sensor that did not follow; begin anew if all is lost."""
+        work, p = self._work, self._work.p
+        P, begin = work.states["P"][0], work.begin[0]["P"]
+        if work.states["anew"][0] < 2 and work.bank["awake"][0]:
+            P[:, p:] = P[p:] = 0.0
+            P[p:, p:] = begin[p:, p:]
+            work.states["anew"][0] = 0.0
+            self._comparison.forget()
+            work.empty()
+            return
+        begin_anew(work.tuning, work.states[:1], work.begin[:1])
+        states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
+        self._before = list(self.findings)
+        self._begin_at(self._origin + taken)
+        self._work.states[:1] = states

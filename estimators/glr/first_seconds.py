@@ -1,0 +1,110 @@
+"""
+The first seconds of motion, in which the structure of an axis is learnt once.
+
+The filter goes through them as through any others. What they hardly showed is then fixed as told,
+and they are gone through again from what was learnt: once as before, then with the model linearised
+at one point throughout, which is a step of Gauss and Newton, as long as the likelihood grows. No
+sample counts twice: to first order, an estimate that started δ too far is P P(0)⁻¹ δ too far in the
+end.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.glr.workspace import Workspace
+from flexaxis.estimators.recursion.seen import seen
+
+Array = NDArray[np.float64]
+
+NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
+
+
+class FirstSeconds:
+    """
+    How far the first seconds have been gone through again.
+
+    Parameters
+    ----------
+    work : Workspace
+    tracked : int
+        Parameters that are not fixed, whatever is seen of them.
+    told : mapping of int to float
+        Values at which parameters are fixed.
+    fixable : mapping of str to str
+        What is fixed where it is not seen, and why, in words.
+    """
+
+    def __init__(
+        self,
+        work: Workspace,
+        tracked: int,
+        told: Mapping[int, float],
+        fixable: Mapping[str, str],
+    ) -> None:
+        self._work, self._tracked, self._told, self._fixable = work, tracked, told, fixable
+        self._fixed: list[int] = []
+        self._from = np.empty(0)
+        self._best: tuple | None = None  # cost, record, and the sample that it has come to
+        self._left = work.timing.passes
+        self._catches_up = False
+
+    def begin(self) -> dict[str, str]:
+        """Fix what was not seen, begin the first pass, and return what was fixed, and why."""
+        work = self._work
+        P0 = np.diag(work.design.P0)
+        known = seen(np.diag(work.states["P"][0])[: work.p], P0)
+        fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
+        self._fixed = [i for i in fixable if not known[i]]
+        for i in self._fixed:
+            work.states["P"][0, :, i] = work.states["P"][0, i, :] = 0.0
+            work.states["theta"][0, i] = self._told[i]
+        if self._fixed:
+            work.tuning = work.tuning.copy()
+            work.tuning["variance"][0, np.isin(work.jumps.which, self._fixed)] = 0.0
+        work.bank["mark"] = work.bank["taken"]
+        self._pass(work.states["theta"][0, : work.p].copy(), held=False)
+        return {work.names[i]: self._fixable[work.names[i]] for i in self._fixed}
+
+    def _pass(self, theta: Array, *, held: bool) -> None:
+        work, begin = self._work, self._work.begin[0]
+        P, n = begin["P"].copy(), len(begin["gain"]) - work.p
+        P[:, self._fixed] = P[self._fixed] = 0.0
+        start = np.r_[theta, begin["X"][:n, 0]]
+        work.go_through(start, P, int(work.bank["born"][0]), first=False, follow=True)
+        work.states[1]["X"] = begin["X"]
+        work.bank["held"], work.bank["base"], self._from = int(held), theta, theta
+
+    def go_on(self) -> bool:
+        """Go on from where a pass has come to; return whether it was the last."""
+        work, bank = self._work, self._work.bank[0]
+        if not self._catches_up:
+            theta, deviation = self._weigh_once()
+            cost = float(bank["cost_first"]) if np.isfinite(theta).all() else np.inf
+            better = self._best is None or cost < self._best[0]
+            if better:
+                self._best = cost, work.states[1].copy(), int(bank["at"])
+            free = deviation > 0
+            step = np.abs((theta - self._from)[free] / deviation[free]).max(initial=0.0)
+            self._left -= 1
+            if better and step > NEAR and self._left:
+                self._pass(theta, held=True)
+                return False
+            assert self._best is not None
+            work.states[1], bank["at"] = self._best[1:]
+            bank["held"], bank["end"], self._catches_up = 0, bank["taken"], True
+        if work.caught_up:
+            if np.isfinite(work.states[1]["theta"]).all():
+                work.adopt()
+            work.empty()
+            bank["awake"] = 1
+        return not work.busy
+
+    def _weigh_once(self) -> tuple[Array, Array]:
+        """Take back what the start of a pass has added; return θ and its deviations (p,)."""
+        work, state, p = self._work, self._work.states[1], self._work.p
+        apart = self._from - work.begin[0]["theta"][:p]
+        apart[self._fixed] = 0.0
+        work.move(-state["P"][:, :p] @ np.linalg.solve(work.design.P0, apart))
+        return state["theta"][:p].copy(), np.sqrt(np.maximum(np.diag(state["P"])[:p], 0.0))

@@ -1,0 +1,179 @@
+"""Records of a filter with a bank of hypotheses, before the first sample."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.glr.bank import PER_LEVEL
+from flexaxis.estimators.recursion.as_told import told_records
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.joint import ekf_records
+from flexaxis.estimators.recursion.level import level
+from flexaxis.estimators.recursion.records import Record, joined, record
+from flexaxis.estimators.sampling.pattern import Pattern
+
+Array = NDArray[np.float64]
+NEVER = -1  # a sample that does not come
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """
+    How θ may jump, relative to its scale.
+
+    Attributes
+    ----------
+    which : tuple of int
+        The parameters that may.
+    size : (q,) array
+        Standard deviation of a jump.
+    rate : (q,) array
+        How often one comes [1/s].
+    walk : (p,) array
+        What the variances of θ gain in every sample besides.
+    """
+
+    which: tuple[int, ...]
+    size: Array
+    rate: Array
+    walk: Array
+
+
+@dataclass(frozen=True)
+class Timing:
+    """
+    Lengths in samples.
+
+    Attributes
+    ----------
+    base : int
+        Spacing of onsets on the finest level of the bank.
+    levels : int
+        Of the bank.
+    first : int
+        The first seconds, in which structure is learnt; 0 for an axis that is known.
+    review : int
+        After an onset, when its name is looked at again.
+    memory : int
+        Over which the misfit of the model is learnt.
+    budget : int
+        Samples at most that are gone through again in one.
+    passes : int
+        How often the first seconds are gone through again, at most.
+    """
+
+    base: int
+    levels: int
+    first: int
+    review: int
+    memory: int
+    budget: int
+    passes: int
+
+    @property
+    def span(self) -> int:
+        """How old an onset may be."""
+        return self.base * PER_LEVEL * 2 ** (self.levels - 1)
+
+
+def glr_records(  # noqa: PLR0917
+    design: Design,
+    pattern: Pattern,
+    covariance: Array,
+    jumps: Jumps,
+    timing: Timing,
+    alarm: float,
+    groups: Sequence[tuple[Sequence[int], Sequence[float]]],
+    tracked: int,
+) -> tuple[Record, Record, Record]:
+    """
+    Return tuning (1,), states (2,) and bank (1,) of `loop.glr_loop`.
+
+    Parameters
+    ----------
+    design : Design
+    pattern : Pattern
+        Of its model, `flexaxis.estimators.recursion.joint.with_state`.
+    covariance : (n, n) array
+        Of x(0).
+    jumps : Jumps
+    timing : Timing
+    alarm : float
+        Logarithm of the odds of a jump from which on somebody looks.
+    groups
+        As for `flexaxis.estimators.recursion.as_told.told_records`.
+    tracked : int
+        The first so many of θ are estimates.
+    """
+    tuning, start = ekf_records(design, pattern, covariance, level(design, rests=True))
+    told, drawn = told_records(tracked, groups)
+    p, m, q = len(design.theta0), pattern.p, len(jumps.which)
+    tuning["drift"][0] = np.diag(jumps.walk)
+    more = record(
+        which=np.array(jumps.which),
+        variance=jumps.size**2,
+        log_prior=np.log(jumps.rate * design.period),
+        base=timing.base,
+        budget=timing.budget,
+        first=timing.first,
+        alarm=alarm,
+        misfit_share=1.0 / timing.memory,
+    )
+    slots, n = PER_LEVEL * timing.levels, m - p
+    H = slots * q
+    grows = (timing.budget / (timing.budget - 1)) ** (timing.passes + 1)  # while a pass catches up
+    needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
+    length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
+    bank = record(
+        D=np.zeros((m, H)),
+        moved=np.zeros((n, H)),
+        phi=np.zeros(H),
+        J=np.zeros(H),
+        d=np.zeros(H),
+        size=np.zeros(H),
+        weight=np.zeros(H),
+        evidence=np.full(H, -np.inf),
+        none=1.0,
+        onset=np.full(slots, NEVER),
+        chi2=0.0,
+        used=0.0,
+        chi2_at=np.zeros(slots),
+        used_at=np.zeros(slots),
+        kept_P=np.zeros((slots, *start["P"].shape[1:])),
+        kept_xi=np.zeros((slots, m)),
+        kappa=1.0,
+        misfit=1.0,
+        square=1.0,
+        product=0.0,
+        last=np.nan,
+        odds=-np.inf,
+        mixed=np.zeros(p),
+        history=np.zeros((length, 3)),
+        delta=np.zeros(m),
+        moved_one=np.zeros(n),
+        J_one=0.0,
+        d_one=0.0,
+        chi2_one=0.0,
+        at=0,
+        end=0,
+        first=0,
+        end_follows=0,
+        busy=0,
+        cost_one=0.0,
+        cost_first=np.inf,  # twice the negative logarithm of the likelihood of the first seconds
+        held=0,  # whether the model is linearised at ``base`` for all of these samples
+        base=np.zeros(p),
+        estimated=np.zeros(p),
+        rerun=0,  # samples that were gone through again, in all
+        taken=0,
+        awake=0,
+        due=NEVER,
+        born=NEVER,  # first sample in which the axis moved
+        moves=0,  # samples in which it did
+        mark=NEVER,  # where the first seconds end
+        patience=0,
+        asks=0,  # whether somebody has to look after the last sample
+    )
+    return joined(tuning, more, told), np.repeat(start, 2), joined(bank, drawn)

@@ -1,0 +1,107 @@
+"""The records of a filter with a bank, and what is done to them between samples."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.glr.records import NEVER, Jumps, Timing
+from flexaxis.estimators.recursion.design import Design
+from flexaxis.estimators.recursion.records import Record
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Workspace:
+    """
+    What `flexaxis.estimators.glr.loop.glr_loop` works on.
+
+    Attributes
+    ----------
+    design : Design
+    jumps : Jumps
+    timing : Timing
+    tuning, states, bank : Record
+        As from `flexaxis.estimators.glr.records.glr_records`.
+    begin : (2,) Record
+        The states before the first sample.
+    """
+
+    design: Design
+    jumps: Jumps
+    timing: Timing
+    tuning: Record
+    states: Record
+    bank: Record
+    begin: Record
+
+    @property
+    def p(self) -> int:
+        """Number of parameters."""
+        return len(self.design.scale)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all parameters."""
+        return self.design.model.names
+
+    @property
+    def now(self) -> int:
+        """The last sample that was taken."""
+        return int(self.bank["taken"][0]) - 1
+
+    @property
+    def busy(self) -> bool:
+        """Whether samples are gone through again."""
+        return bool(self.bank["busy"][0])
+
+    @property
+    def caught_up(self) -> bool:
+        """Whether those that are gone through again are."""
+        return self.busy and bool(self.bank["at"][0] >= self.bank["end"][0])
+
+    def go_through(self, xi: Array, P: Array, at: int, *, first: bool, follow: bool) -> None:
+        """
+        Let the second record go through samples again.
+
+        Parameters
+        ----------
+        xi, P : (m,), (m, w) arrays
+            Where it starts.
+        at : int
+            The first of the samples.
+        first : bool
+            Whether ``xi`` has been through the measurement of that sample already.
+        follow : bool
+            Whether it goes on with samples that come meanwhile.
+        """
+        bank, state, p = self.bank[0], self.states[1], self.p
+        self.states[1] = self.states[0].copy()
+        state["theta"][:p], state["X"][: len(xi) - p, 0], state["P"] = xi[:p], xi[p:], P
+        n = len(xi) - p
+        state["X"][:n, 1 : 1 + p + n] = np.eye(n, p + n, p)
+        for name in ("J_one", "d_one", "chi2_one", "cost_one", "held"):
+            bank[name] = 0.0
+        bank["at"], bank["end"], bank["first"] = at, bank["taken"], int(first)
+        bank["end_follows"], bank["busy"] = int(follow), 1
+
+    def move(self, direction: Array) -> None:
+        """Move ξ of the second record (m,) as it was at the last sample, and what it predicts."""
+        state, p = self.states[1], self.p
+        lower, upper = self.design.lower, self.design.upper
+        state["theta"][:p] = np.clip(state["theta"][:p] + direction[:p], lower, upper)
+        state["X"][:, 0] += state["X"][:, 1 : 1 + len(direction)] @ direction
+
+    def adopt(self) -> None:
+        """Let the second record take the place of the first, but for what is known of the noise."""
+        for name in ("theta", "X", "P", "M"):
+            self.states[name][0] = self.states[name][1]
+        self.empty()
+
+    def empty(self) -> None:
+        """Forget all hypotheses, and what is being gone through again."""
+        bank = self.bank[0]
+        bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
+        bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
+        bank["end_follows"], bank["end"] = 0, bank["at"]

@@ -1,0 +1,324 @@
+"""What is said between a board's keeper and the code of an entry, and the end where that runs.
+
+The code is told nominal values and samples, one by one: no seed, no fault, no scenario, no truth,
+and the next sample only when the estimate before it is back. What it says is numbers and short
+texts: of a length that is known before they are read, and never unpickled.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shutil
+import socket
+import struct
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.board.suite import EntryError
+
+Array = NDArray[np.float64]
+Torques = Callable[[Any], Array]
+
+_HEAD = struct.Struct("<cI")
+_JSON, _NUMBERS = b"J", b"N"
+TEXTS = 65536  # bytes of an answer in words: of what it is, and what it has found
+NAMES = 100  # that an estimator may have
+SAID = 200  # characters of an error that are passed on: they may be shown to anybody
+STARTING = 120.0  # s that a process may take to start
+IN_ALL = 10.0  # times the patience, for a case
+LOOKING = 0.2  # s between looks at what a case takes
+MEMORY, FILE, OPEN = 8 << 30, 64 << 20, 128  # of one process: bytes, bytes of a file, open files
+FINDINGS = 500  # that are listened to, of a case
+FINDING = ("alarm", "onset", "parameters", "ratio")
+
+
+class Wire:
+    """Two descriptors, one to read from and one to write to.
+
+    Parameters
+    ----------
+    back, to : int
+    patience : float, optional
+        How long an answer may take [s], and all of a case ten times that; for ever by default.
+    watch : callable, optional
+        Called every now and then while messages come; it raises where enough is enough.
+    """
+
+    def __init__(
+        self, back: int, to: int, patience: float | None = None, watch: Any = lambda: None
+    ) -> None:
+        self._back, self._to, self._patience, self._watch = back, to, patience, watch
+        self._last = float("inf")
+        self._looked = time.monotonic()
+
+    def begin(self) -> None:
+        """Let the time of a case begin."""
+        self._last = time.monotonic() + IN_ALL * (self._patience or float("inf"))
+
+    def send(self, content: Any) -> None:
+        """Send numbers as they are, anything else as JSON; EntryError if nobody takes it."""
+        if isinstance(content, np.ndarray):
+            kind, text = _NUMBERS, np.ascontiguousarray(content, "<f8").tobytes()
+        else:
+            kind, text = _JSON, json.dumps(content).encode()
+        left, end = memoryview(_HEAD.pack(kind, len(text)) + text), self._end(None)
+        while left:
+            self._wait(end, to=True)
+            try:  # what is ready takes as many bytes at once; of more it might never take the rest
+                left = left[os.write(self._to, left[: select.PIPE_BUF]) :]
+            except BrokenPipeError as error:
+                raise EntryError("the process that ran the code has ended") from error
+
+    def receive(self, most: int = TEXTS, *, patience: float | None = None) -> Any:
+        """Return a table, or numbers (n,).
+
+        Parameters
+        ----------
+        most : int
+            Bytes that it may have.
+        patience : float, optional
+            [s].
+
+        Raises
+        ------
+        EntryError
+            If nothing comes, in time or at all, or something else.
+        """
+        end = self._end(patience)
+        kind, size = _HEAD.unpack(self._read(_HEAD.size, end))
+        if size > most:
+            raise EntryError(f"the code sent {size} bytes for an answer; {most} are allowed")
+        content = self._read(size, end)
+        if kind == _NUMBERS and size % 8 == 0:
+            return np.frombuffer(content, "<f8").astype(float)
+        try:
+            return json.loads(content)
+        except (ValueError, RecursionError) as error:
+            raise EntryError("the code sent something that is no answer") from error
+
+    def _read(self, size: int, end: float) -> bytes:
+        found = b""
+        while len(found) < size:
+            self._wait(end)
+            part = os.read(self._back, size - len(found))
+            if not part:
+                raise EntryError("the process that ran the code has ended")
+            found += part
+        return found
+
+    def _end(self, patience: float | None) -> float:
+        given = patience or self._patience
+        return time.monotonic() + given if given else float("inf")
+
+    def _wait(self, end: float, *, to: bool = False) -> None:
+        """Wait until a descriptor is ready, and look at what the other end takes meanwhile."""
+        back, there = ([], [self._to]) if to else ([self._back], [])
+        while True:
+            now = time.monotonic()
+            if now > self._looked + LOOKING:
+                self._watch()
+                self._looked = now
+            if now > min(end, self._last):
+                late = f"no answer within {self._patience:g} s" if end <= self._last else "no end"
+                raise EntryError(f"the code gave {late}")
+            if any(select.select(back, there, [], LOOKING)):
+                return
+
+
+class Remote:
+    """An estimator in another process, as one here: it gives numbers, and no more.
+
+    Parameters
+    ----------
+    wire : Wire
+    asked : mapping
+        As `serve` takes it.
+    torques : callable
+        Gives the torque of a nominal run, where the estimator asks for one.
+
+    Attributes
+    ----------
+    names : tuple of str
+    output : str
+    """
+
+    def __init__(self, wire: Wire, asked: Mapping[str, Any], torques: Torques) -> None:
+        self._wire, self._text = wire, str(asked["estimator"])
+        wire.begin()
+        wire.send(dict(asked))
+        made = self._answer()
+        if isinstance(made, dict) and "torque" in made:
+            wire.send(torques("design" if made["torque"] == "design" else "reference"))
+            made = self._answer()
+        try:
+            self.names = tuple(plain(name) for name in made["names"][:NAMES])
+            self.output = plain(made["output"])
+        except (LookupError, TypeError) as error:
+            raise EntryError("the code sent something that is no answer") from error
+
+    def step(self, u: float, y: float | None) -> Array:
+        """Return θ[k] (p,); the next sample is sent after it has come."""
+        self._wire.send(np.array([u, np.nan if y is None else y]))
+        answer = self._answer(8 * NAMES)
+        if not isinstance(answer, np.ndarray) or len(answer) != len(self.names):
+            raise EstimatorError(
+                f"{self._text}: gave {np.size(answer)} numbers, not {len(self.names)}"
+            )
+        return answer
+
+    @property
+    def findings(self) -> list[SimpleNamespace] | None:
+        """What it has found, None of an estimator that looks for nothing."""
+        self._wire.send("findings")
+        found = self._answer()
+        try:
+            return None if found["findings"] is None else [*map(_finding, found["findings"])]
+        except (AttributeError, LookupError, TypeError, ValueError, OverflowError) as error:
+            raise EntryError("the code sent something that is no answer") from error
+
+    def _answer(self, most: int = 0) -> Any:
+        answer = self._wire.receive(max(most, TEXTS))
+        if isinstance(answer, dict) and "error" in answer:
+            raise EstimatorError(f"{self._text}: {plain(answer['error'])}")
+        return answer
+
+
+def plain(text: Any) -> str:
+    """Return a text of somebody else's: short, and nothing in it that acts on who reads it."""
+    return "".join(c if c.isprintable() else " " for c in str(text)[:SAID])
+
+
+def _finding(found: Any) -> SimpleNamespace:
+    return SimpleNamespace(
+        alarm=int(found["alarm"]),
+        onset=int(found.get("onset") or found["alarm"]),
+        parameters=tuple(map(plain, found.get("parameters") or ())),
+        ratio=tuple(map(float, found.get("ratio") or ())),
+    )
+
+
+def main() -> None:
+    """Say how far this process is shut in, then run one case: the end where the code of it runs."""
+    wire = _own_wire()
+    _limit()
+    _ready()
+    with suppress(EntryError, OSError):  # nobody is there any more
+        wire.send(reached())
+        try:
+            serve(wire, wire.receive(1 << 30))
+        except BaseException as error:
+            wire.send({"error": f"{type(error).__name__}: {error}"[:SAID]})
+
+
+def serve(wire: Wire, asked: Mapping[str, Any]) -> None:
+    """Make an estimator and let it answer, until nobody asks any more.
+
+    Parameters
+    ----------
+    wire : Wire
+    asked : mapping
+        ``estimator`` as for `--estimator`, and ``offer`` as of `Offer.as_data`, or, for a log,
+        ``nominal, period, offered``.
+    """
+    from flexaxis.experiments.building.offer import offer_from
+    from flexaxis.experiments.building.specs import build_of, made, parse
+
+    def torque(which: str) -> Any:
+        wire.send({"torque": which})
+        return wire.receive(1 << 30)
+
+    spec = parse(asked["estimator"])
+    estimator: Any
+    if "offer" in asked:
+        estimator = build_of(spec, offer_from(asked["offer"]), torque)
+    else:
+        given = {k: np.array(v) if k == "torque" else v for k, v in asked["offered"].items()}
+        estimator = made(spec, asked["nominal"], asked["period"], given)
+    wire.send({"names": list(estimator.names), "output": estimator.output})
+    while True:
+        got = wire.receive()
+        if isinstance(got, np.ndarray):
+            u, y = got.tolist()
+            theta = estimator.step(u, None if np.isnan(y) else y)
+            wire.send(np.asarray(theta, float).reshape(-1))
+        else:
+            found = getattr(estimator, "findings", None)
+            told = None if found is None else [_described(f) for f in list(found)[:FINDINGS]]
+            wire.send({"findings": told})
+
+
+def _described(found: Any) -> dict[str, Any]:
+    return {name: _as_json(getattr(found, name)) for name in FINDING if hasattr(found, name)}
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, str | None):
+        return value
+    return [_as_json(each) for each in value] if hasattr(value, "__iter__") else float(value)
+
+
+def _own_wire() -> Wire:
+    """Return what was given as standard input and output; nothing is left there."""
+    back, to = os.dup(0), os.dup(1)
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for descriptor in (0, 1):
+        os.dup2(nothing, descriptor)
+    return Wire(back, to)
+
+
+def _limit() -> None:
+    import resource
+
+    limits = {"RLIMIT_CORE": 0, "RLIMIT_AS": MEMORY, "RLIMIT_FSIZE": FILE, "RLIMIT_NOFILE": OPEN}
+    for name, value in limits.items():
+        with suppress(ValueError, OSError):
+            resource.setrlimit(getattr(resource, name), (value, value))
+
+
+def _ready() -> None:
+    """Import what every case needs, and give it what was compiled before: to add to, for itself."""
+    import numba  # noqa: F401
+
+    from flexaxis.estimators.sampling import kernel  # noqa: F401
+    from flexaxis.experiments.building import specs  # noqa: F401
+
+    kept = Path(os.environ["FLEXAXIS_COMPILED"])
+    if kept == Path("/cache"):
+        own = Path(os.environ["HOME"]) / "compiled"
+        if kept.is_dir():
+            shutil.copytree(kept, own)
+        os.environ["FLEXAXIS_COMPILED"] = str(own)
+
+
+def reached() -> dict[str, bool]:
+    """Return what holds in this process, as it finds it."""
+    with suppress(OSError):
+        mounts = [x.split() for x in Path("/proc/self/mountinfo").read_text().splitlines()]
+        lines = Path("/proc/self/status").read_text().splitlines()
+        status = {key: value.strip() for key, _, value in (x.partition(":") for x in lines)}
+        nothing = {status[key].strip("0") for key in ("CapEff", "CapPrm", "CapBnd", "CapInh")}
+        writable = {x[4] for x in mounts if "ro" not in x[5].split(",")}
+        return {
+            "no network": {name for _, name in socket.if_nameindex()} <= {"lo"},
+            "no other processes": [*Path("/proc").glob("[0-9]*")] == [Path("/proc/1")],
+            "the entry where it belongs": Path.cwd() == Path("/entry"),
+            "nothing to write to but /tmp": writable <= {"/tmp", "/dev/pts"} | _DEVICES,
+            "no privileges": nothing == {""} and status["NoNewPrivs"] == "1",
+        }
+    return {"a /proc to look at": False}
+
+
+_DEVICES = {f"/dev/{name}" for name in ("null", "zero", "full", "random", "urandom", "tty")}
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,268 @@
+"""Who is ahead on a board, track by track: at equal excess error, on common seeds, with ties.
+
+The reference that an entry is matched to is run by whoever asks; of an entry come its own rows.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexaxis.experiments.board.entry import Entry
+from flexaxis.experiments.board.suite import Board, EntryError
+from flexaxis.experiments.running.bench import Bench, Runs
+from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
+from flexaxis.experiments.scoring.matching import MATCHED, QUIETER
+from flexaxis.experiments.scoring.ranking import leaders
+from flexaxis.experiments.scoring.tracks import NUISANCE, TRACKS, UNKNOWN, track_of
+from flexaxis.experiments.studies.sweep import FACTORS, again, reference
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.reading import shown
+from flexaxis.sim.scenario import Scenario
+
+Row = dict[str, Any]
+
+WINDOW = 5.0  # s: the lag of whoever does nothing, for that is the window in which it is taken
+MEASURES: Mapping[str, str] = {
+    "score": "mean score at equal excess error",
+    "lag": "geometric mean lag at equal excess error [s]",
+    "excess": "geometric mean excess error, as entered",
+}
+"""By what the entries of a track are ranked: where a bound is defined, by the score."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """What the rows of an entry come to.
+
+    Attributes
+    ----------
+    at_excess : list of dict
+        One for each fault, at the excess error of the reference, as in
+        `flexaxis.experiments.studies.sweep.Sweep`; `estimator` is the label of the entry.
+    as_set : list of dict
+        One for each scenario without a fault to trade off: ``scenario, estimator, seeds, excess``
+        (geometric mean), ``false_alarms_per_1000_s, lost`` and ``values`` of ln excess by seed.
+    lost : int
+        Runs that were lost at the setting as entered, of `runs`.
+    runs : int
+    """
+
+    at_excess: list[Row]
+    as_set: list[Row]
+    lost: int
+    runs: int
+
+
+class Stored(Bench):
+    """Rows that were made already, in the place of a bench: what is missing is not run."""
+
+    def __init__(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        self.by_setting: dict[tuple[str, str], dict[int, list[Any]]] = defaultdict(dict)
+        for row in rows:
+            own = self.by_setting[row["hash"], row["estimator"]]
+            own.setdefault(row["seed"], []).append(row)
+
+    def runs(
+        self, scenarios: Sequence[Scenario], estimators: Sequence[str], seeds: Sequence[int]
+    ) -> dict[tuple[str, str], Runs]:
+        """Return rows as `Bench.runs` does; EntryError where there are not all, or of no run."""
+        found: dict[tuple[str, str], Runs] = {}
+        for scenario in scenarios:
+            for text in dict.fromkeys(estimators):
+                own, what = (
+                    self.by_setting.get((scenario.hash, text), {}),
+                    f"{scenario.name}, {text}",
+                )
+                if lacks := [seed for seed in seeds if seed not in own]:
+                    raise EntryError(f"{what}: no rows of {len(lacks)} of {len(seeds)} seeds")
+                found[scenario.hash, text] = runs = [own[seed] for seed in seeds]
+                if any(len(run) != run[0]["rows"] for run in runs):
+                    raise EntryError(f"{what}: rows of a run twice, or not all")
+                if any(run[0]["error"] is not None for run in runs):
+                    raise EntryError(f"{what}: a run has failed")
+        return found
+
+
+def reference_rows(board: Board, means: Means) -> list[Row]:
+    """Return the rows of the reference on the faults of a board, run here."""
+    found = Bench(board.faults, None, means).runs(board.faults, [reference()], board.seeds)
+    return [row for runs in found.values() for run in runs for row in run]
+
+
+def check_rows(entry: Entry, board: Board) -> str:
+    """Return what is wrong with the rows of an entry: all of its settings, each once, no others."""
+    first = {turn for line in entry.turns.values() for turn in line if turn in FACTORS}
+    for scenario in board.faults if entry.knob else ():
+        if first - {*entry.turns.get(scenario.name, first)}:
+            return f"{scenario.name}: lacks turns that other scenarios have"
+    try:
+        stored = Stored(entry.rows())
+        wanted = {(s.hash, text): s for s in board.scenarios for text in entry.settings(s)}
+        for key, own in stored.by_setting.items():
+            if key not in wanted:
+                return f"{shown(key[1])}: no setting of the estimator on a scenario of the suite"
+            if strange := {*own} - {*board.seeds}:
+                return f"{shown(key[1])}: seed {shown(strange.pop())} is none of the suite"
+        for (_, text), scenario in wanted.items():
+            stored.runs([scenario], [text], board.seeds)
+    except EntryError as error:
+        return str(error)
+    except (AttributeError, LookupError, TypeError) as error:
+        return f"are not what rows are: {error!r}"
+    known = {*entry.turns, *entry.left_out}
+    missing = [s.name for s in board.scenarios if s.name not in known]
+    return f"neither run nor left out: {', '.join(missing)}" if missing else ""
+
+
+def own_of(entry: Entry, board: Board, usual: Sequence[Row]) -> Own:
+    """Return what the rows of an entry come to, beside those of the reference.
+
+    Raises
+    ------
+    EntryError
+        If they are not all there, or not what rows are.
+    """
+    try:
+        bench = Stored(entry.rows())
+        bench.by_setting |= Stored(usual).by_setting  # whoever enters the reference has it from us
+        lines = {s.name: {entry.label: entry.settings(s)} for s in board.faults}
+        faults = [s for s in board.faults if s.name in entry.turns]
+        found = again(faults, lines, board.seeds, bench) if faults else []
+        as_set, lost, runs = [], 0, 0
+        for scenario in (s for s in board.scenarios if s.name in entry.turns):
+            text = next(t for t, turn in entry.settings(scenario).items() if turn == 1)
+            each = bench.runs([scenario], [text], board.seeds)[scenario.hash, text]
+            lost += sum(bool(run[0]["diverged"]) for run in each)
+            runs += len(each)
+            if scenario not in faults:
+                as_set.append(_as_set(scenario, entry.label, each))
+    except EntryError as error:
+        raise EntryError(*(f"{entry.folder}: {problem}" for problem in error.problems)) from error
+    except FlexaxisError as error:
+        raise EntryError(f"{entry.folder}: {error}") from error
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        raise EntryError(f"{entry.folder}: its rows cannot be pooled: {error!r}") from error
+    return Own(found, as_set, lost, runs)
+
+
+def _as_set(scenario: Scenario, label: str, runs: Runs) -> Row:
+    """Return what an estimator is worth on the nuisance track, at its one setting."""
+    logs = np.log(np.maximum([float(run[0]["excess"]) for run in runs], FLOOR))
+    told = [run[0]["detection"] for run in runs]
+    rates = [] if None in told else [found["false_alarms_per_1000_s"] for found in told]
+    return {
+        "scenario": scenario.name,
+        "parameter": None,
+        "estimator": label,
+        "how": MATCHED,
+        "seeds": len(runs),
+        "excess": float(np.exp(logs.mean())),
+        "false_alarms_per_1000_s": float(np.mean(rates)) if rates else None,
+        "lost": sum(bool(run[0]["diverged"]) for run in runs),
+        "values": {"excess": [float(f"{value:.6g}") for value in logs]},
+    }
+
+
+def standings(entries: Mapping[str, Own], board: Board) -> dict[str, dict[str, Any]]:
+    """Return the places on every track, the best first.
+
+    Parameters
+    ----------
+    entries : mapping of str to Own
+        By label; all on the seeds of the board.
+    board : Board
+
+    Returns
+    -------
+    dict
+        By track ``measure, words, scenarios, places``; of a place ``label, value, interval, how,
+        over_bound, faults, of, false_alarms, leads``.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for track, words in TRACKS.items():
+        names = [s.name for s in board.scenarios if track_of(s) == track]
+        if names:
+            measure = {NUISANCE: "excess", UNKNOWN: "lag"}.get(track, "score")
+            places = _places(entries, names, measure, len(board.seeds))
+            found[track] = {
+                "measure": measure, "words": words, "scenarios": names, "places": places
+            }  # fmt: skip
+    return found
+
+
+def _places(
+    entries: Mapping[str, Own], names: Sequence[str], measure: str, seeds: int
+) -> list[Row]:
+    """Return the places by a measure; whoever has none at a fault counts as doing nothing there."""
+    rows = {
+        label: {
+            (row["scenario"], row["parameter"]): row
+            for row in (own.as_set if measure == "excess" else own.at_excess)
+            if row["scenario"] in names
+        }
+        for label, own in entries.items()
+    }
+    every = (key for mine in rows.values() for key, r in mine.items() if _counts(r, measure))
+    faults = list(dict.fromkeys(every))
+    absent = np.full(seeds, np.log(WINDOW) if measure == "lag" else 0.0)
+    values: dict[str, list[float]] = {}
+    places = []
+    for label, mine in rows.items():
+        if not mine or not faults or (measure == "excess" and len(mine) < len(names)):
+            continue
+        each = [mine[f]["values"][measure] or absent if f in mine else absent for f in faults]
+        total = np.mean(each, axis=0)
+        values[label] = total.tolist()
+        how = {mine[f]["how"] for f in faults if f in mine} - {MATCHED}
+        places.append(
+            _place(label, list(mine.values()), total, measure)
+            | {
+                "how": MATCHED if not how else how.pop() if len(how) == 1 else "mixed",
+                "of": len(faults),
+            }
+        )
+    most = measure == "score"
+    places.sort(key=lambda place: float(place["value"]) * (-1 if most else 1))
+    ahead = leaders({label: values[label] for label in _able(places, most=most)}, most=most)
+    places = [place | {"leads": place["label"] in ahead} for place in places]
+    empty: Row = {
+        "value": None, "interval": None, "how": "none", "over_bound": None, "faults": 0,
+        "of": len(faults), "false_alarms": None, "leads": False,
+    }  # fmt: skip
+    return [*places, *({"label": label} | empty for label in entries if label not in values)]
+
+
+def _counts(row: Row, measure: str) -> bool:
+    return measure != "score" or bool(row["bound"])
+
+
+def _able(places: Sequence[Row], *, most: bool) -> list[str]:
+    """Return who can be ranked: at equal noise, or quieter and better than all of these."""
+    sign = -1 if most else 1
+    matched = [place for place in places if place["how"] == MATCHED]
+    best = min((sign * place["value"] for place in matched), default=np.inf)
+    quieter = [p for p in places if p["how"] == QUIETER and sign * p["value"] < best]
+    return [place["label"] for place in [*matched, *quieter]]
+
+
+def _place(label: str, mine: Sequence[Row], total: Any, measure: str) -> Row:
+    """Return what is said of an entry on a track besides who it is compared with."""
+    end = float if measure == "score" else lambda value: float(np.exp(value))
+    within = mean_interval(total)
+    over = [row["over_bound"] for row in mine if row.get("over_bound")]
+    rates = [row["false_alarms_per_1000_s"] for row in mine]
+    told = [rate for rate in rates if rate is not None]
+    return {
+        "label": label,
+        "value": end(total.mean()),
+        "interval": within and [end(value) for value in within],
+        "over_bound": float(np.exp(np.mean(np.log(over)))) if over else None,
+        "faults": sum(measure == "excess" or row["lag"] is not None for row in mine),
+        "false_alarms": float(np.mean(told)) if told else None,
+    }

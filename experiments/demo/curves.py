@@ -1,0 +1,271 @@
+"""What the demo shows: charts of estimates, of what is left to be found, of the trade-off; tables.
+
+The page shows them as every page does (`reporting.drawing`), a recording by matplotlib
+(`reporting.figures`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from html import escape
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.demo.history import Entry, History
+from flexaxis.experiments.demo.racer import NAMES, SHOWN
+from flexaxis.experiments.demo.session import SPAN, Curves, DemoSession
+from flexaxis.experiments.demo.tracking import LENGTH
+from flexaxis.experiments.demo.tradeoff import Point
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel, Role
+from flexaxis.experiments.reporting.styles import NINE, Style
+from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.scoring.windows import WINDOW
+from flexaxis.sim.law_parameters import LAW_UNITS
+from flexaxis.sim.parameters import PARAMETER_UNITS
+from flexaxis.sim.timing import PERIOD
+
+Array = NDArray[np.float64]
+
+RACERS = ("A", "B")
+STYLES: Mapping[str, Style] = {
+    **{who: replace(style, dash="") for who, style in zip(RACERS, NINE, strict=False)},
+    **{
+        f"{who} {name}": replace(style, marker=marker)
+        for who, style in zip(RACERS, NINE, strict=False)
+        for name, marker in zip(NAMES, "s^o", strict=True)
+    },
+}
+"""Of the two racers, whoever they are; of their points in the trade-off, one for each parameter."""
+COLOURS = tuple(STYLES[who].light for who in RACERS)
+THEORY = "theory allows"
+
+POINTS = np.unique(np.geomspace(1, LENGTH, 160).astype(int)) - 1
+"""Samples after the change that are drawn: evenly on a logarithmic axis."""
+TOP, ALIEN_TOP = 120.0, 38.0
+"""Per cent of a change that is shown; of what nobody estimates, of what it is taken for."""
+P_RANGE = (1e-7, 0.4)
+
+OWN: Mapping[str, Callable[[Any], Chart]] = {}
+"""What an estimator shows of itself, by its name: a function from the estimator, as it stands, to a
+chart, such as the weights of its hypotheses over time. It is drawn below the curves."""
+
+
+def unit(name: str) -> str:
+    """Return the unit of an estimated parameter."""
+    parameter, exponent = physical(name)
+    text = (PARAMETER_UNITS | LAW_UNITS)[parameter].replace("^2", "²")
+    return text if exponent > 0 else f"1/({text})"
+
+
+def estimates(curves: Curves, begin: float | None = None) -> Chart:
+    """Return the last seconds: a panel a parameter, with truth and claimed bands, and diag P.
+
+    Parameters
+    ----------
+    curves : Curves
+    begin : float, optional
+        Where the axis of time begins [s]; as late as the curves by default.
+    """
+    rubbing = bool(curves.truth[:, len(NAMES) :].any())
+    shown = range(len(SHOWN) if rubbing else len(NAMES))
+    panels = [_estimate(curves, i) for i in shown]
+    if not rubbing:  # dry friction, where there is some, takes its place
+        panels.append(_diagonal(curves))
+    now = float(curves.time[-1]) if len(curves.time) else SPAN
+    begin = now - SPAN if begin is None else begin
+    return Chart(
+        title="Estimates",
+        words="",
+        x="time [s]",
+        panels=panels,
+        windows=[("", max(0.0, begin), max(begin, 0.0) + SPAN)],
+    )
+
+
+def _estimate(curves: Curves, i: int) -> Panel:
+    lines = [Line(x=curves.time, y=curves.truth[:, i], role="truth", label="truth")]
+    for racer, who in enumerate(RACERS):
+        theta, band = curves.theta[:, racer, i], 2 * np.nan_to_num(curves.deviation[:, racer, i])
+        lines.append(Line(who=who, x=curves.time, y=theta, low=theta - band, high=theta + band))
+    shown = limits(curves.truth[:, i], curves.theta[:, :, i])
+    return Panel(y=f"{SHOWN[i]} [{unit(SHOWN[i])}]", lines=lines, y_range=shown)
+
+
+def _diagonal(curves: Curves) -> Panel:
+    dashes: Sequence[Role] = ("estimate", "truth", "bound")
+    lines = [
+        Line(who=who, x=curves.time, y=curves.P[:, racer, i], role=role, label=f"{who}: {name}")
+        for racer, who in enumerate(RACERS)
+        for i, (name, role) in enumerate(zip(NAMES, dashes, strict=True))
+    ]
+    return Panel(y="diag P", lines=lines, y_log=True, y_range=P_RANGE)
+
+
+def limits(truth: Array, theta: Array) -> tuple[float, float]:
+    """Return what a diagram shows of an estimate: the truth, a bias, but not all of a burst."""
+    if not len(truth):
+        return 0.0, 1.0
+    known = theta[np.isfinite(theta)]
+    low, high = np.quantile(known, [0.05, 0.95]) if len(known) else (truth[0], truth[0])
+    bottom, top = 0.9 * truth.min(), 1.16 * truth.max()
+    # Where there is none before, as of dry friction, zero is to be seen as well.
+    bottom -= 0.1 * truth.max() * (truth.min() == 0)
+    return float(np.clip(0.98 * low, bottom / 2, bottom)), float(np.clip(1.02 * high, top, 2 * top))
+
+
+def left(entry: Entry | None) -> Chart:
+    """Return how much of the last change each racer has still to find, and what theory allows."""
+    tracking = entry.tracking if entry else None
+    known = tracking is None or tracking.changed is not None
+    lines = []
+    if tracking is not None and len(tracking.error) > 1:
+        rows = POINTS[: np.searchsorted(POINTS, len(tracking.error))]
+        time = tracking.time[rows]
+        if (allowed := tracking.allowed) is not None:
+            single, unknown = 100 * allowed.error[rows].T
+            lines.append(
+                Line(x=time, y=unknown, low=single, high=unknown, role="bound", label=THEORY)
+            )
+        errors = 100 * np.minimum(tracking.error[rows], TOP / 100)
+        lines += [Line(who=who, x=time, y=y) for who, y in zip(RACERS, errors.T, strict=True)]
+    what = "left of the fault [%]" if known else "what it is taken for [%]"
+    return Chart(
+        title=_title(entry),
+        words="",
+        x="time since the change [s]",
+        panels=[Panel(y=what, lines=lines, y_range=(0.0, TOP if known else ALIEN_TOP))],
+        windows=[("", PERIOD, WINDOW)],
+        x_log=True,
+    )
+
+
+def _title(entry: Entry | None) -> str:
+    if entry is None or entry.tracking is None:
+        return "break it: what is left to be found over time"
+    what = entry.what.partition(" (")[0]
+    meant = "left to be found" if entry.tracking.changed else "what it is taken for"
+    return f"{what}: {meant}"
+
+
+def tradeoff(points: Sequence[Point], allowed: tuple[float | None, float | None]) -> Chart:
+    """Return how late each fault was followed, over how noisy the estimate was before it."""
+    lines = []
+    single, unknown = allowed
+    if single is not None and unknown is not None:
+        ends = np.array([0.01, 80.0])
+        sides = (np.full(2, value) for value in (unknown, single, unknown))
+        y, low, high = sides
+        lines.append(Line(x=ends, y=y, low=low, high=high, role="bound", label=THEORY))
+    for racer, who in enumerate(RACERS):
+        for name in NAMES:
+            mine = [p for p in points if (p.racer, p.parameter) == (racer, name)]
+            if mine:
+                x, y = np.array([[p.std, p.lag] for p in mine]).T
+                lines.append(Line(who=f"{who} {name}", x=x, y=y, kind="points"))
+    return Chart(
+        title="A point a fault",
+        words="",
+        x="std before the fault [% of nominal]",
+        panels=[Panel(y="lag after it [s]", lines=lines, y_log=True, y_range=(0.01, 8.0))],
+        windows=[("", 0.01, 80.0)],
+        x_log=True,
+    )
+
+
+GREY = "#777777"
+"""The colour of what theory allows."""
+ROWS = 40
+"""Entries that the page shows; a file has them all."""
+
+
+def estimates_table(session: DemoSession) -> str:
+    """Return truth, estimates and the lags of the last change, as Markdown."""
+    lines = [
+        "| | truth | " + " | ".join(_heads(session)) + f" | {_grey('theory allows')} |",
+        "|---|---|---|---|---|",
+    ]
+    truth = session.axis.theta(SHOWN)
+    estimates = [racer.shown(racer.theta) for racer in session.racers]
+    for i, name in enumerate(SHOWN):
+        if i < len(NAMES) or truth[i]:
+            cells = [truth[i], *(estimate[i] for estimate in estimates)]
+            lines.append(f"| {name} | " + " | ".join(map(_value, cells)) + " | |")
+    if (last := session.history.last) is not None and last.tracking and last.tracking.changed:
+        cells = [_seconds(lag) for lag in last.lags]
+        lines.append(f"| **lag** [s] | | {' | '.join(cells)} | {_grey(_range(last))} |")
+    return "\n".join(lines)
+
+
+def history_table(history: History) -> str:
+    """Return what was done, the last on top, as HTML."""
+    if not history.entries:
+        return "<p>Nothing has been done yet: break it.</p>"
+    rows = "".join(map(_row, list(history.entries)[: -ROWS - 1 : -1]))
+    heads = ("t [s]", "what", "A says", "B says", "lag A", "lag B", "allowed")
+    cells = "".join(
+        f'<th style="text-align:left;padding:2px 3px;white-space:nowrap;color:{colour}">{head}</th>'
+        for head, colour in zip(
+            heads, ("inherit", "inherit", *COLOURS, *COLOURS, GREY), strict=True
+        )
+    )
+    return (
+        '<div style="overflow-x:auto">'
+        '<table class="history" style="font-size:12px;border-collapse:collapse;width:100%">'
+        f"<tr>{cells}</tr>{rows}</table></div>"
+    )
+
+
+def _row(entry: Entry) -> str:
+    cells = [f"{entry.time:.1f}", entry.what]
+    if entry.tracking is None:
+        cells += 5 * [""]
+    else:
+        cells += [_says(entry, racer) for racer in range(len(entry.racers))]
+        cells += [_seconds(lag) for lag in entry.lags] + [_range(entry)]
+    style = "padding:2px 4px;border-top:1px solid #ddd;vertical-align:top"
+    return "<tr>" + "".join(f'<td style="{style}">{escape(cell)}</td>' for cell in cells) + "</tr>"
+
+
+def _says(entry: Entry, racer: int) -> str:
+    """Return what an estimator said of a change: what it found and when, or where it got to."""
+    found = entry.found[racer] if racer < len(entry.found) else []
+    if found:
+        after, what = found[0]
+        return f"{what} after {after:.2g} s"
+    if not entry.estimates or entry.tracking is None:
+        return "nothing"
+    value = entry.estimates[racer]
+    if isnan(value):
+        return f"has no {entry.tracking.changed}"
+    return f"{entry.tracking.changed} = {value:.3g}"
+
+
+def _range(entry: Entry) -> str:
+    single, unknown = entry.allowed
+    if single is None or unknown is None:
+        return "–"
+    low, high = f"{single:.2g}", f"{unknown:.2g}"
+    return low if low == high else f"{low}–{high}"
+
+
+def _heads(session: DemoSession) -> list[str]:
+    return [
+        f'<span style="color:{colour}">{letter}: {racer.text}</span>'
+        for colour, letter, racer in zip(COLOURS, "AB", session.racers, strict=True)
+    ]
+
+
+def _grey(text: str) -> str:
+    return f'<span style="color:{GREY}">{text}</span>'
+
+
+def _value(value: float) -> str:
+    return "–" if np.isnan(value) else f"{value:.4g}"
+
+
+def _seconds(lag: float | None) -> str:
+    return "–" if lag is None else f"{lag:.2g}"

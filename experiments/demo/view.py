@@ -1,0 +1,152 @@
+"""The axis in 3-D: a window that replays a record, or one picture of it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from ctypes.util import find_library
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.running.files import OutputError, new_file
+from flexaxis.models_mjcf import model_files
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.record import Record
+
+FRAMES = 50  # a second
+
+
+def poses(record: Record, *, exaggerate: float) -> NDArray[np.float64]:
+    """Return motor, gear and arm angle (N, 3) [rad] to be drawn, their twist exaggerated.
+
+    The gear is drawn where the motor would have it, and gear and arm are turned out of that by
+    `exaggerate` times their true deviation.
+
+    Raises
+    ------
+    OutputError
+        If the record does not know the true angles.
+    """
+    if record.true_angle_m is None or record.true_angle_g is None or record.true_angle_a is None:
+        raise OutputError("the record has no true angles to show; `flexaxis simulate` makes one")
+    angles = [record.true_angle_m, record.true_angle_g, record.true_angle_a]
+    ratio = record.scenario["parameters"]["r"]
+    return exaggerated(np.column_stack(angles), ratio=ratio, exaggerate=exaggerate)
+
+
+def exaggerated(
+    angles: NDArray[np.float64], *, ratio: float, exaggerate: float
+) -> NDArray[np.float64]:
+    """Return motor, gear and arm angle (…, 3) [rad] to be drawn, from the true ones."""
+    drawn = np.array(angles)
+    rigid = ratio * drawn[..., :1]
+    drawn[..., 1:] = rigid + exaggerate * (drawn[..., 1:] - rigid)
+    return drawn
+
+
+def picture(record: Record, path: Path, *, at: float, exaggerate: float) -> None:
+    """Write one picture (PNG) of the axis at a time of the record [s]."""
+    import matplotlib.image
+
+    with camera(width=1280, height=720) as shoot:
+        pixels = shoot(poses(record, exaggerate=exaggerate)[_sample(record, at)])
+    with new_file(path) as part:
+        matplotlib.image.imsave(part, pixels, format="png")
+
+
+@contextmanager
+def camera(
+    *, width: int, height: int
+) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.uint8]]]:
+    """Give a function from angles (3,) [rad] to a picture (height, width, 3), without a display.
+
+    Raises
+    ------
+    OutputError
+        If nothing can be drawn on this machine.
+    """
+    mujoco, model, data = scene()
+    try:
+        renderer = mujoco.Renderer(model, height=height, width=width)
+    except Exception as error:  # each platform fails in its own way
+        raise OutputError(
+            f"no picture can be drawn here: {error}. Without a display set MUJOCO_GL=egl or "
+            "MUJOCO_GL=osmesa (Debian: libegl1, libosmesa6)"
+        ) from error
+
+    def shoot(angles: NDArray[np.float64]) -> NDArray[np.uint8]:
+        data.qpos[:] = angles
+        mujoco.mj_forward(model, data)
+        renderer.update_scene(data, camera="view")
+        return renderer.render()  # type: ignore[no-any-return]
+
+    with renderer:
+        yield shoot
+
+
+def window(record: Record, *, start: float, exaggerate: float) -> None:
+    """Replay a record in a window, in real time, until it ends or the window is closed."""
+    mujoco, model, data = scene()
+    angles = poses(record, exaggerate=exaggerate)
+    try:
+        viewer = import_module("mujoco.viewer").launch_passive(model, data)
+    except Exception as error:
+        raise OutputError(
+            f"no window can be opened here: {error}. A picture needs no display: -o axis.png"
+        ) from error
+    period = record.time[1] - record.time[0]
+    stride = max(1, round(1 / FRAMES / period))
+    with viewer:
+        for k in range(_sample(record, start), len(angles), stride):
+            if not viewer.is_running():
+                break
+            data.qpos[:] = angles[k]
+            mujoco.mj_forward(model, data)
+            viewer.sync()
+            time.sleep(stride * period)
+
+
+def scene() -> tuple[Any, Any, Any]:
+    """Return the engine's module, and model and data of the axis with floor, light and camera."""
+    from flexaxis.sim.engine import mujoco
+
+    _, assets = model_files("three_mass")
+    model = mujoco.MjModel.from_xml_string(assets["scene.xml"].decode(), assets)
+    return mujoco, model, mujoco.MjData(model)
+
+
+def _sample(record: Record, at: float) -> int:
+    return int(np.clip(np.searchsorted(record.time, at), 0, len(record.time) - 1))
+
+
+WAYS = {"egl": "EGL", "osmesa": "OSMesa"}
+"""Values of MUJOCO_GL that need no display, best first, and the library that each needs."""
+
+
+def draw_offscreen() -> None:
+    """Set MUJOCO_GL to a way that works here, unless it is set or there is a display.
+
+    Raises
+    ------
+    FlexaxisError
+        If there is no display, and neither of the libraries that can do without.
+    """
+    if "MUJOCO_GL" in os.environ or sys.platform != "linux":
+        return  # elsewhere the engine needs no display
+    if {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
+        return
+    way = next((way for way, library in WAYS.items() if find_library(library)), None)
+    if way is None:
+        raise FlexaxisError(
+            "no picture can be drawn here: there is no display, and neither "
+            f"{' nor '.join(f'lib{library}' for library in WAYS.values())} is installed (Debian: "
+            "libegl1, libosmesa6)"
+        )
+    os.environ["MUJOCO_GL"] = way

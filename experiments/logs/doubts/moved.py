@@ -1,0 +1,323 @@
+"""How the torque moves an axis: outliers of the motion, dead time and signs, dry friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+from scipy.signal import butter, csd, sosfiltfilt
+
+from flexaxis.experiments.logs.doubts.evidence import SEGMENT, Evidence
+from flexaxis.experiments.logs.doubts.sketch import LOG, line, points, sketch
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.prepare import unwrapped
+from flexaxis.experiments.reporting.charts import Chart, Line
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+OUTLIERS = "outliers of the motion"
+WINDOW = 7  # samples, of which up to 3 may be outliers
+USUAL = 95.0  # percentile: at most one sample in twenty is an outlier, or it is no exception
+FAR = 10.0  # times the usual distance from the median of the window
+STEPS = 5.0  # times the usual move within a sample: an end stop is a turn of twice that
+SHOWN = 4  # times of outliers that are named
+SHIFTED, SMALL = 0.75, 0.25  # samples
+NEAR_WRAP = 2.0  # rad, from which on a phase may be one turn further
+FAST = 0.5  # rad that the fastest excitation turns by in a sample: below, a lead tells nothing
+FOLLOWS = 0.1  # correlation of what is new in motion and torque, by which a loop is closed
+EXACT = 1e-12  # of the variance of the motion: what is new in it is rounding
+ORDER = 8  # of the prediction of a torque: three masses need six
+FINE = 5.0  # samples to a period of the fastest excitation that are enough
+LONGEST = 100_000  # samples that are looked at, in the middle of the log
+FEWEST = 200
+SOME, MUCH = 4.0, 12.0  # %; linear axes stay below 3, stiffening springs and cogging below 10
+FEW = 10  # reversals, below which dry and viscous friction are hardly told apart
+DITHER = 0.01  # of the rms of the speed
+UNSEEN = 1e-6  # of the torque: what is left where all is predicted but for rounding
+SLOW, OFTEN, PUSHED = 0.02, 8.0, 0.2  # of the rms speed; % of the samples; of the torque
+
+
+def outliers_of(e: Evidence) -> Finding | None:
+    """Return samples of the motion that are far from those before and after them."""
+    if e.highpass and e.raw is None:
+        return None  # a filter has spread them
+    time = e.time if e.raw is None else e.raw.time
+    for name, unit in (("angle", "rad"), ("speed", "rad/s")):
+        values = getattr(e if e.raw is None else e.raw, name)
+        if values is None or (e.raw is None and name == "speed" and e.incremental):
+            continue
+        there = np.isfinite(values) & (e.usable if e.raw is None else True)
+        signal = values[there]
+        far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
+        if far.any():
+            return _outlying(name, unit, time[there], signal, far)
+    return Finding("ok", "none", OUTLIERS, 0.0, "samples")
+
+
+def outliers(x: Array) -> Flags:
+    """Return which samples (N,) of a motion are none: far out, and back within three samples.
+
+    Hampel's filter: the distance from the median of seven samples, over what it usually is. It is
+    0 where the motion has one direction; where it turns, it is less than the axis moves in a
+    sample, which decides where the noise is low.
+
+    Examples
+    --------
+    >>> motion = np.sin(np.arange(1000) / 20)
+    >>> motion[500] = 1e6
+    >>> np.flatnonzero(outliers(motion)).tolist()
+    [500]
+    """
+    distance, moves = np.abs(x - median_filter(x, WINDOW, mode="nearest")), np.abs(np.diff(x))
+    if not distance.any():
+        return np.zeros(len(x), bool)
+    usual = float(np.percentile(distance, USUAL))
+    # of an axis that rests most of the time, the moves count
+    step = float(np.percentile(moves[moves > 0], USUAL))
+    return distance > max(FAR * usual, STEPS * step)
+
+
+def _outlying(name: str, unit: str, time: Array, signal: Array, far: Flags) -> Finding:
+    count, worst = int(far.sum()), float(np.abs(signal[far] - np.median(signal)).max())
+    at = ", ".join(f"{t:.6g}" for t in time[far][:SHOWN]) + (" …" if count > SHOWN else "")
+    text = (
+        f"the {name} jumps by up to {worst:.3g} {unit} and back within some samples, as no axis "
+        f"moves, at {at} s; that spoils all estimates, and what else is to be doubted cannot be "
+        "seen. Empty such cells of the log: what is missing is not used"
+    )
+
+    def draw() -> Chart:
+        low, high = np.min(signal[~far]), np.max(signal[~far])
+        room = 0.2 * (high - low)  # outliers at the edges, or nothing else could be seen
+        shown = np.clip(signal[far], low - room, high + room)
+        out = points(time[far], shown, "outlier (at the edge: further out)")
+        return sketch("time [s]", f"{name} [{unit}]", line(time[~far], signal[~far]), out)
+
+    return Finding("problem", text, OUTLIERS, float(count), "samples", draw=draw)
+
+
+def dead_time(e: Evidence) -> Finding:
+    """Return by how much the motion lags its torque, and whether they have opposite signs."""
+    name, unit = "dead time from torque to angle", "samples"
+    found = lag_of(e)
+    if found is None:
+        return Finding("note", "not visible in this excitation", name)
+    lag, turn, opposite = found
+
+    def draw() -> Chart:
+        return _phase(e)
+
+    v = e.step_speed[e.usable]
+    if opposite and float(np.mean(e.torque[e.usable] * v)) < 0:  # friction takes power, never gives
+        text = "torque and motion have opposite signs: turn one of them"
+        return Finding("problem", text, name, lag, unit, "--scale torque=-1", draw)
+    if in_loop(e):
+        text = "the torque follows the motion, as a controller has it: identify finds the delay"
+        return Finding("ok", text, name)
+    if opposite or (lag < -SMALL and turn < FAST):
+        return Finding("ok", "not seen: the excitation is too slow for it", name)
+    if abs(lag) > SHIFTED:
+        early = "the motor moves before its torque; " if lag < 0 else ""
+        text = f"{early}a shift of one sample ruins the estimates: let identify find the delay"
+        return Finding("problem", text, name, lag, unit, "flexaxis identify, without --delay", draw)
+    text = (
+        "less than a sample, but let identify find it" if abs(lag) > SMALL else "none to speak of"
+    )
+    return Finding("ok", text, name, lag, unit)
+
+
+def lag_of(e: Evidence) -> tuple[float, float, bool] | None:
+    """Return by how many samples the acceleration lags the torque; None if that is hidden.
+
+    From the phase of their cross-correlation at the upper end of the excitation, where the motor's
+    own inertia is all that counts; its friction and a mode beyond that end look like a fraction
+    of a sample. Friction and modes of any passive axis make the acceleration lead, never lag. With
+    it comes what the excitation there turns by in a sample [rad], and whether the lower end has
+    them opposed.
+    """
+    a, u = np.diff(e.speed), e.torque[:-1]
+    length = min(len(u) // 2, round(SEGMENT / e.period))
+    frequency, cross = csd(u, a, fs=1 / e.period, nperseg=length)
+    low, high = e.band
+    tenth = 0.1 * (high - low)
+    top = (frequency > high - tenth) & (frequency <= high)
+    bottom = (frequency >= low) & (frequency < low + tenth) & (frequency > 0)
+    if not top.any() or not bottom.any():
+        return None
+    turn = 2 * np.pi * float(np.mean(frequency[top])) * e.period
+    phase = float(np.angle(cross[top].sum()))
+    if abs(phase) > NEAR_WRAP:  # half the frequency has half the phase, which tells the turn
+        middle = (frequency > high / 2 - tenth) & (frequency <= high / 2) & (frequency >= low)
+        double = 2 * float(np.angle(cross[middle].sum()))
+        phase += 2 * np.pi * round((double - phase) / (2 * np.pi))
+    # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
+    # means over a sample, half a sample later
+    late = 0.5 if e.incremental else 0.0
+    # at low frequencies an axis is inertia and friction: its acceleration leads by 0 to 90°
+    opposite = float((cross[bottom] * np.exp(-0.25j * np.pi)).sum().real) < 0
+    return -phase / turn - late, turn, opposite
+
+
+def in_loop(e: Evidence) -> bool:
+    """Return whether the torque follows the motion: what is new in the motion, the torque opposes.
+
+    A torque that nobody computes from the motion knows nothing of its noise; one that is logged
+    late, or is smooth, goes with it.
+    """
+    begin = max(len(e.time) // 2 - LONGEST // 2, 0)
+    u, y = (x[begin : begin + LONGEST] for x in (e.torque, e.speed))
+    inner = slice(ORDER + 1, len(u))
+    past = np.hstack([_lagged(x, 1, ORDER, inner) for x in (u, y)])
+    new_u, new_y = _rest(past, u[inner]), _rest(past, y[inner])
+    if new_y @ new_y < EXACT * (y @ y) or not new_u.any():
+        return False
+    alike = float(new_u @ new_y / np.sqrt((new_u @ new_u) * (new_y @ new_y)))
+    return alike < -max(FOLLOWS, 5 / np.sqrt(len(new_u)))
+
+
+def _phase(e: Evidence) -> Chart:
+    """Return the phase from torque to acceleration, and that of one sample."""
+    s, (low, high) = e.spectra, e.band
+    band = (s.frequency >= low) & (s.frequency <= high)
+    f = s.frequency[band]
+    turn = np.pi * f * e.period
+    late = turn if e.incremental else np.zeros_like(f)
+    phase = np.angle(s.cross[band] * 1j * np.exp(1j * (turn + late)))
+    due = line(f, -np.degrees(2 * turn), "one sample late")
+    seen = points(f, np.degrees(phase), LOG)
+    return sketch("frequency [Hz]", "torque to acceleration [°]", seen, due)
+
+
+def dry_friction(e: Evidence) -> Finding | None:
+    """Return what the sign of the speed explains of the torque, and no linear axis does.
+
+    The torque is predicted from the torques before and the speeds around it, which is exact for any
+    linear axis of that order, and then from the signs of the speeds as well. What the signs explain
+    of the rest is nothing for a linear axis, however flexible; a fifth and more under dry friction,
+    as soon as there are reversals.
+    """
+    name, unit = "dry friction", "% by the sign of the speed"
+    begin = max(len(e.time) // 2 - LONGEST // 2, 0)
+    piece = slice(begin, begin + LONGEST)
+    share = signs_of(
+        e.torque[piece], e.step_speed[piece], e.step_sign[piece], e.period, top=e.band[1]
+    )
+    if share is None:
+        return None
+    percent, stands, (reversals, _) = 100 * max(share, 0.0), _stands(e), reversals_of(e)
+    few = (
+        f"{reversals} reversals: dry and viscous friction can hardly be told apart. Log motions to "
+        "and fro at several speeds"
+    )
+    if percent < SOME and stands < OFTEN:
+        if reversals < FEW:
+            return Finding("note", few, name, percent, unit)
+        return Finding("ok", "none that the log shows", name, percent, unit)
+    text = (
+        f"over {reversals} reversals, the sign of the speed explains {percent:.0f} % of what "
+        "no linear axis explains of the torque"
+        + (
+            f", and the motor stands still under torque {stands:.0f} % of the time"
+            * (stands > OFTEN)
+        )
+        + ". A model without dry friction takes it for viscous friction, and f_m comes out too high"
+    )
+    kind = "problem" if percent >= MUCH or stands >= OFTEN else "note"
+    command = "flexaxis identify … --friction auto"
+    return Finding(kind, text, name, percent, unit, command, lambda: _rubs(e, piece))  # type: ignore[arg-type]
+
+
+def signs_of(
+    torque: Array, speed: Array, sign: Array, period: float, *, top: float
+) -> float | None:
+    """Return what part the signs of the speed explain of a torque; None of too short a log.
+
+    Parameters
+    ----------
+    torque : (N,) ndarray
+        Means over [t_k, t_{k+1}).
+    speed : (N,) ndarray
+        Means over the same [rad/s].
+    sign : (N,) ndarray
+        Mean signs of the speed over the same, within ±1.
+    period : float
+        [s].
+    top : float
+        Upper end of the excitation [Hz].
+    """
+    # A relation that needs the speed better than that is not the axis, but the controller, which
+    # computed the torque from it: exactly linear, whatever the friction is.
+    noise = np.random.default_rng(0).standard_normal(len(speed))
+    speed = speed + DITHER * float(np.std(speed)) * noise
+    every = max(1, int(1 / (period * FINE * max(top, 1e-9))))
+    u, v, s = (_thinned(x, every) for x in (torque, speed, sign))
+    inner = slice(ORDER + 3, len(u) - ORDER - 3)
+    one = _lagged(np.ones_like(u), 0, 0, inner)
+    linear = np.hstack([_lagged(u, 1, ORDER, inner), _lagged(v, -2, ORDER + 1, inner), one])
+    signed = _lagged(s, 0, ORDER, inner)
+    if len(linear) < FEWEST:
+        return None
+    rest = _rest(linear, u[inner])
+    if rest @ rest < UNSEEN**2 * (u @ u):
+        return 0.0
+    both = _rest(np.hstack([linear, signed]), u[inner])
+    # a regressor without any effect explains one part in N of the rest
+    return float(1 - (both @ both) / (rest @ rest)) - signed.shape[1] / len(linear)
+
+
+def _thinned(x: Array, every: int) -> Array:
+    if every == 1:
+        return x
+    return np.asarray(sosfiltfilt(butter(6, 0.8 / every, output="sos"), x)[::every])
+
+
+def _lagged(x: Array, first: int, last: int, inner: slice) -> Array:
+    """Return columns x[k − first] … x[k − last] for the samples k of a piece."""
+    return np.stack([x[inner.start - i : inner.stop - i] for i in range(first, last + 1)], axis=1)
+
+
+def _rest(regressors: Array, y: Array) -> Array:
+    scaled = regressors / (np.linalg.norm(regressors, axis=0) + 1e-300)
+    return np.asarray(y - scaled @ np.linalg.lstsq(scaled, y, rcond=1e-10)[0])
+
+
+def reversals_of(e: Evidence) -> tuple[int, float]:
+    """Return the number of reversals, and the ratio of fast to slow speeds (deciles)."""
+    v = e.step_speed[e.usable]
+    # a reversal that noise makes about standstill is none: a tenth of the rms must be crossed
+    out = v[np.abs(v) > 0.1 * float(np.std(v))]
+    slow, fast = np.percentile(np.abs(v), [10, 90])
+    return int(np.sum(np.diff(np.sign(out)) != 0)), float(fast / max(slow, 1e-12 * fast + 1e-300))
+
+
+def _stands(e: Evidence) -> float:
+    """Return how often the motor stands while its torque changes [%]; 0 where steps hide it."""
+    u, v = e.torque[e.usable], e.step_speed[e.usable]
+    slow, moves = np.abs(v) < SLOW * float(np.std(v)), np.abs(v[v != 0])
+    if not len(moves) or np.percentile(moves, 1) > SLOW * float(np.std(v)):
+        return 0.0
+    # what only holds a load is not meant, nor is a pause without torque
+    slow &= np.abs(u - np.median(u)) > PUSHED * float(np.std(u))
+    return 100 * float(slow.mean())
+
+
+def _rubs(e: Evidence, piece: slice) -> Chart:
+    """Return torque less the part for acceleration over speed: its mean, and where most of it is.
+
+    Most is from the 10th to the 90th percentile.
+    """
+    u, v = e.torque[piece], e.step_speed[piece]
+    a = np.gradient(v, e.period)
+    rest = u - a * float(a @ (u - u.mean()) / (a @ a))
+    # finer about zero, where friction turns over
+    edges = np.percentile(np.abs(v), np.linspace(0, 98, 15))
+    edges = np.unique(np.r_[-edges[::-1], edges])
+    place = np.digitize(v, edges)
+    held = [place == k for k in range(1, len(edges)) if np.sum(place == k) > 10]
+    speed, mean = (np.array([values[at].mean() for at in held]) for values in (v, rest))
+    low, high = np.array([np.percentile(rest[at], (10, 90)) for at in held]).T
+    label = "mean of the log, and 10 … 90 % of it"
+    curve = Line(who=label, x=speed, y=mean, low=low, high=high)
+    y = "torque less that for acceleration [as logged]"
+    return sketch("motor speed [rad/s]", y, curve, marks=[(0.0, "")])

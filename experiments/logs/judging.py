@@ -1,0 +1,100 @@
+"""How well a model explains a log, and what it means that it explains one less well: one way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.offline.colour import Colour
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+POOR = (
+    10.0  # points of fit: worse than its errors elsewhere leave by more than that is another axis
+)
+MATCHED = 50.0  # per cent of a fit, where nobody knows how large errors usually are
+LAGS = 20
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a simulation from the torque alone does, above the corner of the axis.
+
+    Attributes
+    ----------
+    percent : float
+        100 (1 − |y − ŷ|/|y − mean y|).
+    error, size : float
+        Standard deviations of y − ŷ and of y [rad/s].
+    """
+
+    percent: float
+    error: float
+    size: float
+
+    def unlike(self, usual: float | None) -> str:
+        """Return in a sentence that this is not the axis whose errors are usually as large.
+
+        A log with less motion has a poorer fit by the same errors.
+        """
+        expected = MATCHED + POOR if usual is None else 100 * (1 - usual / self.size)
+        if self.percent > 0 and (self.percent >= expected - POOR or self.error <= (usual or 0.0)):
+            return ""
+        told = "" if usual is None else f", and its errors elsewhere would leave {expected:.1f} %"
+        return (
+            f"a simulation from the torque fits by {self.percent:.1f} % only{told}: either it is "
+            "not the axis that was identified, or a motion that its log did not show, or torque or "
+            "angle are in another unit or of another sign. Compare units and scales with the first "
+            "log, or identify again"
+        )
+
+
+def fit_of(y: Array, residual: Array, ok: Flags, colour: Colour) -> Fit:
+    """Return how well a simulation does.
+
+    Parameters
+    ----------
+    y, residual : ndarray (N,)
+        Measured output, and what the simulation leaves of it.
+    ok : ndarray (N,) of bool
+        What counts.
+    colour : Colour
+        Of which the high-pass counts.
+    """
+    high, there = colour.high, ok.copy()
+    there[: colour.skip] = False
+    size = float(np.std(high(y)[there]))
+    error = float(np.std(high(colour.bridged(residual, ok))[there]))
+    return Fit(100 * (1 - error / max(size, 1e-300)), error, size)
+
+
+def correlation(white: Array) -> float:
+    """Return the largest correlation of a residual with its past, 1 to `LAGS` samples back."""
+    e = white - white.mean()
+    past = np.array([e[k:] @ e[: len(e) - k] for k in range(1, LAGS + 1)]) / (e @ e)
+    return float(past[np.argmax(abs(past))])
+
+
+def at_limits(names: Sequence[str], theta: Array, bounds: Array, known: Array) -> list[str]:
+    """Return in a sentence which estimates stand at a limit, and so are none.
+
+    Parameters
+    ----------
+    names : sequence of str
+    theta, known : ndarray (p,)
+        Estimates, and what is known of the axis.
+    bounds : ndarray (2, p)
+        Lowest and highest values that are allowed.
+    """
+    stuck = [
+        f"{name} at {value / of:.3g} times what is known"
+        for name, value, of, low, high in zip(names, theta, known, *bounds, strict=True)
+        if value in (low, high)
+    ]
+    word = "stands at a limit" if len(stuck) == 1 else "stand at limits"
+    ask = "is it a log of this axis, in the same units, and does its torque have the same sign?"
+    return [f"{', '.join(stuck)} {word}, which is no estimate: {ask}"] if stuck else []

@@ -1,0 +1,272 @@
+"""Three fits of a log and one answer: the one that best simulates pieces it was not fitted to.
+
+Whitened prediction errors are the most certain where the model is right; where it is not, a rich
+model of the noise hides that. White ones fit the motion as it is. The inverse dynamics of a rigid
+axis ask for no motion to be simulated at all. So none is believed by itself: all are made, and
+where they differ by more than they claim, deviations are widened to that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.offline.colour import colourless
+from flexaxis.estimators.offline.inverse import (
+    Inverse,
+    Motion,
+    inverse_dynamics,
+    jackknife,
+    motion_of,
+    pieces,
+)
+from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
+from flexaxis.experiments.logs.attempt import Attempt, Log
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+WHITENED, WHITE, INVERSE = "whitened prediction errors", "white errors", "inverse dynamics"
+HELD_OUT = (2, 5, 8)  # of ten pieces of a record
+PARTS = 10  # of a held-out piece, over which errors are compared
+BEYOND_CHANCE = 2.0  # standard deviations of their difference
+LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
+CLAIMED = 2.0  # standard deviations by which fits may differ
+ALIKE = 1.02  # times the least error of a simulation: another fit that is as good
+RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
+BESIDE = {"g_sin": "sine", "g_cos": "cosine", "f_sided": "sided"}
+
+
+@dataclass(frozen=True)
+class Way:
+    """A fit, and how it simulates what it was not fitted to.
+
+    Attributes
+    ----------
+    name : str
+    attempt : Attempt
+    fitted : Fitted
+        To the whole log.
+    deviations : ndarray (q,)
+        Of its unknowns: the larger of that for white residuals and that over pieces.
+    errors : ndarray (m,)
+        Mean squares of its simulation in parts of the held-out pieces, by a fit to the others.
+    """
+
+    name: str
+    attempt: Attempt
+    fitted: Fitted
+    deviations: Array
+    errors: Array
+
+    @property
+    def error(self) -> float:
+        """Standard deviation of a simulation of what was held out."""
+        return float(np.sqrt(np.mean(self.errors)))
+
+    @property
+    def stuck(self) -> list[str]:
+        """Parameters at the bound of the search."""
+        problem, z = self.attempt.problem(), self.fitted.z
+        at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
+        names = self.attempt.names
+        return [name for name, side in zip(names, at[: len(names)], strict=True) if side]
+
+
+def held_out(ok: Flags) -> Flags:
+    """Return which samples (N,) are left out of a fit that is to be tried on them."""
+    return np.isin(pieces(ok), HELD_OUT)
+
+
+def errors_of(
+    attempt: Attempt, fitted: Fitted, held: Flags, highpass: float | None = None
+) -> Array:
+    """Return mean squares of the errors of a simulation, in parts of what was held out.
+
+    Above the corner of the attempt, or another one [Hz].
+    """
+    ok, corner = attempt.log.ok, attempt.highpass if highpass is None else highpass
+    colour = colourless(corner, attempt.log.period)
+    high = colour.high(colour.bridged(fitted.residual, ok))
+    there = np.flatnonzero(held & ok)
+    there = there[there >= colour.skip]
+    if len(there) < len(HELD_OUT) * PARTS or not np.isfinite(fitted.square):
+        return np.full(1, np.inf)
+    return np.array([np.mean(high[k] ** 2) for k in np.array_split(there, len(HELD_OUT) * PARTS)])
+
+
+def better(before: Array, after: Array) -> bool:
+    """Return whether errors of simulations fell, beyond chance and by as much as is worth it.
+
+    The variance of the difference from parts, as errors nearby are not independent.
+    """
+    if not np.isfinite(before).all() or not np.isfinite(after).all():
+        return bool(np.isfinite(after).all())
+    gain = before - after
+    worth = np.sqrt(after.mean() / before.mean()) < 1 - LEAST_GAIN
+    return bool(worth and gain.mean() > BEYOND_CHANCE * gain.std() / np.sqrt(len(gain)))
+
+
+def tried(attempt: Attempt, z: Array, held: Flags) -> dict[str, Fitted]:
+    """Return fits to what is not held out, from unknowns z (q,) on, by their names."""
+    found = {
+        name: replace(attempt, whiten=name == WHITENED).solve(z, without=held, rounds=5, fine=False)
+        for name in (WHITE, WHITENED)
+    }
+    rigid = by_inverse(attempt, z, held)
+    return found if rigid is None else found | {INVERSE: rigid[0]}
+
+
+def ways_of(attempt: Attempt, parts: Mapping[str, Fitted], held: Flags) -> list[Way]:
+    """Return each way's fit to the whole log, the one that simulates best first."""
+    found = []
+    for name, part in parts.items():
+        own = replace(attempt, whiten=name == WHITENED)
+        errors = errors_of(attempt, part, held)
+        if name == INVERSE:
+            rigid = by_inverse(own, part.z, None)
+            if rigid is not None:
+                found.append(Way(name, own, *rigid, errors))
+            continue
+        fitted = own.solve(part.z)
+        found.append(Way(name, own, fitted, deviations_of(own, fitted), errors))
+    return sorted(found, key=lambda way: way.error)
+
+
+def deviations_of(attempt: Attempt, fitted: Fitted) -> Array:
+    """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
+    steps = discretisation(attempt.problem(), fitted)
+    return np.hypot(np.maximum(fitted.deviations, over_pieces(fitted)), steps)
+
+
+def over_pieces(fitted: Fitted) -> Array:
+    """Return the standard deviations (q,) of unknowns from their spread over pieces of a log."""
+    free, spread = np.diag(fitted.covariance) > 0, np.zeros(len(fitted.z))
+    spread[free] = jackknife(fitted.slopes[free], fitted.white, fitted.good)[1]
+    return spread
+
+
+def motion(log: Log, delay: float = 0.0) -> Motion:
+    """Return torque and motion of a log as the inverse dynamics take them."""
+    after = np.append(log.y[1:], log.y[-1])
+    incremental = log.output == "increment"
+    speed = after if incremental else (log.y + after) / 2
+    angle = (log.angle + np.append(log.angle[1:], log.angle[-1])) / 2
+    k = np.arange(len(log.u))
+    torque = np.interp(k - delay / log.period, k, log.u)
+    ok = log.ok & np.append(log.ok[1:], False)
+    return motion_of(torque, speed, angle, ok, log.period, held=not log.smooth)
+
+
+def is_rigid(attempt: Attempt) -> bool:
+    """Return whether a model is a mass with friction, whose torque is a sum."""
+    model = attempt.model
+    laws = {role for law in model.laws for role in law.parameters if law.kind == "bristle"}
+    return (
+        tuple(model.states) == ("speed_motor",)
+        and set(attempt.names) <= set(RIGID)
+        and "J_m" in attempt.names
+        and all(law.kind == "bristle" for law in model.laws)
+        and laws <= {"coulomb", "stiffness"}
+    )
+
+
+def by_inverse(attempt: Attempt, z: Array, held: Flags | None) -> tuple[Fitted, Array] | None:
+    """Return the simulation at what the inverse dynamics find, and deviations; None if they cannot.
+
+    The delay is that of z, as a sum has none.
+    """
+    found = _inverse(attempt, float(z[-1]), held)
+    if found is None:
+        return None
+    k_T = float(attempt.model.nominal.get("k_T", 1.0))
+    p, m = len(attempt.names), len(attempt.beside)
+    at, deviations = z.copy(), np.zeros(len(z))
+    for i, name in enumerate([*found.value][: p + m]):
+        unit = 1.0 if i < p else 1.0 / k_T
+        at[i], deviations[i] = unit * found.value[name], abs(unit) * found.deviation[name]
+    at[-2], deviations[-2] = -found.value["constant"] / k_T, found.deviation["constant"] / abs(k_T)
+    problem = attempt.problem(held)
+    if np.any(at < problem.lower) or np.any(at > problem.upper):
+        return None
+    return attempt.at(at, held, fixed=p + m), deviations
+
+
+def _inverse(attempt: Attempt, delay: float, held: Flags | None) -> Inverse | None:
+    if not is_rigid(attempt):
+        return None
+    known = {
+        RIGID[name]: float(value)
+        for name, value in attempt.model.nominal.items()
+        if name in RIGID and name not in attempt.names
+    }
+    names = [RIGID[n] for n in attempt.names] + [BESIDE[n] for n in attempt.beside] + ["constant"]
+    moved = motion(attempt.log, delay)
+    moved = replace(moved, torque=float(attempt.model.nominal.get("k_T", 1.0)) * moved.torque)
+    try:
+        return inverse_dynamics(moved, names, known=known, without=held)
+    except EstimatorError:
+        return None
+
+
+def inverse_values(attempt: Attempt) -> Array | None:
+    """Return the parameters (p,) that the inverse dynamics find; None if they cannot."""
+    found = _inverse(attempt, attempt.delay or 0.0, None)
+    return None if found is None else np.array([found.value[RIGID[n]] for n in attempt.names])
+
+
+def answer(ways: Sequence[Way]) -> tuple[Way, Array, list[str]]:
+    """Return the way that is taken, its deviations (q,), and what differs by more than is claimed.
+
+    Of ways that simulate alike the most certain one is taken. Another way says how far off the
+    answer may be where it simulates what was held out about as well; less, the worse it does.
+    """
+    ways = [way for way in ways if np.isfinite(way.fitted.square)]
+    inside = [way for way in ways if not way.stuck] or ways  # at a bound of the search is no answer
+    alike = [way for way in inside if way.error <= ALIKE * inside[0].error]
+    best = min(alike, key=_claim)
+    deviations, differing = best.deviations.copy(), []
+    p = len(best.attempt.names) + len(best.attempt.beside)
+    settled = best.name != INVERSE and _agree(ways, p)
+    for other in ways:
+        if settled and other.name == INVERSE:
+            continue  # a model by which noise is no matter is right, and a sum is rougher than it
+        off, apart = _apart(best, other)
+        weight = min(1.0, best.error / other.error) ** 2 * (0.5 if other.stuck else 1.0)
+        deviations = np.where(apart, np.maximum(deviations, weight * off), deviations)
+        if apart[:p].any():
+            differing.append(other.name)
+    return best, deviations, differing
+
+
+def _apart(one: Way, other: Way) -> tuple[Array, Flags]:
+    """Return by how much unknowns (q,) differ, and whether by more than is claimed."""
+    off = abs(other.fitted.z - one.fitted.z)
+    return off, off > CLAIMED * np.hypot(one.deviations, other.deviations)
+
+
+def _agree(ways: Sequence[Way], p: int) -> bool:
+    """Return whether fits to white and to whitened errors give the same parameters (p,)."""
+    found = {way.name: way for way in ways}
+    both = {WHITE, WHITENED} <= found.keys()
+    return both and not _apart(found[WHITE], found[WHITENED])[1][:p].any()
+
+
+def _claim(way: Way) -> float:
+    """Return the mean logarithm of what a way claims of its parameters, relative to them."""
+    p = len(way.attempt.names)
+    tiny = np.finfo(float).tiny
+    share = way.deviations[:p] / np.maximum(abs(way.fitted.z[:p]), tiny)
+    return float(np.mean(np.log(np.maximum(share, tiny))))
+
+
+def explain(log: Log, delay: float, names: Sequence[str]) -> Inverse | None:
+    """Return the inverse dynamics of a log by some regressors; None where too little moves."""
+    try:
+        return inverse_dynamics(motion(log, delay), names)
+    except EstimatorError:
+        return None

@@ -1,0 +1,256 @@
+"""Charts of a study: scores over its axes, what was found, what it was taken for.
+
+Rows are those of `Results.pooled`, each with a `who`: the estimator, with the options that are
+swept of it where they are told apart. Whiskers are 95 % intervals over the cases behind a point.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
+from flexaxis.experiments.reporting.study.findings import MISSED, SEVERAL, UNMODELLED, Alarms
+
+Row = Mapping[str, Any]
+Array = NDArray[np.float64]
+BOUND = "Cramér–Rao bound, all θ unknown"
+WIDE = 30  # ratio of ends from which on a scale is logarithmic
+
+
+def degradation(rows: Sequence[Row], axis: str, *, label: str, words: str = "") -> Chart:
+    """Return the lag after a fault, and the error before it, over the values of an axis.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+    axis, label : str
+        The swept key, and what it is called.
+    words : str
+    """
+    rows = [row for row in rows if row[axis] is not None]  # it may be an option of one method only
+    names = list(dict.fromkeys(row["parameter"] for row in rows))
+    lags = [row for row in rows if row["changed"] and row["lag"] is not None]
+    panels = [_lags([r for r in lags if r["parameter"] == name], name, axis) for name in names]
+    panels += [_errors([r for r in rows if r["parameter"] == name], name, axis) for name in names]
+    across = np.array([row[axis] for row in rows], float)
+    return Chart(
+        title=f"Lag and error over {label}",
+        words=words,
+        x=label,
+        panels=[panel for panel in panels if panel.lines],
+        x_log=wide(across),
+        name=f"over-{axis}",
+    )
+
+
+def wide(values: Array) -> bool:
+    """Return whether values want a logarithmic scale."""
+    there = values[np.isfinite(values)]
+    return bool(there.size and there.min() > 0 and there.max() > WIDE * there.min())
+
+
+def _lags(rows: Sequence[Row], name: str, axis: str) -> Panel:
+    """Return the lag of a parameter that changes, with its bound."""
+    lines = _lines(rows, axis, "lag")
+    bound = {row[axis]: row["lag_bound"] for row in rows if row["lag_bound"] is not None}
+    if bound:
+        x, y = (np.array(side, float) for side in zip(*sorted(bound.items()), strict=True))
+        lines.append(Line(x=x, y=y, role="bound", label=BOUND))
+    return Panel(y=f"lag of {name} [s]", lines=lines, y_range=_from_nothing(lines))
+
+
+def _errors(rows: Sequence[Row], name: str, axis: str) -> Panel:
+    lines = _lines(_root_mean_squares(rows, axis), axis, "rms")
+    return Panel(y=f"error of {name} [%]", lines=lines, y_range=_from_nothing(lines))
+
+
+def _lines(rows: Sequence[Row], axis: str, measure: str) -> list[Line]:
+    """Return a line of each, with the intervals that stand beside a column."""
+    found = []
+    for who in dict.fromkeys(row["who"] for row in rows):
+        mine = sorted((row for row in rows if row["who"] == who), key=lambda row: row[axis])
+        x, y = (np.array([row[key] for row in mine], float) for key in (axis, measure))
+        low, high = _ends(mine, y, f"{measure}_interval")
+        found.append(Line(who=who, kind="both", x=x, y=y, low=low, high=high))
+    return found
+
+
+def _ends(rows: Sequence[Row], y: Array, column: str) -> Array:
+    """Return the ends of the intervals (2, n); of what has none the value itself."""
+    spans = [row.get(column) or (v, v) for v, row in zip(y, rows, strict=True)]
+    return np.array([[np.nan if v is None else v for v in span] for span in spans], float).T
+
+
+def _from_nothing(lines: Sequence[Line]) -> tuple[float, float] | None:
+    """Return a range that begins at 0 and has all that is drawn."""
+    sides = [side for line in lines for side in (line.y, line.high) if side is not None]
+    top = np.nanmax(np.concatenate([*sides, [0.0]]))
+    return (0.0, 1.08 * float(top)) if np.isfinite(top) and top > 0 else None
+
+
+def _root_mean_squares(rows: Sequence[Row], axis: str) -> list[dict[str, Any]]:
+    """Return the rms error by line and value: over all cases, with a change later or without."""
+    held: dict[tuple[str, Any], list[tuple[float, int]]] = {}
+    for row in rows:
+        if row["std"] is not None:
+            square = row["std"] ** 2 + (row["bias"] or 0.0) ** 2
+            held.setdefault((row["who"], row[axis]), []).append((square, row["runs"]))
+    found = []
+    for (who, value), squares in held.items():
+        values, weights = zip(*squares, strict=True)
+        rms = float(np.sqrt(np.average(values, weights=weights)))
+        found.append({"who": who, axis: value, "rms": rms})
+    return found
+
+
+def detection(found: Sequence[Alarms], *, words: str) -> Chart:
+    """Return the delay of detection, and the share of faults missed, against false alarms.
+
+    Parameters
+    ----------
+    found : sequence of Alarms
+        From `flexaxis.experiments.reporting.study.findings.alarms`: a point a setting, a line a
+        method.
+    words : str
+    """
+    delays, missed = [], []
+    for method in dict.fromkeys(each.method for each in found):
+        mine = sorted((e for e in found if e.method == method), key=lambda e: e.false_per_hour)
+        late = [each for each in mine if each.delay is not None]
+        delays += _settings(method, late, [e.delay for e in late], [e.delay_interval for e in late])
+        missed += _settings(method, mine, [100 * e.missed for e in mine], [None] * len(mine))
+    return Chart(
+        title="Detection",
+        words=words,
+        x="false alarms in an hour",
+        panels=[
+            Panel(y="delay of detection [s]", lines=delays, y_range=_from_nothing(delays)),
+            Panel(y="faults missed [%]", lines=missed, y_range=(-3, 103)),
+        ],
+    )
+
+
+def _settings(
+    method: str, found: Sequence[Alarms], values: Sequence[Any], spans: Sequence[Any]
+) -> list[Line]:
+    """Return a line through the settings of a method, and a point of each, which says its own."""
+    x, y = np.array([each.false_per_hour for each in found], float), np.array(values, float)
+    points = []
+    for i, each in enumerate(found):
+        low, high = np.array(spans[i] or (y[i], y[i]), float)
+        points.append(
+            Line(
+                who=method,
+                label=each.estimator,
+                kind="points",
+                x=x[[i]],
+                y=y[[i]],
+                low=np.array([low]),
+                high=np.array([high]),
+            )
+        )
+    return [Line(who=method, x=x, y=y), *points]
+
+
+def isolation(counts: Mapping[str, Counter[tuple[str, str]]], *, words: str) -> Heat:
+    """Return a map a method: what changed, what was named, in % of the faults.
+
+    Parameters
+    ----------
+    counts : mapping of str to Counter
+        From `flexaxis.experiments.reporting.study.findings.confusion`.
+    words : str
+    """
+    pairs = [pair for counter in counts.values() for pair in counter]
+    faults = list(dict.fromkeys(fault for fault, _ in pairs))
+    others = sorted({named for _, named in pairs} - set(faults) - {MISSED, UNMODELLED, SEVERAL})
+    columns = [*faults, *others, SEVERAL, UNMODELLED, MISSED]
+    faults = faults[::-1]  # the first on top
+    panels = []
+    for method, counter in counts.items():
+        table = np.array([[counter[fault, name] for name in columns] for fault in faults], float)
+        share = 100 * table / np.maximum(1, table.sum(axis=1, keepdims=True))
+        panels.append(Cells(who=method, values=share))
+    return Heat(
+        title="Isolation",
+        words=words,
+        x="named",
+        y="changed",
+        xs=columns,
+        ys=faults,
+        panels=panels,
+        unit="% of the faults",
+    )
+
+
+def lag_map(
+    rows: Sequence[Row], axes: tuple[str, str], *, labels: tuple[str, str], words: str
+) -> Heat:
+    """Return the lag after the fault over two axes, a map an estimator.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of the parameters that changed.
+    axes, labels : (str, str)
+        Swept keys across and up, and what they are called.
+    words : str
+    """
+    x, y = axes
+    across, up = (_ordered(row[key] for row in rows) for key in axes)
+    panels = [
+        Cells(
+            who=who, values=_mean_lags([row for row in rows if row["who"] == who], x, y, across, up)
+        )
+        for who in dict.fromkeys(row["who"] for row in rows)
+    ]
+    return Heat(
+        title=f"Lag over {labels[0]} and {labels[1]}",
+        words=words,
+        x=labels[0],
+        y=labels[1],
+        xs=[_tick(value) for value in across],
+        ys=[_tick(value) for value in up],
+        panels=panels,
+        unit="s",
+        log=wide(np.concatenate([panel.values.ravel() for panel in panels])),
+        name=f"lag-{x}-{y}",
+    )
+
+
+def _mean_lags(
+    rows: Sequence[Row], x: str, y: str, across: Sequence[Any], up: Sequence[Any]
+) -> Array:
+    table = np.full((len(up), len(across)), np.nan)
+    for i, j in np.ndindex(table.shape):
+        here = [row for row in rows if (row[y], row[x]) == (up[i], across[j])]
+        if here:
+            weights = [row["runs"] for row in here]
+            table[i, j] = np.average([row["lag"] for row in here], weights=weights)
+    return table
+
+
+def _ordered(values: Iterable[Any]) -> list[Any]:
+    found = list(dict.fromkeys(values))
+    try:
+        return sorted(found)
+    except TypeError:
+        return found
+
+
+def _tick(value: Any) -> str | float:
+    """Return a number as it is, and whatever else as text."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if number else str(value)
+
+
+def short(value: Any) -> str:
+    """Return the value of an axis for a table."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, int | float) else str(value)

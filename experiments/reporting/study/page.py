@@ -1,0 +1,145 @@
+"""The HTML report of a study: a sentence, a table of pooled scores, the charts its axes allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexaxis.experiments.reporting import page
+from flexaxis.experiments.reporting.charts import Chart, Heat
+from flexaxis.experiments.reporting.study import charts
+from flexaxis.experiments.reporting.study import rows as study_rows
+from flexaxis.experiments.reporting.study.axis_words import axis_words
+from flexaxis.experiments.reporting.study.findings import alarms, confusion
+from flexaxis.experiments.reporting.study.tables import scores_tables
+from flexaxis.experiments.reporting.study.words import finding
+from flexaxis.experiments.reporting.terminal import failures_in_words
+from flexaxis.experiments.results.groups import Bins
+from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.columns import axis_kind
+from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.running.names import REPORT
+
+BINS = 8  # of an axis with too many values to draw each
+MANY = 24  # values of an axis that are drawn each
+MAPS = 3  # heat maps
+DRAWN = ("lag", "lag_bound", "std", "bias")
+
+DEGRADATION = (
+    "Where something changes: the lag, the area under the remaining error after the fault (dotted: "
+    "what the Cramér–Rao bound allows); and how wrong each estimate is before the fault (root mean "
+    "square, in % of nominal). "
+)
+DETECTION = (
+    "A point is one setting of an estimator that reports findings: how late it finds a fault, and "
+    "how many it misses, against how often it finds one where there is none."
+)
+ISOLATION = "What was named (columns) where something changed (rows)."
+HEAT = "Lag after the fault, geometric mean. Empty: not run, or never in range. "
+WHISKERS = (
+    " Whiskers are 95 % intervals over the seeds behind a point, where values of other keys are "
+    "averaged over about the mean of each; runs that were lost are in none of them, but counted in "
+    "the table."
+)
+
+
+def write_report(results: Results, path: Path | None = None) -> Path:
+    """Write the report of a study, by default into its folder, and return its path.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
+    """
+    path = path or results.folder / REPORT
+    write_text(path, render(results))
+    return path
+
+
+def render(results: Results) -> str:
+    """Return the report as HTML: one file, readable without a network."""
+    bins = _bins(results)
+    failed = results.failures()
+    content = {
+        "study": results.study,
+        "axes": [_words(results, axis) for axis in results.axes],
+        "finding": finding(results),
+        "tables": scores_tables(results, bins),
+        "cases": results.cases,
+        "failed": len(failed),
+        "failures": failures_in_words(failed[:10]),
+        "charts": page.charted(chart for each in CHARTS for chart in each(results, bins)),
+    }
+    return page.render("reporting/templates/study.html", content)
+
+
+def over_each_axis(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+    """Yield lag and error over each axis of numbers."""
+    values = results.values()
+    for axis in (a for a in values if len(values[a]) > 1 and _is_number(values[a])):
+        rows = study_rows.rows_of(results, [axis], bins, DRAWN)
+        if any(row[axis] is not None for row in rows):
+            words = DEGRADATION + _averaged(results, [axis]) + WHISKERS
+            label = _words(results, axis)
+            yield charts.degradation(rows, axis, label=label, words=words)
+
+
+def over_pairs_of_axes(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+    """Yield maps of the lag over two axes each."""
+    values = results.values()
+    # Those with the fault first: size of the fault against all else is what one asks for.
+    wide = [axis for axis in values if len(values[axis]) > 1]
+    wide.sort(key=lambda axis: not axis.startswith("fault"))
+    for y, x in list(combinations(wide, 2))[:MAPS]:
+        rows = study_rows.rows_of(results, [x, y], bins, ["lag"])
+        rows = [row for row in rows if row[x] is not None and row[y] is not None]
+        rows = [row for row in rows if row["changed"] and row["lag"] is not None]
+        if rows:
+            labels = _words(results, x), _words(results, y)
+            words = HEAT + _averaged(results, [x, y])
+            yield charts.lag_map(rows, (x, y), labels=labels, words=words)
+
+
+def what_was_found(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+    """Yield delay and missed faults over false alarms, and what was named where."""
+    del bins
+    if found := alarms(results):
+        yield charts.detection(found, words=DETECTION + WHISKERS)
+    if counts := confusion(results):
+        yield charts.isolation(counts, words=ISOLATION)
+
+
+def _averaged(results: Results, axes: Sequence[str]) -> str:
+    """Return what a chart over some axes averages over, as a sentence."""
+    rest = [_words(results, axis) for axis in study_rows.pooled_over(results, axes)]
+    return f"Averaged over {' and '.join(rest)}." if rest else ""
+
+
+def _words(results: Results, axis: str) -> str:
+    return axis_words(axis, results.study)
+
+
+def _bins(results: Results) -> dict[str, list[float]]:
+    """Return the edges of bins that hold about as many points each, for axes with many values."""
+    return {
+        axis: np.unique(np.quantile(seen, np.linspace(0, 1, BINS + 1))).tolist()
+        for axis, seen in results.values().items()
+        if len(seen) > MANY and _is_number(seen)
+    }
+
+
+def _is_number(values: Sequence[Any]) -> bool:
+    return axis_kind(values) == "number"
+
+
+CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart | Heat]]] = (
+    over_each_axis,
+    over_pairs_of_axes,
+    what_was_found,
+)
+"""The charts of a study, in the order of the page: a new one is a function that yields it, for
+what its axes allow, and its name here. It takes the edges of bins for axes with many values."""

@@ -1,0 +1,127 @@
+"""The form of a file of rows, how it is opened, and what is said where that fails."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from flexaxis.experiments.running.columns import COLUMNS, KEY
+from flexaxis.experiments.running.errors import NotRun, StudyError
+from flexaxis.experiments.running.files import OutputError
+
+PATIENCE = 600.0  # s for which another process may write
+CASE = "case"  # 64 bits
+TEXTS = (*(name for name, kind in COLUMNS.items() if kind == "text" and name != CASE), "axes")
+STORED = (CASE, *(name for name in COLUMNS if name not in {CASE, *TEXTS}), *TEXTS)
+_TYPES = {"number": "REAL", "text": "INTEGER", "integer": "INTEGER", "truth": "INTEGER"}
+
+
+_NAME = re.compile(r"scores(-\d+-of-\d+)?\.sqlite")
+
+
+def file_of(shard: tuple[int, int] = (1, 1)) -> str:
+    """Return the name of the file of rows of a share."""
+    mine, shares = shard
+    return "scores.sqlite" if shares == 1 else f"scores-{mine}-of-{shares}.sqlite"
+
+
+def row_files(folder: Path) -> list[Path]:
+    """Return the files of rows in a folder.
+
+    Raises
+    ------
+    StudyError
+        If it has those of flexaxis 0.1 alone; says how to convert it.
+    """
+    found = sorted(path for path in folder.glob("scores*") if _NAME.fullmatch(path.name))
+    for path in found:
+        if Path(f"{path}-journal").exists():  # of a kill: what it had not finished is taken back
+            with said(path), closing(connect(path)) as db:
+                db.execute("SELECT 1 FROM sqlite_master")
+    found = [path for path in found if path.stat().st_size]
+    if not found and any(folder.glob("scores*.jsonl")):
+        raise StudyError(
+            f"{folder} is of flexaxis 0.1: type flexaxis merge {shlex.quote(str(folder))} -o NEW, "
+            "and use NEW"
+        )
+    return found
+
+
+def quoted(name: str) -> str:
+    """Return a name of a column as SQL has it."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def shown(name: str) -> str:
+    """Return what gives a column as it is read, from how it is stored."""
+    if name == CASE:
+        return "printf('%016x', \"case\")"
+    if name in TEXTS:
+        return f"(SELECT text FROM texts WHERE id = cells.{quoted(name)})"
+    return f"cells.{quoted(name)}"
+
+
+ROW = ", ".join(map(shown, STORED))
+
+
+def tables(axes: Sequence[str]) -> Iterator[str]:
+    """Yield what makes the tables of a new file, and the view for everybody."""
+    yield "CREATE TABLE texts (id INTEGER PRIMARY KEY, text TEXT UNIQUE)"
+    yield "INSERT INTO texts VALUES (0, NULL)"
+    columns = (f"{quoted(n)} {_TYPES[COLUMNS.get(n, 'text')]}" for n in STORED)
+    key = ", ".join(map(quoted, KEY))
+    yield f"CREATE TABLE cells ({', '.join(columns)}, PRIMARY KEY ({key}))"
+    yield (
+        "CREATE TABLE traces (estimator INTEGER, code INTEGER, hash INTEGER, seed INTEGER, "
+        "trace BLOB, PRIMARY KEY (estimator, code, hash, seed))"
+    )
+    columns_shown = [f"{shown(name)} AS {quoted(name)}" for name in COLUMNS]
+    for axis in axes:
+        path = '$."' + axis.replace("'", "''") + '"'
+        columns_shown.append(f"json_extract({shown('axes')}, '{path}') AS {quoted(axis)}")
+    yield f"CREATE VIEW scores AS SELECT {', '.join(columns_shown)} FROM cells"
+
+
+@contextmanager
+def said(path: Path | None) -> Iterator[None]:
+    """Say in one line what goes wrong with a file.
+
+    Raises
+    ------
+    NotRun
+        If the disk is full.
+    OutputError
+        If it cannot be written for another reason, or read.
+    StudyError
+        If it is damaged, or none of ours.
+    """
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        full = "full" in str(error) or "disk I/O" in str(error)
+        why = f"No space left on the disk ({error}): make room" if full else f"{error}"
+        kind = NotRun if full else OutputError
+        raise kind(f"{path}: cannot be written: {why}, or choose another place with -o") from error
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:
+        raise StudyError(
+            f"{path}: is damaged, or no file of rows: {error}. Take it from a copy, or remove it; "
+            "the same line then runs its cases again"
+        ) from error
+
+
+def connect(path: Path | None, *, write: bool = False) -> sqlite3.Connection:
+    """Return a connection to a file of rows, to one in memory where there is no path."""
+    name = ":memory:" if path is None else path.resolve().as_uri()
+    if path is not None and not write:  # what a kill has left can be taken back where it may be
+        name += "?mode=rw" if os.access(path.parent, os.W_OK) else "?mode=ro"
+    how: dict[str, Any] = {"uri": path is not None, "timeout": PATIENCE, "isolation_level": None}
+    db = sqlite3.connect(name, check_same_thread=False, **how)
+    only = "" if write else "; PRAGMA query_only = ON"
+    db.executescript(f"PRAGMA trusted_schema = OFF; PRAGMA synchronous = NORMAL{only}")
+    return db

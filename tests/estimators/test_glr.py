@@ -1,0 +1,196 @@
+"""A filter with a bank of hypotheses: parts by hand, and as a whole on records with faults."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import EstimatorError
+from flexaxis.estimators.finding import Finding
+from flexaxis.estimators.glr.bank import PER_LEVEL
+from flexaxis.estimators.methods.glr import glr, time_scale
+from flexaxis.estimators.models.axes import N1, one_mass, three_mass
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.simulate import simulate
+
+T = 0.005
+
+
+@cache
+def drawn(name, seed=0):
+    """Torque and speed of a scenario with what an estimator is told of it."""
+    scenario = find_scenario(name)
+    one = simulate(scenario, [seed])[0]
+    return one, dict(started_nominal(scenario)), nominal_torque(scenario)
+
+
+def tracked(name, seed=0, until=None, **options):
+    record, nominal, torque = drawn(name, seed)
+    made = glr(nominal, T, torque=torque, **options)
+    theta = made.run(record.torque[:until], record.speed[:until])
+    return made, theta, record
+
+
+def one_mass_speed(u, friction):
+    """Return the speed (N,) of J ω̇ = u − f ω, with f of each sample (N,), exactly."""
+    J, y = 1e-2, np.zeros(len(u))
+    for k in range(1, len(u)):
+        decay = np.exp(-friction[k - 1] * T / J)
+        y[k] = decay * y[k - 1] + (1 - decay) / friction[k - 1] * u[k - 1]
+    return y
+
+
+# ------------------------------------------------------------------ parts
+
+
+def of_one_mass(**options):
+    model = one_mass({"k_T": 1.0, "J_m": 1e-2, "f_m": 0.1})
+    options = {"identify": ["f_m"], "track": (), "learn": "none", "commissioning": 0.0} | options
+    return glr(model, T, torque=np.random.default_rng(9).normal(size=400), noise=1e-3, **options)
+
+
+def test_a_column_gives_the_size_of_a_small_jump():
+    """Without noise ν̂ is ν J/(J + 1/σ²), whatever the filter has taken up of it meanwhile."""
+    u = np.random.default_rng(1).normal(size=330)
+    size, onset = 1e-3, 304
+    friction = np.where(np.arange(330) < onset, 0.1, 0.1 * (1 + size))
+    made = of_one_mass()
+    made.run(u, one_mass_speed(u, friction))
+    bank = made._work.bank[0]
+    row = int(np.flatnonzero(bank["onset"] == onset)[-1])
+    shrunk = bank["J"][row] / (bank["J"][row] + 1 / 0.3**2)
+    assert bank["size"][row] / shrunk == pytest.approx(size, rel=0.02)
+
+
+def test_onsets_stand_once_each_and_ever_more_sparsely():
+    """Whatever the age, exactly one level has the onset, within an eighth to a quarter of it."""
+    made = of_one_mass()
+    u = np.random.default_rng(2).normal(size=700)
+    made.run(u, one_mass_speed(u, np.full(700, 0.1)))
+    bank, timing = made._work.bank[0], made._timing
+    ages, width = [], []
+    for row, onset in enumerate(bank["onset"]):
+        spacing = timing.base << (row // PER_LEVEL)
+        if np.isfinite(bank["evidence"][row]):
+            ages.append(699 - onset)
+            width.append(spacing)
+    order = np.argsort(ages)
+    ages, width = np.array(ages)[order], np.array(width)[order]
+    assert (np.diff(ages) > 0).all()
+    assert (np.diff(ages) <= 2 * width[1:]).all()
+    assert (width[ages > 8] <= ages[ages > 8] / 4).all()
+    assert ages[-1] >= timing.span // 2
+
+
+def test_the_mean_moves_before_anything_is_decided():
+    made = of_one_mass()
+    u = np.random.default_rng(3).normal(size=400)
+    y = one_mass_speed(u, np.where(np.arange(400) < 300, 0.1, 0.15))
+    y += 1e-3 * np.random.default_rng(4).normal(size=400)
+    theta = made.run(u, y)
+    alarm = made.findings[0].alarm
+    assert abs(theta[alarm - 1, 0] / 0.15 - 1) < 0.1
+    assert sum(made.beliefs.values()) < 1e-3  # the bank has been emptied
+
+
+def test_the_time_scale_is_that_of_the_slowest_oscillation():
+    """2 zeta omega of the poles of the nominal axis; what only coasts has that, within limits."""
+    poles = np.linalg.eigvals(np.array(three_mass(N1).parametrize().matrices([1, 1.25, 0.05])[0]))
+    swinging = poles[np.abs(poles.imag) > np.abs(poles.real)]
+    assert time_scale(three_mass(N1), T) == pytest.approx(1 / np.abs(swinging.real).min())
+    coasts = one_mass({"k_T": 1.0, "J_m": 1.0, "f_m": 0.1})  # 10 s
+    assert time_scale(coasts, T) == pytest.approx(800 * T)
+    assert time_scale(coasts, T / 10) == pytest.approx(800 * T / 10)
+
+
+@pytest.mark.parametrize("option", [{"rate": 300.0}, {"budget": 1}, {"suspects": ["nobody"]}])
+def test_what_cannot_be_is_refused(option):
+    with pytest.raises(EstimatorError, match=next(iter(option))):
+        glr(N1, T, **option)
+
+
+# ------------------------------------------------------------------ as a whole
+
+
+@pytest.mark.parametrize(
+    ("scenario", "parameter", "ratio"),
+    [
+        ("fm_double-v1", "f_m", 2.0),
+        ("ja_step-v1", "1/J_a", 1 / 1.1),
+        ("kg_step-v1", "k_g", 0.8),
+        ("coulomb_fm_step-v1", "f_m", 1.5),
+    ],
+)
+def test_a_fault_is_found_once_and_named(scenario, parameter, ratio):
+    made, theta, _ = tracked(scenario)
+    (found,) = made.findings
+    assert isinstance(found, Finding)
+    assert found.parameters == (parameter,)
+    assert found.ratio[0] == pytest.approx(ratio, rel=0.08)
+    assert 1990 <= found.onset <= 2010 and found.alarm < 2100
+    (low, high), within = found.interval[0], made.covariance
+    assert low < found.ratio[0] < high
+    assert np.isfinite(theta).all() and (np.diag(within) > 0).all()
+
+
+def test_structure_that_was_told_wrong_is_learnt():
+    """k_g 10 % off: the linear filter is biased by tens of per cent."""
+    _, theta, _ = tracked("told_kg_fm_step-v1")
+    assert abs(theta[1500:2000, 2].mean() / 0.05 - 1) < 0.02
+
+
+def test_a_rest_before_the_motion_tells_of_the_noise():
+    """Half a minute in which nothing moves is no time to learn a structure in."""
+    one, nominal, torque = drawn("fm_step-v1")
+    rest, rng = 6000, np.random.default_rng(0)
+    u = np.r_[np.zeros(rest), one.torque[:2600]]
+    y = np.r_[0.1 * rng.normal(size=rest), one.speed[:2600]]
+    made = glr(nominal, T, torque=torque)
+    theta = made.run(u, y)
+    assert [f.parameters for f in made.findings] == [("f_m",)]
+    assert abs(theta[rest + 1500 : rest + 2000, 2].mean() / 0.05 - 1) < 0.02
+
+
+def test_work_is_bounded_in_every_sample():
+    """No sample goes through more than the budget again, and those that come meanwhile count."""
+    record, nominal, torque = drawn("fm_double-v1")
+    made = glr(nominal, T, torque=torque, budget=8)
+    before, most = 0, 0
+    for u, y in zip(record.torque[:2300], record.speed[:2300], strict=True):
+        made.step(u, y)
+        most = max(most, int(made._work.bank["rerun"][0]) - before)
+        before = int(made._work.bank["rerun"][0])
+    assert most == 8
+    assert [f.parameters for f in made.findings] == [("f_m",)]
+
+
+def test_nothing_is_found_where_nothing_happens():
+    made, theta, _ = tracked("paper_nominal-v1", until=6000)
+    assert made.findings == ()
+    np.testing.assert_allclose(theta[-1, :3], [1.0, 1.25, 0.05], rtol=0.02)
+
+
+@pytest.mark.slow
+def test_what_is_claimed_before_a_fault_holds():
+    """NEES of the three identified parameters, mean over seeds, against χ² of three."""
+    values = []
+    for seed in range(1000, 1012):
+        made, theta, _ = tracked("fm_step-v1", seed, until=2000)
+        off = theta[-1, :3] - [1.0, 1.25, 0.05]
+        values.append(off @ np.linalg.solve(made.covariance[:3, :3], off))
+    assert 1.0 < np.mean(values) < 6.0  # 3 ± .7 where all is as claimed
+
+
+def test_a_copy_goes_on_by_itself():
+    record, nominal, torque = drawn("fm_double-v1")
+    made = glr(nominal, T, torque=torque)
+    made.run(record.torque[:2005], record.speed[:2005])
+    other = made.copy()
+    rest = slice(2005, 2200)
+    np.testing.assert_array_equal(
+        made.run(record.torque[rest], record.speed[rest]),
+        other.run(record.torque[rest], record.speed[rest]),
+    )
+    assert made.findings == other.findings != ()

@@ -1,0 +1,57 @@
+"""Inverse dynamics against axes that are integrated here, in steps of their own."""
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.offline.inverse import inverse_dynamics, motion_of
+
+T, N, FINE = 1e-3, 12_000, 20
+J, F, F_C = 0.02, 0.1, 0.3
+
+
+def driven(top, *, hump=0.0, sided=0.0, gravity=0.0):
+    """Return torque, mean speed and angle half way of an axis on two sines up to `top` [Hz]."""
+    t = (np.arange(N * FINE) + 0.5) * T / FINE
+    wanted = 3.0 * np.sin(2 * np.pi * 0.7 * t) + 0.6 / top * np.sin(2 * np.pi * top * t)
+    speed = np.gradient(wanted, T / FINE)
+    law = F_C * (1 + hump * np.exp(-((speed / 0.5) ** 2))) * np.sign(speed) + F * speed
+    torque = J * np.gradient(speed, T / FINE) + law + sided * abs(speed) + gravity * np.sin(wanted)
+    return (x.reshape(N, FINE).mean(axis=1) for x in (torque, speed, wanted))
+
+
+def found(names, *signals, **more):
+    return inverse_dynamics(motion_of(*signals, np.ones(N, bool), T), names, **more)
+
+
+LINEAR = ("inertia", "viscous", "dry", "constant")
+
+
+@pytest.mark.parametrize("top", [5.0, 60.0])
+def test_the_coefficients_of_a_rigid_axis_in_fast_motion(top):
+    axis = found(LINEAR, *driven(top))
+    for name, value in (("inertia", J), ("viscous", F), ("dry", F_C)):
+        assert axis.value[name] == pytest.approx(value, rel=0.01), name
+    assert abs(axis.value["constant"]) < 0.01 * F_C
+
+
+def test_two_sides_and_gravity_are_told_apart():
+    signals = driven(5.0, sided=0.03, gravity=0.4)
+    axis = found((*LINEAR, "sided", "sine", "cosine"), *signals)
+    assert axis.value["sided"] == pytest.approx(0.03, rel=0.02)
+    assert axis.value["sine"] == pytest.approx(0.4, rel=0.01)
+    assert axis.sure("sine") > 10 and axis.gain(("sine", "cosine")) > 0.5
+
+
+def test_a_hump_of_slow_motion_is_left_out():
+    axis = found(LINEAR, *driven(5.0, hump=0.5))
+    assert axis.value["viscous"] == pytest.approx(F, rel=0.02)
+    assert axis.value["dry"] == pytest.approx(F_C, rel=0.02)
+
+
+def test_what_is_known_is_taken_off_and_too_little_motion_is_refused():
+    signals = [*driven(5.0)]
+    axis = found(("inertia", "dry", "constant"), *signals, known={"viscous": F})
+    assert axis.value["dry"] == pytest.approx(F_C, rel=0.01)
+    with pytest.raises(EstimatorError, match="too few"):
+        found(LINEAR, *signals, without=np.arange(N) > 150)

@@ -1,0 +1,75 @@
+"""Delays and starts that cannot be, and fits that went astray, are said."""
+
+import numpy as np
+import pytest
+
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identify import identify
+from flexaxis.sim.record import Record
+
+T, N, STEPS = 0.004, 2500, 40
+TWO = {"k_T": 1.0, "J_m": 0.01, "J_l": 0.02, "k": 300.0, "d": 0.1, "f_m": 0.05, "f_l": 0.02}
+ONE = {"k_T": 1.0, "J_m": 0.01, "f_m": 0.05}
+
+
+def multisine(rng, low=0.2, high=40.0):
+    lines = np.unique(np.round(np.geomspace(low, high, 60) * N * T)) / (N * T)
+    t = T * np.arange(N)
+    x = sum(np.cos(2 * np.pi * f * t + rng.uniform(0, 2 * np.pi)) for f in lines)
+    return x / np.std(x)
+
+
+def one_mass(u, gravity=0.0):
+    angle, speed, h, found = 0.0, 0.0, T / STEPS, np.zeros(N)
+    for i in range(N):
+        found[i] = angle
+        for _ in range(STEPS):
+            speed += h / ONE["J_m"] * (u[i] - ONE["f_m"] * speed - gravity * np.sin(angle))
+            angle += h * speed
+    return found
+
+
+def logged(u, angle):
+    return Record(
+        time=T * np.arange(N), torque=u, angle=angle, increment=np.diff(angle, prepend=0.0) / T
+    )
+
+
+@pytest.fixture(scope="module")
+def u():
+    return multisine(np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def record(u):
+    return logged(u, one_mass(u))
+
+
+@pytest.mark.parametrize("delay", [-1.0, 5.0, float("nan"), float("inf")])
+def test_a_delay_that_cannot_be_is_refused_with_those_that_can(record, delay):
+    with pytest.raises(LogError, match=r"acts 0 … 0\.016 s after"):
+        identify(record, find_axis("one_mass"), delay=delay)
+
+
+@pytest.mark.parametrize("values", [{"f_m": 1e300}, {"k_T": 1e300}, {"J_m": 1e-300}])
+def test_a_start_that_cannot_be_computed_with_is_refused(record, values):
+    with pytest.raises(LogError, match="no axis has that"):
+        identify(record, find_axis("one_mass").having(values))
+
+
+def test_the_least_delay_is_no_estimate(record):
+    found = identify(record, find_axis("one_mass").having(ONE), friction="none")
+    assert found.delay == 0.0 and found.delay_deviation == 0.0
+    assert any("least that a held torque can have" in each.text for each in found.findings)
+
+
+def test_a_fit_that_went_astray_blames_no_rate():
+    """At 250 Hz nothing is seen of a mode at 400 Hz: what ended there says so, and what to do."""
+    from flexaxis.experiments.logs.identify import _check_ended
+
+    model = find_axis("two_mass").having(TWO).model
+    _check_ended(model, T)
+    stiff = find_axis("two_mass").having(TWO | {"k": 300.0 * 400}).model
+    with pytest.raises(LogError, match=r"went astray.*--start"):
+        _check_ended(stiff, T)

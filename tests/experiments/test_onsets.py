@@ -1,0 +1,173 @@
+"""Onsets drawn by seed: what moves with them, who is told, and what is scored."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import flexaxis as fx
+from flexaxis.experiments.building.offer import offer_of, torque_of
+from flexaxis.experiments.building.specs import parse
+from flexaxis.experiments.catalogue.find import find_scenario, scenario_names
+from flexaxis.experiments.running.bench import Bench
+from flexaxis.experiments.running.cache import RecordCache, records
+from flexaxis.experiments.running.case import pieces, run_case
+from flexaxis.experiments.scoring.curves import later, shifted
+from flexaxis.experiments.scoring.limits import limits
+from flexaxis.experiments.scoring.windows import claimed_at, quiet, windows
+from flexaxis.sim.errors import ScenarioError
+from flexaxis.sim.record import load_record
+from flexaxis.sim.scenario import stored_scenario
+from flexaxis.sim.simulate import simulate
+
+SHORT = {"duration": 6.0, "fault[0].at": 4.0, "onset_spread": 1.0, "burn_in": 1.0}
+DRAWN = [name for name in scenario_names() if name.endswith("-v2")]
+
+
+@pytest.fixture(scope="module")
+def short():
+    return find_scenario("fm_step-v1").override(SHORT)
+
+
+def test_onsets_are_even_on_the_grid_from_7_to_13_s():
+    scenario = find_scenario("fm_step-v2")
+    drawn = np.array([scenario.drawn(seed).events()[0].index for seed in range(1000)])
+    assert drawn.min() >= 1400 and drawn.max() <= 2600
+    # four standard errors of the mean of an even distribution, and of the share of each third
+    assert abs(drawn.mean() - 2000) < 4 * 1200 / np.sqrt(12 * 1000)
+    thirds = np.histogram(drawn, [1400, 1800, 2200, 2601])[0] / 1000
+    assert abs(thirds - 1 / 3).max() < 4 * np.sqrt(2 / 9 / 1000)
+    assert len({int(k) % 5 for k in drawn}) == 5
+    assert [scenario.drawn(s).fault[0].at for s in range(3)] == [8.555, 11.81, 12.51]
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_what_lies_between_changes_and_pauses_stays(name):
+    """A -v2 is its -v1, moved in time; 5 s and more are left after the last fault."""
+    scenario, first = find_scenario(name), find_scenario(name.replace("-v2", "-v1"))
+    moved = {key: value for key, value in scenario.resolved().items()
+             if value != first.resolved().get(key)}  # fmt: skip
+    assert {"name", "onset_spread"} <= moved.keys() <= {"name", "onset_spread", "duration"}
+    for seed in range(5):
+        run = scenario.drawn(seed)
+        (by,) = {
+            round((a.at - b.at) / run.period) for a, b in zip(run.fault, first.fault, strict=True)
+        }
+        assert abs(by) <= 600
+        assert run.nuisance == first.nuisance and run.identify == first.identify
+        ends = list(itertools.chain(*getattr(run.excitation, "pause", ())))
+        before = list(itertools.chain(*getattr(first.excitation, "pause", ())))
+        np.testing.assert_allclose(np.subtract(ends, before), by * run.period, atol=1e-9)
+        assert run.duration >= max(fault.at for fault in run.fault) + 5
+        onset, written = run.events()[0].index, first.events()[0].index
+        assert run.excited()[onset] == first.excited()[written]
+        assert (run.name, run.key) == (name, scenario.key) and run.drawn(99) is run
+
+
+def test_a_record_is_that_of_its_own_scenario_whatever_the_batch(tmp_path):
+    """Several law and axis parameters change at other times in each run of a batch."""
+    both = {"friction.coulomb": 0.1, "fault": [
+        {"kind": "step", "parameter": "f_c", "at": 0.4, "factor": 2.0},
+        {"kind": "step", "parameter": "J_a", "at": 0.5, "factor": 1.2}]}  # fmt: skip
+    scenario = find_scenario("fm_step-v1").override(both | {"duration": 1.0, "onset_spread": 0.3})
+    batch = simulate(scenario, range(3))
+    assert len({record.scenario["fault"][0]["at"] for record in batch}) == 3
+    for seed, record in enumerate(batch):
+        own = stored_scenario(record.scenario, source="record")
+        assert own.hash == scenario.drawn(seed).hash and record.hash == scenario.hash
+        for again in (simulate(scenario, [seed])[0], simulate(own, [seed])[0]):
+            for name in ("torque", "speed", "true_angle_a", "true_parameters"):
+                assert np.array_equal(getattr(record, name), getattr(again, name)), name
+        changes = np.flatnonzero(np.diff(record.true_parameters, axis=0).any(axis=1)) + 1
+        assert list(changes) == [event.index for event in own.events()]
+    store = RecordCache(tmp_path)
+    for _ in range(2):  # simulated, and from the cache
+        (kept,), _ = records(scenario, [2], store)
+        assert kept.scenario == batch[2].scenario
+        assert np.array_equal(kept.true_parameters, batch[2].true_parameters)
+    path = batch[1].save(tmp_path / "record.nc")
+    assert load_record(path).scenario["fault"][0]["at"] == scenario.drawn(1).fault[0].at
+
+
+def test_nobody_is_told(short):
+    """What a factory gets is the same whenever the fault comes; so are the pieces of a run."""
+    for name in ("fm_step-v2", "pause_fm_step-v2"):
+        scenario = find_scenario(name)
+        offers = [offer_of(scenario.drawn(seed)) for seed in range(3)]
+        assert offers[0] == offers[1] == offers[2] == offer_of(scenario)
+    torques = [torque_of(short.drawn(seed), "reference") for seed in range(2)]
+    assert np.array_equal(*torques) and np.array_equal(torques[0], torque_of(short, "reference"))
+
+    class Claims:
+        covariance = np.eye(1)
+
+    cuts = {tuple(p.start for p in pieces(short.drawn(s), Claims(), 1200)) for s in range(9)}
+    assert cuts == {(0, 200, 400, 600, 800, 1000)}
+
+
+def test_scores_are_those_of_the_drawn_scenario(short):
+    """A row of a drawn run is the row of the scenario that its record says, but for identity."""
+    assert short.drawn(1000).events()[0].index != short.drawn(1001).events()[0].index
+    estimators = ["rpem-forgetting", "oracle-reset", "relocate"]
+    found = Bench([short]).runs([short], estimators, (1000, 1001))
+    for i, seed in enumerate((1000, 1001)):
+        run = short.drawn(seed)
+        alone = Bench([run]).runs([run], estimators, (seed,))
+        for estimator in estimators:
+            for mine, other in zip(
+                found[short.hash, estimator][i], alone[run.hash, estimator][0], strict=True
+            ):
+                assert mine.pop("onset") == run.events()[0].index * run.period
+                assert "onset" not in other
+                for key in ("case", "hash", "cost", "onset"):
+                    mine.pop(key, None), other.pop(key, None)
+                assert mine == other
+    lags = [run[2]["lag_bound"] for run in found[short.hash, "rpem-forgetting"]]
+    for seed, lag in zip((1000, 1001), lags, strict=True):
+        run = short.drawn(seed)
+        (record,) = simulate(short, [seed])
+        assert lag == limits(run, run.identify, record.torque)[2].lag_bound
+
+
+def test_windows_and_quiet_times_follow_the_onset(short):
+    for seed in range(3):
+        run = short.drawn(seed)
+        onset = run.events()[0].index
+        assert windows(run, run.identify)[0].start == onset and quiet(run)[-1] == onset - 1
+        assert onset - 200 <= claimed_at(run) + 1 <= onset and (claimed_at(run) + 1) % 200 == 0
+        assert later(run, short) == onset - 800
+    assert shifted(np.arange(5), 2).tolist() == [2, 3, 4, 4, 4]
+
+
+def test_figures_show_all_runs_about_the_onset_that_is_written(short):
+    spec = parse("oracle-reset")
+    for record in simulate(short, [1000, 1001]):
+        case = run_case(short, record, spec)
+        friction = case.curve[:, 2]
+        assert friction[79] < 1.2 and friction[95] > 1.3  # at 3.95 and 4.75 s
+        assert case.detail.near.shape == (221, 3) and case.detail.near[19, 2] < 1.2
+
+
+def test_the_onset_is_a_column(short):
+    found = fx.benchmark("rpem-forgetting", scenarios=short, seeds=3).to_dataframe()
+    wanted = {seed: short.drawn(seed).events()[0].index * 0.005 for seed in (1000, 1001, 1002)}
+    assert dict(zip(found["seed"], found["onset"], strict=True)) == wanted
+
+
+def test_an_axis_by_hand_is_that_of_its_seed(short):
+    axis = fx.make_axis(short, seed=3)
+    assert axis.scenario is short.drawn(3)
+
+
+def test_an_onset_stays_within_its_run():
+    with pytest.raises(ScenarioError, match=r"onset_spread: must be 9\.995 s at most.*it is 11"):
+        find_scenario("fm_step-v1").override({"onset_spread": 11.0})
+    with pytest.raises(ScenarioError, match="onset_spread"):
+        find_scenario("pause_fm_step-v1").override({"onset_spread": 10.0})
+    with pytest.raises(ScenarioError, match="onset_spread"):
+        find_scenario("fm_step-v1").override({"onset_spread": 0.0})
+
+
+def test_first_versions_are_as_they_were():
+    scenario = find_scenario("fm_step-v1")
+    assert scenario.drawn(5) is scenario and "onset_spread" not in scenario.resolved()

@@ -1,0 +1,120 @@
+"""Three fits, one answer: judged by simulation of held-out pieces, on drives of known truth."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators.models.axes import BRISTLES
+from flexaxis.experiments.logs.attempt import Attempt, log_of
+from flexaxis.experiments.logs.axis_file import find_axis
+from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.ways import (
+    INVERSE,
+    WHITE,
+    WHITENED,
+    answer,
+    better,
+    errors_of,
+    held_out,
+    tried,
+    ways_of,
+)
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drives import RAIL, RAIL_COULOMB, Troubles, arm, loop, rail
+from identify_axes import VALUES
+
+TRUTH = RAIL | {"f_c": RAIL_COULOMB}
+
+
+def attempt_of(record, values):
+    """Return an attempt at a rail from values that are off."""
+    axis = find_axis("one_mass")
+    law = replace(BRISTLES, parameters={"coulomb": "f_c", "stiffness": 1e9})
+    model = replace(axis.model, laws=(law,), nominal={"k_T": 1.0} | values)
+    return Attempt(log_of(record, axis), model, ("J_m", "f_m", "f_c"))
+
+
+@pytest.fixture(scope="module")
+def ways():
+    """Of a drive on which a whitened fit takes ripple and hump for noise."""
+    attempt = attempt_of(rail(1, 20.0), {"J_m": 90.0, "f_m": 180.0, "f_c": 15.0})
+    z = attempt.problem().start(np.array([90.0, 180.0, 15.0]), 0.0, attempt.first())
+    held = held_out(attempt.log.ok)
+    return ways_of(attempt, tried(attempt, z, held), held)
+
+
+def test_the_way_that_simulates_best_is_within_its_deviations(ways):
+    assert {way.name for way in ways} == {WHITE, WHITENED, INVERSE}
+    best, deviations, _ = answer(ways)
+    assert best.error <= 1.02 * min(way.error for way in ways)
+    truth = np.array([TRUTH[name] for name in best.attempt.names])
+    assert np.all(abs(best.fitted.z[:3] - truth) < 3 * deviations[:3])
+
+
+def test_deviations_are_widened_to_what_fits_differ_by(ways):
+    best, deviations, differing = answer(ways)
+    off = replace(best, name="another", fitted=replace(best.fitted, z=2 * best.fitted.z))
+    assert answer([best])[2] == []
+    _, wider, said = answer([best, off])
+    # both simulate alike, so that either may be taken: off by as much as they differ
+    assert len(said) == 1 and np.all(wider[:3] >= 0.99 * best.fitted.z[:3])
+    assert np.all(deviations >= best.deviations) and best.name not in differing
+
+
+def test_errors_are_those_of_what_was_held_out(ways):
+    best = ways[0]
+    held = held_out(best.attempt.log.ok)
+    residual = np.where(held, 3.0, 1.0)
+    squares = errors_of(best.attempt, replace(best.fitted, residual=residual), held)
+    np.testing.assert_allclose(squares, 9.0)
+    assert len(squares) == 30
+
+
+def test_better_is_beyond_chance_and_worth_it():
+    rng = np.random.default_rng(0)
+    before = 1 + 0.1 * rng.random(30)
+    assert better(before, 0.9 * before) and not better(before, 0.999 * before)
+    assert not better(before, before * (1 + rng.standard_normal(30)) ** 2 * 0.97)
+    assert better(np.full(1, np.inf), before) and not better(before, np.full(1, np.inf))
+
+
+def test_a_log_that_begins_in_motion_starts_from_the_measured_speed():
+    record = rail(2, 20.0)
+    moving = int(np.argmax(record.increment > 0.9 * record.increment.max()))
+    sides = {n: getattr(record, n)[moving:] for n in ("time", "torque", "angle", "increment")}
+    attempt = attempt_of(replace(record, **sides), {"J_m": 95.0, "f_m": 203.0, "f_c": 20.0})
+    speed = sides["increment"][0]
+    assert not attempt.log.resting and attempt.first()[0] == pytest.approx(speed, rel=0.05)
+    problem = attempt.problem()
+    assert problem.lower[3] == 0.0 and np.isinf(problem.upper[3])  # on its side of the sign
+    assert attempt.solve(rounds=2).z[3] == pytest.approx(speed, rel=0.05)
+
+
+def test_a_hanging_arm_has_gravity_and_friction():
+    found = identify(arm(0, seconds=10.0), find_axis("one_mass"))
+    values = dict(zip(found.names, found.theta, strict=True))
+    assert values["g_sin"] == pytest.approx(0.3, rel=0.01) and not found.warnings
+    assert values["J_m"] == pytest.approx(0.01, rel=0.01)
+    assert values["f_c"] == pytest.approx(0.1, rel=0.02)
+    assert found.axis.beside["g_sin"] == values["g_sin"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bits", [13, 18])
+def test_a_loop_without_friction_gets_no_law_no_delay_and_keeps_what_was_stated(bits):
+    found = identify(loop(1, bits, 0, 0), find_axis("one_mass"))
+    assert found.friction == "none" and found.axis.torque_is is None and not found.warnings
+    assert found.delay < 0.02e-3
+    truth = np.array([VALUES[1][name] for name in found.names])
+    assert np.all(abs(found.theta - truth) < 4 * found.deviations)
+
+
+@pytest.mark.slow
+def test_a_drive_with_two_sides_of_friction():
+    found = identify(rail(0, given=Troubles(sided=0.3)), find_axis("one_mass"))
+    values = dict(zip(found.names, found.theta, strict=True))
+    assert values["f_m"] == pytest.approx(RAIL["f_m"], rel=0.05) and not found.warnings
