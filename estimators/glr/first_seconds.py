@@ -2,10 +2,12 @@
 The first seconds of motion, in which the structure of an axis is learnt once.
 
 The filter goes through them as through any others. What they hardly showed is then fixed as told,
-and they are gone through again from what was learnt: once as before, then with the model linearised
-at one point throughout, which is a step of Gauss and Newton, as long as the likelihood grows. No
-sample counts twice: to first order, an estimate that started δ too far is P P(0)⁻¹ δ too far in the
-end.
+and they are gone through again from what was learnt, as long as the likelihood grows.
+
+A pass begins near what was learnt: with the information D, a hundredth of that, besides the
+prior's P(0)⁻¹. From P(0) alone, a filter is thrown about by its first samples so far that it
+may end anywhere. No sample counts twice for that: in the end P⁻¹ loses D, and the estimate θ, which
+began at θ₀ + δ for the prior's θ₀, moves by P (D (θ − θ₀ − δ) − P(0)⁻¹ δ), with the new P.
 """
 
 from collections.abc import Mapping
@@ -18,7 +20,9 @@ from flexaxis.estimators.recursion.seen import seen
 
 Array = NDArray[np.float64]
 
-NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
+NEAR = 0.3  # standard deviations that another pass may still want
+OPEN = 100.0  # times the variance of what is learnt, with which it begins a pass: near enough for
+# the model to be linear there, and far enough for the data to decide
 
 
 class FirstSeconds:
@@ -45,6 +49,8 @@ class FirstSeconds:
     ) -> None:
         self._work, self._tracked, self._told, self._fixable = work, tracked, told, fixable
         self._fixed: list[int] = []
+        self._free = np.arange(work.p)
+        self._open = np.zeros((work.p, work.p))  # what a start knows besides the prior
         self._from = np.empty(0)
         self._best: tuple | None = None  # cost, record, and the sample that it has come to
         self._left = work.timing.passes
@@ -64,17 +70,22 @@ class FirstSeconds:
             work.tuning = work.tuning.copy()
             work.tuning["variance"][0, np.isin(work.jumps.which, self._fixed)] = 0.0
         work.bank["mark"] = work.bank["taken"]
-        self._pass(work.states["theta"][0, : work.p].copy(), held=False)
+        free = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] > 0)
+        self._free, learnt = free, work.states["P"][0][np.ix_(free, free)]
+        self._open = np.linalg.inv(OPEN * learnt)
+        self._pass(work.states["theta"][0, : work.p].copy())
         return {work.names[i]: self._fixable[work.names[i]] for i in self._fixed}
 
-    def _pass(self, theta: Array, *, held: bool) -> None:
+    def _pass(self, theta: Array) -> None:
         work, begin = self._work, self._work.begin[0]
-        P, n = begin["P"].copy(), len(begin["gain"]) - work.p
+        P, n, free = begin["P"].copy(), len(begin["gain"]) - work.p, self._free
         P[:, self._fixed] = P[self._fixed] = 0.0
+        told = np.linalg.inv(P[np.ix_(free, free)])
+        P[np.ix_(free, free)] = np.linalg.inv(told + self._open)
         start = np.r_[theta, begin["X"][:n, 0]]
         work.go_through(start, P, int(work.bank["born"][0]), first=False, follow=True)
         work.states[1]["X"] = begin["X"]
-        work.bank["held"], work.bank["base"], self._from = int(held), theta, theta
+        self._from = theta
 
     def go_on(self) -> bool:
         """Go on from where a pass has come to; return whether it was the last."""
@@ -89,11 +100,11 @@ class FirstSeconds:
             step = np.abs((theta - self._from)[free] / deviation[free]).max(initial=0.0)
             self._left -= 1
             if better and step > NEAR and self._left:
-                self._pass(theta, held=True)
+                self._pass(theta)
                 return False
             assert self._best is not None
             work.states[1], bank["at"] = self._best[1:]
-            bank["held"], bank["end"], self._catches_up = 0, bank["taken"], True
+            bank["end"], self._catches_up = bank["taken"], True
         if work.caught_up:
             if np.isfinite(work.states[1]["theta"]).all():
                 work.adopt()
@@ -104,7 +115,13 @@ class FirstSeconds:
     def _weigh_once(self) -> tuple[Array, Array]:
         """Take back what the start of a pass has added; return θ and its deviations (p,)."""
         work, state, p = self._work, self._work.states[1], self._work.p
+        free, m = self._free, len(state["P"])
+        P = state["P"][:, free].copy()
+        narrow = P @ np.linalg.inv(np.linalg.inv(self._open) - P[free])
+        state["P"][:, :m] += narrow @ P.T
         apart = self._from - work.begin[0]["theta"][:p]
         apart[self._fixed] = 0.0
-        work.move(-state["P"][:, :p] @ np.linalg.solve(work.design.P0, apart))
+        gained = self._open @ (state["theta"][:p] - self._from)[free]
+        gained -= np.linalg.solve(work.design.P0, apart)[free]
+        work.move(state["P"][:, free] @ gained)
         return state["theta"][:p].copy(), np.sqrt(np.maximum(np.diag(state["P"])[:p], 0.0))

@@ -39,12 +39,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
                 if again == 0:
                     asks = think(tuning, state, bank, p, estimates[k])
                     show(state, trace[k])
-                held = again > 0 and bank["held"] > 0
-                if held:
-                    hold(bank, state, p)
                 over(tuning, state, torque)
-                if held:
-                    move_on(bank, state, p)
             if asks or (bank["busy"] > 0 and bank["at"] >= bank["end"]):
                 return k + 1
         return len(u)
@@ -156,26 +151,6 @@ def follow_misfit(tuning, bank, state):
     bank["last"] = z
     rho = min(max(bank["product"] / bank["square"], 0.0), 0.95)
     bank["misfit"] = max(1.0, bank["square"] * (1.0 + rho) / (1.0 - rho))
-
-
-@inlined
-def hold(bank, state, p):
-    """Put θ where the model is linearised, and keep what is estimated."""
-    for i in range(p):
-        bank["estimated"][i] = state["theta"][i]
-        state["theta"][i] = bank["base"][i]
-
-
-@inlined
-def move_on(bank, state, p):
-    """Take the prediction from where the model is linearised to what is estimated."""
-    X, last = state["X"], state["X"].shape[0] - 1
-    for i in range(p):
-        apart = bank["estimated"][i] - bank["base"][i]
-        state["theta"][i] = bank["estimated"][i]
-        for row in range(len(state["gain"]) - p):
-            X[row, 0] += X[row, 1 + i] * apart
-        X[last, 0] += X[last, 1 + i] * apart
 
 
 @inlined

@@ -163,9 +163,6 @@ def glr_records(  # noqa: PLR0917
         busy=0,
         cost_one=0.0,
         cost_first=np.inf,  # twice the negative logarithm of the likelihood of the first seconds
-        held=0,  # whether the model is linearised at ``base`` for all of these samples
-        base=np.zeros(p),
-        estimated=np.zeros(p),
         rerun=0,  # samples that were gone through again, in all
         taken=0,
         awake=0,

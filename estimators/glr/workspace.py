@@ -81,7 +81,7 @@ class Workspace:
         state["theta"][:p], state["X"][: len(xi) - p, 0], state["P"] = xi[:p], xi[p:], P
         n = len(xi) - p
         state["X"][:n, 1 : 1 + p + n] = np.eye(n, p + n, p)
-        for name in ("J_one", "d_one", "chi2_one", "cost_one", "held"):
+        for name in ("J_one", "d_one", "chi2_one", "cost_one"):
             bank[name] = 0.0
         bank["at"], bank["end"], bank["first"] = at, bank["taken"], int(first)
         bank["end_follows"], bank["busy"] = int(follow), 1

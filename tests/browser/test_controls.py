@@ -174,7 +174,7 @@ def test_every_control_does_something(opened):
             if folder:
                 unfold(browser, folder)
             act(browser)
-            browser.wait(reached, seconds=20, what=name)
+            browser.wait(reached, seconds=60, what=name)
             if name == "pause":
                 time.sleep(1.0)
                 assert stands(browser)
@@ -230,7 +230,7 @@ def test_dead_sliders_of_friction_are_found_out(opened):
                 unfold(browser, folder)
             act(browser)
             if name == "friction":
-                browser.wait(reached, seconds=20, what=name)
+                browser.wait(reached, seconds=60, what=name)
                 continue
             with pytest.raises(AssertionError, match="not within"):
                 browser.wait(reached, seconds=2, what=name)

@@ -87,7 +87,8 @@ def test_a_point_opens_its_run_with_the_line_that_repeats_it(opened):
     browser.wait(f"{panels} >= 8", seconds=5, what="three parameters and the residual")
     assert "pick" in browser.run("location.hash") and not browser.errors
     again = opened(browser.run("location.hash"))
-    assert "seed 1001" in again.run("document.querySelector('dialog[open]').innerText")
+    shown = "document.querySelector('dialog[open]')?.innerText"
+    assert "seed 1001" in again.wait(shown, seconds=5, what="opened again")
 
 
 def test_the_first_screen_holds_question_and_answer(opened):

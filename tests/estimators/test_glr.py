@@ -194,3 +194,11 @@ def test_a_copy_goes_on_by_itself():
         other.run(record.torque[rest], record.speed[rest]),
     )
     assert made.findings == other.findings != ()
+
+
+@pytest.mark.parametrize("seed", [32, 44])
+def test_the_first_seconds_are_learnt_where_a_filter_is_thrown_about(seed):
+    """From P(0) at what was learnt, the first samples throw the filter so far that it is lost."""
+    made, theta, _ = tracked("fm_step-v1", seed, until=1900)
+    assert not made.findings
+    np.testing.assert_allclose(theta[1400:, :3], np.tile([1.0, 1.25, 0.05], (500, 1)), rtol=0.03)
