@@ -60,7 +60,7 @@ KNOWN = ("fm_step", "coulomb05_fm_step", "coulomb_fm_step", "coulomb2_fm_step", 
 UNKNOWN = ("directional_fm_step", "position_fm_step", "load_friction_fm_step", "power_fm_step",
            "wrong_poles_fm_step")  # fmt: skip
 SCENARIOS = tuple(f"{name}-v1" for name in (*KNOWN, *UNKNOWN))
-ESTIMATORS = ("rpem-forgetting", "rpem-friction", "imm-friction", "relocate-friction")
+ESTIMATORS = ("rpem-forgetting", "rpem-friction")
 RESULTS = ROOT / "results" / "friction-page"
 RUN = ("run", *SCENARIOS, *(w for e in ESTIMATORS for w in ("--estimator", e)), "--seeds", "10")
 

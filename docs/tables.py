@@ -37,20 +37,7 @@ SWEPT = tuple(f"{name}{VERSION}" for name in ("fm_step", "fm_double", "ja_step",
 WRONG = tuple(
     f"{name}_fm_step{VERSION}" for name in ("coulomb", "lugre", "cogging", "backlash", "told_kg")
 )
-FEW = ("rpem-forgetting", "ekf", "imm", "cusum-reset", "relocate")
-OTHERS = tuple(
-    f"{name}{VERSION}"
-    for name in (
-        "ja_big_step",
-        "two_faults",
-        "repair",
-        "kg_step",
-        "ka_step",
-        "jm_step",
-        "dg_double",
-    )
-)
-
+FEW = ("rpem-forgetting", "ekf", "imm", "cusum-reset")
 FRESH = "--fresh" in sys.argv[1:]
 
 Row = Mapping[str, Any]
@@ -133,32 +120,6 @@ def mismatch() -> str:
     )
 
 
-def found() -> str:
-    """Return what `relocate` makes of faults off the beaten track, beside the paper's method."""
-    rows = []
-    for name in OTHERS:
-        line = [f"`{name}`"]
-        for estimator in ("relocate", "rpem-forgetting"):
-            mine = [
-                r
-                for r in standard()["rows"]
-                if (r["scenario"], r["estimator"]) == (name, estimator)
-            ]
-            talk = ", ".join(f"{r['parameter']} {r['cross_talk']:.2g}" for r in mine
-                             if r["cross_talk"] is not None)  # fmt: skip
-            lags = ", ".join(f"{r['parameter']} {r['lag']:.2g}" for r in mine if r["changed"])
-            line += [lags or "–", talk or "–"]
-            if estimator == "relocate":
-                alarms = mine[0]["detection"]
-                named = "–" if alarms["isolated"] is None else f"{100 * alarms['isolated']:.0f} %"
-                missed = f"{100 * alarms['missed']:.0f} %"
-                line.append(f"{missed}; {named}; {alarms['false_alarms']:.2g}")
-        rows.append(line)
-    heads = ["fault", "`relocate`: lag [s]", "cross-talk [%]", "missed; named; false alarms a run",
-             "`rpem-forgetting`: lag [s]", "cross-talk [%]"]  # fmt: skip
-    return table(heads, rows) + said("as set")
-
-
 def self_test() -> str:
     """Return how often the gate is wrong, and what it finds."""
     if not SELF_TEST.exists() or FRESH:
@@ -176,7 +137,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "tuned": tuned,
     "equal-noise": equal_noise,
     "mismatch": mismatch,
-    "found": found,
     "self-test": self_test,
 }
 

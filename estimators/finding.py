@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass
 
-UNEXPLAINED = "no single change of a parameter explains the residual since"
-OVERTAKEN = "too many samples were waiting, within the deadline, to look into this"
-LOST = "no parameters near here explain the data"
-
 
 @dataclass(frozen=True)
 class Finding:

@@ -84,7 +84,7 @@ WAY = (
 
 
 # The way through estimators/: what an axis is, how it is sampled, what recursions share, what looks
-# at whole records, the methods, and the one that is made of many parts.
+# at whole records, the bank of hypotheses, the methods.
 ROOMS = (
     ("models",),
     ("sampling",),
@@ -92,7 +92,6 @@ ROOMS = (
     ("offline",),
     ("glr",),
     ("methods",),
-    ("relocate",),
 )
 
 

@@ -9,8 +9,8 @@ from flexaxis.sim.simulate import simulate
 
 scenario = find_scenario("coulomb_moves_fm_step-v1")  # f_m +50 % at 10.35 s, beside f_c = 0.1 N m
 records = simulate(scenario, range(1000, 1006))
-told = {"imm-friction": {"identify": ("f_m",), "track": ("f_c",)},
-        "relocate-friction": {"identify": ("f_m",)}}  # fmt: skip
+told = {"glr": {"identify": ("f_m",), "track": ("f_c",)},
+        "rpem-friction": {"identify": ("f_m",)}}  # fmt: skip
 
 print("estimator          k_T        f_m before [%]  f_c before [%]  f_m after [%]   alarms, right")
 for name, what in told.items():
@@ -24,7 +24,8 @@ for name, what in told.items():
             before, after = slice(1000, 2000), slice(-200, None)
             means = f_m[before].mean(), f_c[before].mean(), f_m[after].mean()
             errors.append(100 * (np.array(means) / [0.05, 0.1, 0.075] - 1))
-            found += [finding.parameters == ("f_m",) for finding in estimator.findings]
+            names = [finding.parameters for finding in getattr(estimator, "findings", ())]
+            found += [named == ("f_m",) for named in names]
         pairs = zip(np.mean(errors, axis=0), np.std(errors, axis=0), strict=True)
         cells = [f"{mean:.2f} ± {deviation:.2f}" for mean, deviation in pairs]
         print(f"{name:18} {label:10}", *(f"{c:15}" for c in cells), f"{len(found)}, {sum(found)}")

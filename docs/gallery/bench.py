@@ -2,6 +2,6 @@
 
 import flexaxis as fx
 
-names = ["rpem-forgetting", "ekf", "relocate"]
+names = ["rpem-forgetting", "ekf", "glr"]
 results = fx.benchmark(names, scenarios=["fm_step-v1", "ja_step-v1", "kt_step-v1"], seeds=2)
 results.plot()

@@ -8,4 +8,4 @@ import flexaxis as fx
 
 record = fx.simulate("coulomb_fm_step-v1", seed=0)
 axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
-fx.estimate(record, "relocate-friction").plot("f_m", ax=axes, band=False)
+fx.estimate(record, "glr").plot("f_m", ax=axes, band=False)

@@ -3,7 +3,7 @@
 import flexaxis as fx
 
 record = fx.simulate("three_faults-v1", seed=0)
-found = fx.estimate(record, "relocate")
+found = fx.estimate(record, "glr")
 axes = found.plot()
 for finding in found.findings:
     for ax in axes:

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from flexaxis.estimators import Rpem, three_mass
-from flexaxis.estimators.methods.imm_friction import imm_friction
+from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.offline.priors import known_P
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.described import model_theta, true_model
@@ -43,10 +43,10 @@ print(f"f_m of a linear estimator: {100 * seen:+.0f} %, expected {100 * expected
 both = {p: [] for p in records}
 hits = 0
 for p, record in [(p, record) for p, several in records.items() for record in several]:
-    imm = imm_friction(nominal, T)
-    both[p].append(imm.run(record.torque, record.speed)[:, 2:])
-    found = [f"{' and '.join(f.parameters)} at {T * f.onset:.2f} s" for f in imm.findings]
-    hits += [f.parameters for f in imm.findings] == [(p,)]
+    knowing = glr(nominal, T)
+    both[p].append(knowing.run(record.torque, record.speed)[:, 2:])
+    found = [f"{' and '.join(f.parameters)} at {T * f.onset:.2f} s" for f in knowing.findings]
+    hits += [f.parameters for f in knowing.findings] == [(p,)]
     print(f"{p} +50 % at 10 s; found: {', '.join(found)}")
 off = np.mean([theta[before] for theta in both["f_m"]], axis=(0, 1)) / [f_m, f_c] - 1
 print("before it, f_m is {:+.1f} % off, f_c {:+.1f} %".format(*100 * off))

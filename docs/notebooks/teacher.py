@@ -151,7 +151,7 @@ assert 0.4 < slope < 0.65
 # %%
 record = fx.simulate("fm_step-v1", seed=1)
 axes = fx.estimate(record, "rpem-forgetting").plot("f_m", band=False)
-fx.estimate(record, "relocate").plot("f_m", ax=axes, band=False)
+fx.estimate(record, "glr").plot("f_m", ax=axes, band=False)
 axes.set_xlim(8, 16)
 axes.figure.set_size_inches(8, 3)
 plt.show()

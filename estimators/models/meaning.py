@@ -6,31 +6,15 @@ alone; springs and dampers couple states and are divided by an inertia.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
 
 from flexaxis.estimators.models.formula import multiply_out
-from flexaxis.estimators.models.laws import SIGNED, Law
+from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 
-STRENGTHS: Mapping[str, tuple[tuple[str, ...], ...]] = {
-    "bristle": (("coulomb", "breakaway"),),
-    "static": (("coulomb", "breakaway"),),
-    "spring": (("cubic",), ("gap",)),
-    "sinusoid": (("sine", "cosine"),),
-    "clip": (),
-}
-"""Roles that make a law nothing where they are 0, in the groups in which an axis has them."""
 DATA_SHEET = ("poles", "limit")
 """Roles that are told or not there at all."""
 LEARNT = ("k_g", "J_m", "k_a", "d_g", "d_a")
 """The structure of the three-mass axis, in the order of estimates; that of others follows it."""
-
-
-class Absent(NamedTuple):
-    """Parameters that may be 0 together, and what means nothing then."""
-
-    parameters: tuple[str, ...]
-    without: tuple[str, ...]
 
 
 def named(laws: Sequence[Law], roles: Sequence[str]) -> tuple[str, ...]:
@@ -44,37 +28,6 @@ def dry_friction(model: Model) -> tuple[str, ...]:
     return named(model.laws, ("coulomb",))
 
 
-def strengths(model: Model) -> tuple[str, ...]:
-    """Return the parameters without which no law does anything."""
-    found = (name for absent in may_be_absent(model) for name in absent.parameters)
-    return tuple(dict.fromkeys(found))
-
-
-def nonnegative_of_laws(model: Model) -> tuple[str, ...]:
-    """Return the parameters of laws that may not be below zero, but those of a data sheet."""
-    found = (
-        name
-        for law in model.laws
-        for role, name in law.parameters.items()
-        if isinstance(name, str) and role not in (*SIGNED, *DATA_SHEET)
-    )
-    return tuple(dict.fromkeys(found))
-
-
-def may_be_absent(model: Model) -> tuple[Absent, ...]:
-    """Return what of the laws an axis may not have at all."""
-    found = []
-    for law in model.laws:
-        groups = STRENGTHS[law.kind]
-        for group in groups:
-            rest = [role for role in law.parameters if role not in (*group, *DATA_SHEET)]
-            alone = len(groups) == 1  # else the other group makes it a law still
-            of = Absent(named([law], group), named([law], rest) if alone else ())
-            if of.parameters:
-                found.append(of)
-    return tuple(found)
-
-
 def fixable(model: Model) -> tuple[str, ...]:
     """
     Return what is fixed where the first seconds do not show it: the structure, play and springs.
@@ -83,28 +36,6 @@ def fixable(model: Model) -> tuple[str, ...]:
     """
     springs = [law for law in model.laws if law.kind == "spring"]
     return (*structure(model), *named(springs, ("cubic", "gap")))
-
-
-def ripples(model: Model) -> tuple[tuple[tuple[str, str], float], ...]:
-    """Return sine and cosine of each torque that depends on an angle, and its periods in 2π."""
-    found = []
-    for law in model.laws:
-        sine, cosine, poles = (law.parameters.get(r, 0.0) for r in ("sine", "cosine", "poles"))
-        if law.kind == "sinusoid" and isinstance(sine, str) and isinstance(cosine, str):
-            times = model.nominal[poles] if isinstance(poles, str) else float(poles)
-            found.append(((sine, cosine), times))
-    return tuple(found)
-
-
-def motor_friction(model: Model) -> tuple[str, ...]:
-    """Return the viscous frictions where the input acts: they brake a state by that state alone."""
-    driven = {i for i, entry in enumerate(model.B) if multiply_out(entry)}
-    found = []
-    for name in _linear(model):
-        places = {(i, j) for i, j, powers in _terms(model) if powers.get(name, 0)}
-        if all(i == j and i in driven for i, j in places) and _always(model, name, 1):
-            found.append(name)
-    return tuple(found)
 
 
 def structure(model: Model) -> tuple[str, ...]:

@@ -132,18 +132,6 @@ def motion(u: Array, speed: Array, period: float) -> Motion:
     return Motion(torque, moves, float(np.std(angle)))
 
 
-def natural_motion(model: Model) -> Motion:
-    """
-    Return a motion by a hundredth of a unit of angle at the pace of the axis.
-
-    A linear model does not say how large its motion is, so this depends on units. Parameters of
-    laws are divided by it, and nothing else: no law acts until a motion is measured.
-    """
-    A, B = _linear(model)
-    pace = float(max(abs(np.linalg.eigvals(A))))
-    return Motion(0.01 * pace**2 / float(max(abs(B))), 0.01 * pace, 0.01)
-
-
 def moved(
     model: Model, moves: Motion, torque: ArrayLike | None = None, period: float = 1.0
 ) -> list[tuple[Law, Sizes]]:

@@ -30,7 +30,7 @@ def told_records(
     tracked: int, groups: Sequence[tuple[Sequence[int], Sequence[float]]]
 ) -> tuple[Record, Record]:
     """
-    Return what `as_told` needs of tuning and state.
+    Return what `draw_estimates` needs of tuning and state.
 
     Parameters
     ----------
@@ -66,33 +66,13 @@ def told_records(
 
 
 @inlined
-def as_told(tuning, state, estimates):
+def draw_estimates(tuning, state, P, theta, estimates):
     """
     Write estimates (q,) given what was told, as far as the data do not contradict it.
 
-    Of all that is given, ``given_P + given_between`` is the covariance.
+    θ (p,) and P are what is thought without it. Of all that is given, ``given_P + given_between``
+    is the covariance.
     """
-    union, given, given_P = tuning["union"], state["given"], state["given_P"]
-    weight, P, delta = state["predicted"], state["P"], state["delta"]
-    for a in range(len(union)):
-        i = union[a]
-        given[a] = state["theta"][i]
-        for b in range(a + 1):
-            total = 0.0
-            for j in range(len(weight)):
-                apart = delta[j, i] * delta[j, union[b]]
-                total += weight[j] * (P[j, i, union[b]] + apart)
-            given_P[a, b] = given_P[b, a] = total
-    state["given_between"][:] = 0.0
-    for g in range(len(state["told_share"])):
-        state["told_share"][g] = draw(tuning, state, g)
-    for i in range(len(estimates)):
-        estimates[i] = given[i]
-
-
-@inlined
-def draw_estimates(tuning, state, P, theta, estimates):
-    """Write estimates (q,) given what was told, from θ (p,) and its covariance, as `as_told`."""
     union, given, given_P = tuning["union"], state["given"], state["given_P"]
     for a in range(len(union)):
         given[a] = theta[union[a]]

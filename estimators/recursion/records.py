@@ -1,10 +1,10 @@
 """What a compiled filter keeps: records of numbers that stay (tuning) and that change (state)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.sampling.pattern import Pattern, split
@@ -12,7 +12,6 @@ from flexaxis.estimators.sampling.plan import MAX_ORDER, law_plan, plan
 from flexaxis.estimators.sampling.reaction import room
 
 Record = NDArray[np.void]
-Fields = Sequence[tuple[str, DTypeLike] | tuple[str, DTypeLike, tuple[int, ...]]]
 
 
 def on_lanes(

@@ -12,8 +12,6 @@ SEEN = 0.25  # standard deviation after the first seconds over that before, belo
 
 AS_TOLD = "the first seconds hardly move what it acts on, so it stays as it was told"
 AS_ABSENT = "the first seconds hardly move what it acts on, so it is taken as absent"
-NOT_ASKED_FOR = "the first seconds do not contradict what was told, so it stays so"
-NOT_THERE = "the first seconds do not ask for it, so it is taken as absent"
 
 
 def seen(after: ArrayLike, before: ArrayLike) -> NDArray[np.bool_]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.estimators.registry import REGISTRY
+from flexaxis.estimators.registry import REGISTRY, gone
 from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
@@ -271,6 +271,8 @@ def _find(name: str) -> Callable[..., Estimator]:
     installed = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name in installed:
         return imported(name, installed[name].load)
+    if (now := gone(name)) is not None:
+        raise EstimatorError(now)
     raise EstimatorError(
         f"unknown estimator {name!r}.{did_you_mean(name, [*REGISTRY, *installed])} `flexaxis list` "
         "shows them; your own is path/file.py:Class, package.module:Class or pipe:COMMAND"

@@ -12,7 +12,7 @@ simulates the part it has not seen. None is shipped. Entries that name code run 
 --run-code, and in the sandbox of `verify`.
 
 example:
-  flexaxis board entries/relocate entries/ekf --verdicts verdicts -o site
+  flexaxis board entries/glr entries/ekf --verdicts verdicts -o site
   flexaxis board entry --quick -o site          (entries with few seeds, for trying)
 """
 

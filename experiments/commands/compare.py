@@ -16,7 +16,7 @@ example:
   flexaxis compare --base rpem-forgetting --candidate my_estimator.py:Mine
   flexaxis compare --base rpem-forgetting --candidate 'pipe:octave-cli -q my.m' fm_step-v1 \
                    --max-seeds 128 --margin lag=5%,std=5%
-  flexaxis compare --base relocate --match-std --candidate my_estimator.py:Mine fm_step-v1
+  flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
   flexaxis compare results/old results/new
   flexaxis compare --self-test
 """

@@ -6,7 +6,7 @@ In Python a class; in C or GNU Octave a program that answers over a pipe, by the
 example:
   flexaxis new my_estimator.py
   flexaxis check my_estimator.py:Mine
-  flexaxis compare --base relocate --match-std --candidate my_estimator.py:Mine fm_step-v1
+  flexaxis compare --base glr --match-std --candidate my_estimator.py:Mine fm_step-v1
   flexaxis new my_estimator.c
 """
 
@@ -83,6 +83,6 @@ def _next(path: Path) -> list[str]:
     compiled = [f"cc -O2 -o {program} {path} -lm"] if path.suffix == ".c" else []
     tuned = [f"flexaxis tune {command} --match f_m"] if path.suffix == ".py" else []
     check = f"flexaxis check {command}"
-    fair = " --base relocate --match-std" if tuned else " --base rpem-forgetting"  # it has a knob
+    fair = " --base glr --match-std" if tuned else " --base rpem-forgetting"  # it has a knob
     compare = f"flexaxis compare{fair} --candidate {command} fm_step-v1"
     return [*compiled, check, *tuned, compare]

@@ -3,7 +3,7 @@ r"""Run a study: sweep keys of scenarios, faults and estimators over many seeds.
 FILE.toml names scenarios, estimators and seeds, and the axes; docs/studies.md has every key:
 
   scenario = "fm_step-v1"
-  estimators = ["rpem-forgetting", "relocate"]
+  estimators = ["rpem-forgetting", "glr"]
   seeds = 60
   [sweep]
   "fault[0].factor" = [1.1, 1.5, 2.0, 3.0]      # a key of the scenario, of its faults too

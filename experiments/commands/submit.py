@@ -11,7 +11,7 @@ install, tuned_on. Everything that is missing is told at once. --quick takes fiv
 such an entry is marked, and a board ranks it only with --quick. --resume goes on after Ctrl-C.
 
 example:
-  flexaxis submit relocate -o entry --quick --name relocate --licence Apache-2.0 \
+  flexaxis submit glr -o entry --quick --name glr --licence Apache-2.0 \
            --contact https://example.org --description 'The one that jumps, as shipped.' \
            --install 'nothing besides flexaxis' --tuned-on 0:100
   flexaxis submit my_estimator.py:Mine -o entry --about entry.toml

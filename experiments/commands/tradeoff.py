@@ -7,7 +7,7 @@ lag of at most what is shown, who is noisier of at least that. The last column i
 faults: the score where the excess prediction error is equal. Writes tradeoff.json and tradeoff.svg.
 
 example:
-  flexaxis tradeoff fm_step-v1 kt_step-v1 --estimator rpem-forgetting --estimator relocate
+  flexaxis tradeoff fm_step-v1 kt_step-v1 --estimator rpem-forgetting --estimator glr
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)
-    known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "relocate"]
+    known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "glr"]
     estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
     command = command_line(options.repeated(args))

@@ -180,6 +180,7 @@ def _study(text: str) -> None:
 
 
 def _anything(text: str) -> None:
+    from flexaxis.estimators.registry import gone
     from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
     try:
@@ -187,6 +188,8 @@ def _anything(text: str) -> None:
     except ScenarioError:
         if text in _estimators():
             return
+        if (now := gone(text)) is not None:
+            raise FlexaxisError(now) from None
         hint = did_you_mean(text, [*_scenarios(), *_estimators()])
         if not hint or text.endswith(".toml"):
             raise

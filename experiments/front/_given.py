@@ -53,9 +53,7 @@ def text_of(estimator: str | Callable[..., Any]) -> str:
     if isinstance(estimator, str):
         return estimator
     if estimator is None:
-        raise EstimatorError(
-            "no estimator was given: give its name, such as 'relocate', or its class"
-        )
+        raise EstimatorError("no estimator was given: give its name, such as 'glr', or its class")
     made = hasattr(estimator, "step") and not isinstance(estimator, type)
     if made or not callable(estimator):
         raise EstimatorError(
@@ -80,7 +78,7 @@ def texts_of(estimators: Estimators, *, jobs: int = 1) -> tuple[str, ...]:
     several = isinstance(estimators, Iterable) and not isinstance(estimators, str | type)
     wanted: list[Any] = list(estimators) if several else [estimators]  # type: ignore[arg-type]
     if not wanted:
-        raise EstimatorError("no estimator was given: give at least one, such as 'relocate'")
+        raise EstimatorError("no estimator was given: give at least one, such as 'glr'")
     texts = [text_of(one) for one in wanted]
     _check_names(wanted, texts)
     here = [text for text in texts if is_given(text)]

@@ -177,7 +177,7 @@ def study(
     Parameters
     ----------
     definition : str, Path or mapping
-        A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["relocate"], "seeds":
+        A TOML file, or its keys: ``{"scenario": "fm_step-v1", "estimators": ["glr"], "seeds":
         20, "sweep": {"fault[0].factor": [1.2, 2.0]}}``; classes may stand among the estimators.
     folder, jobs, overwrite, time_limit
         As for `benchmark`.

@@ -79,7 +79,7 @@ def _estimated(record: Any, estimator: Any, options: Mapping[str, Any] | None) -
     if estimator is None:
         raise EstimatorError(
             "a record has no scores, an estimator has: give one, as in "
-            "fx.score(record, 'relocate'), or an estimate, as in fx.score(fx.estimate(record, …))"
+            "fx.score(record, 'glr'), or an estimate, as in fx.score(fx.estimate(record, …))"
         )
     return estimate(record, estimator, options=options)
 

@@ -88,7 +88,7 @@ class Results:
     def select(self, where: Mapping[str, Any]) -> Results:
         """Return those rows whose columns have these values; a list means one of them.
 
-        Examples: ``{"method": "relocate"}``, ``{"fault[0].factor": [1.1, 1.5]}``.
+        Examples: ``{"method": "glr"}``, ``{"fault[0].factor": [1.1, 1.5]}``.
 
         Raises
         ------

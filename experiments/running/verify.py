@@ -10,10 +10,12 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from flexaxis.estimators.registry import gone
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.columns import flat, nested
+from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.store import cases_of, row_files, rows_of
 from flexaxis.experiments.running.units import Entry, Unit, find_point
@@ -72,7 +74,7 @@ def verify(
     Raises
     ------
     StudyError
-        If it is not the folder of a study.
+        If it is not the folder of a study, or has rows of an estimator that is gone.
     CodeRefused
         If a row names code that may not be run; then nothing is.
     """
@@ -81,7 +83,10 @@ def verify(
         stored_scenario(entry["definition"], source=str(folder)) for entry in content["scenarios"]
     ]
     chosen = _sample(folder, sample, Random(seed))
-    named = (row["estimator"] for rows in chosen for row in rows)
+    named = list(dict.fromkeys(row["estimator"] for rows in chosen for row in rows))
+    for name in named:
+        if (now := gone(name.partition("[")[0])) is not None:
+            raise StudyError(f"{folder}: {now}")
     require(run_code, named, source=str(folder), command=command)
     for rows in chosen:
         yield _again(rows, bases)

@@ -6,7 +6,7 @@ from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel, Pick, Picks
 
 HOSTILE = '<img src=x onerror=alert(1)>"&|=#'
-WHO = ("rpem-forgetting", "rpem-drift", "ekf", "relocate", HOSTILE)
+WHO = ("rpem-forgetting", "rpem-drift", "ekf", "glr", HOSTILE)
 GROUPS = ("step", "step", "ramp", "step", "ramp")
 LAGS = (0.9, 0.5, float("inf"), 0.0625, None)
 TIME = np.linspace(0, 20, 401)

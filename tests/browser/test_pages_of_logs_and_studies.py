@@ -15,7 +15,7 @@ pytestmark = pytest.mark.browser
 STUDY = """
 name = "sizes"
 scenario = "fm_step-v1"
-estimators = ["rpem-forgetting", "relocate"]
+estimators = ["rpem-forgetting", "glr"]
 seeds = 2
 [sweep]
 "fault[0].factor" = [1.25, 1.5, 2.0]

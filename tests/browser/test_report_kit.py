@@ -72,7 +72,7 @@ class Page:
 def sorts(page):
     page.click("#scores th:nth-child(3) button")
     names = [sample.WHO[i] for i in (3, 1, 0, 2, 4)]
-    page.until(f"{NAMES}[0] === 'relocate'", "upwards")
+    page.until(f"{NAMES}[0] === 'glr'", "upwards")
     assert page.run(NAMES) == names
     assert page.run("document.querySelector('#scores th:nth-child(3)').ariaSort") == "ascending"
     page.click("#scores th:nth-child(3) button")
@@ -160,8 +160,8 @@ def reads_off(page):
     )
     text = page.run("document.querySelectorAll('#estimates .tip')[1].textContent")
     assert "time [s]: 15" in text
-    n = sample.WHO.index("relocate")
-    told = float(re.search(r"relocate([\d.]+) ", text)[1])
+    n = sample.WHO.index("glr")
+    told = float(re.search(r"glr([\d.]+) ", text)[1])
     assert told == pytest.approx(sample.curve(n, 0)[300], abs=0.006)  # three digits
     assert page.run("document.querySelectorAll('#estimates .line.near').length") >= 1
 
@@ -256,7 +256,7 @@ def restores_from_a_link(page):
     page.open("#hide=ekf&sort.scores=2a&win.estimates=9~12&pick=1003")
     page.until("document.getElementById('picked').open", "what was open")
     assert page.run(LINES) == 0
-    assert page.run(f"{NAMES}[0]") == "relocate"
+    assert page.run(f"{NAMES}[0]") == "glr"
     assert page.run("document.querySelector('#estimates .view.zoomed') !== null")
 
 
@@ -408,7 +408,7 @@ def test_a_browser_that_cannot_unpack_has_the_tables(opened):
     page.until("document.querySelector('[role=alert]')?.textContent.includes('too old')", "told")
     page.browser.key("Escape")
     page.click("#scores th:nth-child(3) button")
-    page.until(f"{NAMES}[0] === 'relocate'", "sorted all the same")
+    page.until(f"{NAMES}[0] === 'glr'", "sorted all the same")
 
 
 def test_nothing_leaves_the_page(opened):

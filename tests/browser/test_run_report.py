@@ -10,7 +10,7 @@ from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 
 pytestmark = pytest.mark.browser
 
-ESTIMATORS = ("rpem-forgetting", "relocate", "frozen")
+ESTIMATORS = ("rpem-forgetting", "glr", "frozen")
 SHOWN = """[...document.querySelectorAll("input[data-toggle]")]
     .filter(box => box.checked).map(box => box.dataset.toggle).join()"""
 ALL = "document.querySelector('details.menu .pair button:first-child').click()"
@@ -49,7 +49,7 @@ def opened(chromium, page):
 
 def test_those_beyond_the_first_are_there_and_hidden(opened):
     browser = opened()
-    assert browser.run(SHOWN) == "rpem-forgetting,relocate"
+    assert browser.run(SHOWN) == "rpem-forgetting,glr"
     rows = "[...document.querySelectorAll('tr[data-who=frozen]')]"
     assert browser.run(f"{rows}.length > 0 && {rows}.every((r) => !r.classList.contains('gone'))")
     assert "Charts draw 2 of 3 estimators at first, those with the shortest" in browser.run(
@@ -59,8 +59,8 @@ def test_those_beyond_the_first_are_there_and_hidden(opened):
     browser.wait(f"{SHOWN}.includes('frozen')", seconds=3, what="all are shown")
     address = browser.run("location.hash")
     assert "hide" in address
-    assert opened(address).run(SHOWN) == "rpem-forgetting,relocate,frozen"
-    assert opened("#hide=relocate").run(SHOWN) == "rpem-forgetting,frozen"
+    assert opened(address).run(SHOWN) == "rpem-forgetting,glr,frozen"
+    assert opened("#hide=glr").run(SHOWN) == "rpem-forgetting,frozen"
     assert not browser.errors
 
 
@@ -77,12 +77,12 @@ def test_a_point_opens_its_run_with_the_line_that_repeats_it(opened):
     browser = opened("#at=runs-short")
     points = "document.querySelectorAll('#runs-short .area .line[data-pick]').length"
     browser.wait(f"{points} === 6", seconds=5, what="two estimators on three seeds")
-    browser.run("document.querySelector('[data-opens=\"short/relocate/1001\"]').click()")
+    browser.run("document.querySelector('[data-opens=\"short/glr/1001\"]').click()")
     text = browser.wait(
         "document.querySelector('dialog[open]')?.innerText", seconds=3, what="opened"
     )
-    assert "relocate on short, seed 1001" in text and "Found: at 6." in text
-    assert "flexaxis run short.toml --estimator relocate --seeds 1001:1002" in text
+    assert "glr on short, seed 1001" in text and "Found: at 6." in text
+    assert "flexaxis run short.toml --estimator glr --seeds 1001:1002" in text
     panels = "document.querySelectorAll('dialog .view svg.panel').length"
     browser.wait(f"{panels} >= 8", seconds=5, what="three parameters and the residual")
     assert "pick" in browser.run("location.hash") and not browser.errors

@@ -150,7 +150,7 @@ def test_what_learns_once_begins_anew_where_it_leaves_what_is_no_noise():
 
 
 def test_findings_before_it_began_anew_stay_and_later_ones_are_counted_on():
-    estimator = make("imm-friction")
+    estimator = make("glr")
     fault = simulate(AXES["n1"], 45.0, faults={36.0: AXES["n1"] | {"f_m": 0.1}})
     estimator.run(fault.u, stuck(fault.y, 5.0))
     named = [f for f in estimator.findings if "f_m" in f.parameters]

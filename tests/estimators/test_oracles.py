@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 import pytest
 from scipy.linalg import expm
-from scipy.stats import multivariate_normal
 
 from flexaxis.estimators import Rpem, three_mass
 from flexaxis.estimators.methods.ekf import extended
@@ -14,9 +13,7 @@ from flexaxis.estimators.methods.oracle_reset import OracleReset
 from flexaxis.estimators.methods.paper import rpem_forgetting
 from flexaxis.estimators.methods.rules.variable import variable_forgetting
 from flexaxis.estimators.methods.ukf import unscented
-from flexaxis.estimators.relocate.fit import Past, explain
 from flexaxis.estimators.sampling.plan import plan
-from flexaxis.estimators.sampling.sampled import terms
 
 T = 0.005
 NAMES = ("k_T", "1/J_a", "f_m")
@@ -93,58 +90,6 @@ def test_a_corrected_state_is_that_of_the_present_parameters(nominal, linear):
         total = start + np.sum(weights * speed[: k + 1] ** 2)
         expected = start * nominal["k_T"] + np.sum(weights * speed[: k + 1] * y[: k + 1])
         assert theta[k] == pytest.approx(expected / total, rel=1e-9)
-
-
-@pytest.mark.parametrize("start", [0.7, 2.0])
-@pytest.mark.parametrize("share", [1e4, 1.0])
-def test_a_change_of_a_linear_parameter_is_fitted_and_weighed_in_closed_form(
-    nominal, linear, share, start
-):
-    """k_T normal before the data, y normal given k_T: so are its posterior and the data.
-
-    The data say `share` times as much as the prior.
-    """
-    u, speed = linear
-    N, before, relative = 60, 0.7, 0.5
-    slope, spread = speed[1 : N + 1], relative * before
-    variance = spread**2 * (slope @ slope) / share
-    y = 1.0 * slope + np.sqrt(variance) * np.random.default_rng(6).standard_normal(N)
-    model = three_mass(nominal).parametrize(["k_T", "f_m"])
-    theta = np.array([before, nominal["f_m"]])
-    past = Past(
-        theta=theta[None],
-        x=np.zeros((1, model.n)),
-        likelihood=np.zeros(1),
-        u=np.column_stack([u[:N], np.zeros(N)]),  # and the motor angle, that moves nothing here
-        y=y,
-        present=np.ones(N, bool),
-        epsilon=np.zeros(1 + 4),
-        colour=np.zeros(4),
-        variance=variance,
-    )
-    lower, upper = 0.1 * theta, 10 * theta
-    order, substeps = plan(model, lower, upper, T)
-    known = terms(model, order, substeps, T)
-
-    def fit(active):
-        guess = np.array([start, nominal["f_m"]])
-        return explain(known, past, np.array(active, int), lower, upper, relative, 0, guess)
-
-    change, nothing = fit([0]), fit([])
-    precision = slope @ slope / variance + 1 / spread**2
-    posterior = (slope @ y / variance + before / spread**2) / precision
-    # least squares stops where a step would gain .02 nats: .2 deviations at most
-    assert change.theta[0] == pytest.approx(posterior, abs=0.2 / np.sqrt(precision))
-    assert change.theta[1] == nominal["f_m"]
-    misfit = np.sum((y - change.theta[0] * slope) ** 2) / variance
-    assert change.unexplained == pytest.approx(misfit / N, rel=1e-9)
-
-    prior = multivariate_normal(before * slope, variance * np.eye(N))
-    both = multivariate_normal(
-        before * slope, variance * np.eye(N) + spread**2 * np.outer(slope, slope)
-    )
-    odds = both.logpdf(y) - prior.logpdf(y)
-    assert change.evidence - nothing.evidence == pytest.approx(odds, abs=0.02)
 
 
 def measured_factors(filter_, run):

@@ -280,7 +280,7 @@ STEP = {"kind": "step", "parameter": "f_m", "at": 6.0, "factor": 1.5}
 def test_what_is_odd_in_a_scenario_ends_in_a_report(short, tmp_path, changes):
     """And where nothing is defined, that is what the rows say."""
     scenario = short.override(changes | {"name": "odd"})
-    estimators = ["rpem-forgetting", "relocate", "frozen", own("Far")]
+    estimators = ["rpem-forgetting", "glr", "frozen", own("Far")]
     wanted = plan(scenario, estimators=estimators, seeds=[0], swept_scenarios=[scenario],
                   swept_estimators=["rpem-drift"])  # fmt: skip
     rows = {
@@ -289,6 +289,6 @@ def test_what_is_odd_in_a_scenario_ends_in_a_report(short, tmp_path, changes):
     still = rows["frozen", "f_m"]
     assert still["lag"] > 0 and still["never_settled"] == 1
     assert (still["score"] is None) == (changes != {"fault[0].factor": 0.0})
-    assert (rows["relocate", "f_m"]["excess"] is None) == ("noise.speed" in changes)
+    assert (rows["glr", "f_m"]["excess"] is None) == ("noise.speed" in changes)
     assert rows[own("Far"), "f_m"]["diverged"] == 0
     assert (tmp_path / "report.html").exists()

@@ -109,7 +109,7 @@ def test_code_of_programs_comes_along_and_nothing_from_elsewhere(tmp_path, monke
     text = bring("pipe:octave-cli -q my.m /etc/passwd ../my.m", tmp_path / "entry")
     assert text == "pipe:octave-cli -q code/my.m /etc/passwd ../my.m"
     assert [path.name for path in (tmp_path / "entry").rglob("*.*")] == ["my.m"]
-    assert bring("relocate[walk=2]", tmp_path / "other") == "relocate[walk=2]"
+    assert bring("glr[walk=2]", tmp_path / "other") == "glr[walk=2]"
 
 
 def test_what_is_there_is_not_written_over(entry):
@@ -382,8 +382,8 @@ def test_who_is_ahead_on_each_track():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["submit", "relocate", "-o", "x", "--contact", "me"], "licence: missing"),
-        (["submit", "relocat", "-o", "x"], "Did you mean 'relocate'"),
+        (["submit", "glr", "-o", "x", "--contact", "me"], "licence: missing"),
+        (["submit", "moving-horizn", "-o", "x"], "Did you mean 'moving-horizon'"),
         (["board", "nowhere", "-o", "x"], "nowhere"),
         (["board", "nowhere", "-o", "x", "--logs", "nothing"], "nothing: there is no such folder"),
         (["verify", "nowhere", "--form"], "is no entry"),

@@ -31,7 +31,7 @@ def some_rows(seed=0, *, points=3, seeds=6):
             "fault[0].parameter": "f_m",
             "told": [1, f"p{point}"],
         }
-        for method in ("frozen", "relocate"):
+        for method in ("frozen", "glr"):
             for k in range(seeds):
                 found = {"alarms": 1, "false_alarms": k % 2, "false_alarms_per_1000_s": 0.5 * k,
                          "delay": None if k == 1 else 0.1 * k, "faults": 1, "missed": int(k == 1),
@@ -44,8 +44,8 @@ def some_rows(seed=0, *, points=3, seeds=6):
                         "lag": float(rng.lognormal()) if name == "f_m" else None,
                         "std": float(rng.lognormal()), "bias": float(rng.normal() / 9),
                         "lost_before": False, "diverged": k == 2 and point == 1,
-                        "detection": found if method == "relocate" else None,
-                        "isolation": [] if method == "relocate" else None,
+                        "detection": found if method == "glr" else None,
+                        "isolation": [] if method == "glr" else None,
                         "bound": {"20": 0.5, "100": 0.25} if name == "f_m" else None,
                         "cost": {"us_per_sample": 1.5, "host": "häuser\u0000\n"},
                     }
@@ -81,7 +81,7 @@ def test_columns_hold_what_is_in_the_file(stored, tmp_path):
 @pytest.mark.parametrize(
     "where",
     [
-        {"method": "relocate"},
+        {"method": "glr"},
         {"fault[0].factor": [2, 3.0], "changed": True},
         {"seed": (1001, 1002), "parameter": "f_m"},
         {"told": [[1, "p2"]]},
@@ -121,7 +121,7 @@ def test_pooled_is_what_a_loop_gives(stored, tmp_path):
             assert row["bound"] == {"20": 0.5, "100": 0.25}
         else:
             assert row["lag"] is None and row["bound"] is None
-        if row["method"] == "relocate":
+        if row["method"] == "glr":
             assert row["detection"]["missed"] == pytest.approx(1 / 6)
             assert row["detection"]["delay"] == pytest.approx((0 + 0.2 + 0.3 + 0.4 + 0.5) / 5)
             assert row["false_alarms_per_hour"] == pytest.approx(3 / row["hours"])
@@ -131,16 +131,16 @@ def test_pooled_is_what_a_loop_gives(stored, tmp_path):
 
 def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path):
     rows = some_rows(seeds=40)
-    whole = stored(tmp_path / "1", rows, AXES, estimators=["relocate", "frozen"])
+    whole = stored(tmp_path / "1", rows, AXES, estimators=["glr", "frozen"])
     blocks = {}
     for row in rows:
         blocks.setdefault(row["case"], []).append(row)
     mixed = [blocks[name] for name in np.random.default_rng(1).permutation(list(blocks))]
     other = stored(tmp_path / "2", [row for block in mixed for row in block], AXES,
-                   estimators=["relocate", "frozen"])  # fmt: skip
+                   estimators=["glr", "frozen"])  # fmt: skip
     for by in (None, ["method"], ["fault[0].factor"], []):
         assert whole.pooled(by) == other.pooled(by)  # to the last bit, and in the same order
-    assert [row["method"] for row in whole.pooled(["method"])][::2] == ["relocate", "frozen"]
+    assert [row["method"] for row in whole.pooled(["method"])][::2] == ["glr", "frozen"]
     names = [row["parameter"] for row in whole.pooled(["method"])]
     assert names == ["k_T", "f_m"] * 2  # as in the model, and not in the alphabet
     bins = {"fault[0].factor": [1.0, 2.5, 3.0]}
@@ -320,7 +320,7 @@ def test_a_list_of_points_has_a_dimension_point(stored, tmp_path):
         if row["method"] == "frozen":
             row["estimator"] = f"frozen[gain={at:g}]"
     results = stored(
-        tmp_path, rows, ["start", "frozen.gain"], points=3, estimators=["frozen", "relocate"]
+        tmp_path, rows, ["start", "frozen.gain"], points=3, estimators=["frozen", "glr"]
     )
     cube = cube_of(results)
     assert list(cube.dimensions) == ["scenario", "method", "point", "seed", "parameter"]

@@ -31,8 +31,8 @@ MISTAKES = [
     (["rnu", "smoke"], "Did you mean 'run'?"),
     (["run", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["run", "smok"], "Did you mean 'smoke'?"),
-    (["run", "smoke", "--estimtor", "relocate"], "Did you mean '--estimator'?"),
-    (["run", "smoke", "--estimator", "relocte"], "Did you mean 'relocate'?"),
+    (["run", "smoke", "--estimtor", "glr"], "Did you mean '--estimator'?"),
+    (["run", "smoke", "--estimator", "moving-horizn"], "Did you mean 'moving-horizon'?"),
     (["run", "smoke", "--estimator", "ekf[nois=1]"], "Did you mean 'noise'?"),
     (["run", "smoke", "--seeds", "abc"], "--seeds 'abc'"),
     (["run", "smoke", "--jobs", "0"], "--jobs 0"),
@@ -44,7 +44,7 @@ MISTAKES = [
     (["compare", "fm_stp-v1", "--base", "frozen", "--candidate", "ekf"], "'fm_step-v1'"),
     (["tune", "rpem-forgeting"], "Did you mean 'rpem-forgetting'?"),
     (["tradeoff", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
-    (["check", "relocte"], "Did you mean 'relocate'?"),
+    (["check", "moving-horizn"], "Did you mean 'moving-horizon'?"),
     (["show", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["view", "fm_stp-v1"], "Did you mean 'fm_step-v1'?"),
     (["view", "ther.nc"], "Did you mean 'there.nc'?"),
@@ -56,7 +56,7 @@ MISTAKES = [
     (["export", "nowhere", "--csv", "a.csv"], "nowhere is not the folder"),
     (["import", "nothing.csv"], "nothing.csv"),
     (["identify", "nothing.csv"], "nothing.csv"),
-    (["demo", "--estimator", "relocte"], "Did you mean 'relocate'?"),
+    (["demo", "--estimator", "moving-horizn"], "Did you mean 'moving-horizon'?"),
 ]
 
 
@@ -220,7 +220,7 @@ def test_processes_and_a_cluster_exclude_each_other(capsys, place):
 COMPLETED = [
     ("flexaxis ru", "run"),
     ("flexaxis run fm_st", "fm_step-v1"),
-    ("flexaxis run smoke --estimator reloc", "relocate"),
+    ("flexaxis run smoke --estimator moving", "moving-horizon"),
     ("flexaxis list --gr", "--group"),
 ]
 

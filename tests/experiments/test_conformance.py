@@ -27,10 +27,7 @@ def broken(text, store):
     return {finding.rule for finding in check(parse(text), store=store) if finding.holds is False}
 
 
-SLOW = ("relocate-friction", "imm-friction")  # ten seconds and more, mostly of a compiler
-NAMES = [
-    pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in REGISTRY if n != "literal-rpem"
-]
+NAMES = [name for name in REGISTRY if name != "literal-rpem"]
 
 
 @pytest.mark.parametrize("name", NAMES)

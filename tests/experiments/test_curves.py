@@ -20,7 +20,7 @@ def record(short):
     return simulate(short, [1000])[0]
 
 
-def case_on(scenario, record, text="relocate"):
+def case_on(scenario, record, text="glr"):
     return run_case(scenario, record, parse(text), whole=True)
 
 
@@ -93,7 +93,7 @@ def test_a_finding_of_a_user_needs_no_more_than_the_contract(short, record):
 
 
 def test_traces_come_back_as_they_were(short, record):
-    cases = [case_on(short, record, text) for text in ("relocate", "frozen")]
+    cases = [case_on(short, record, text) for text in ("glr", "frozen")]
     for case in cases:
         back = unpacked(traced(case).packed())
         np.testing.assert_array_equal(back.curve, case.curve)
@@ -108,7 +108,7 @@ def test_traces_come_back_as_they_were(short, record):
 def test_pooled_curves_come_back_with_what_is_near_the_fault(short, record, tmp_path):
     case = case_on(short, record)
     runs, near = [case.curve, 2 * case.curve], [case.detail.near, 2 * case.detail.near]
-    both = curve_of(short, "relocate", case.names, runs, near)
+    both = curve_of(short, "glr", case.names, runs, near)
     np.testing.assert_allclose(both.near.median, 1.5 * near[0], rtol=1e-6)
     assert set(both.near.truth[:, 2].round(9)) == {1.0, 1.5}  # a step, not a ramp
     alone = curve_of(short, "frozen", case.names, runs)

@@ -118,7 +118,7 @@ def test_a_run_is_that_of_the_simulation(short):
         fx.simulate("smoke")
 
 
-@pytest.mark.parametrize("estimator", ["rpem-forgetting", "relocate", Still])
+@pytest.mark.parametrize("estimator", ["rpem-forgetting", "glr", Still])
 def test_scores_are_those_of_a_benchmark(short, estimator):
     record = fx.simulate(short, seed=1000)
     scores = fx.score(fx.estimate(record, estimator))
@@ -283,5 +283,5 @@ def test_the_examples_of_the_documentation_run():
         for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
             if "fx." in code:
                 exec(compile(code, name, "exec"), held)
-    assert {"relocate", "rpem-forgetting"} == set(held["frame"]["estimator"])
+    assert {"glr", "rpem-forgetting"} == set(held["frame"]["estimator"])
     assert held["sample"].time == pytest.approx(11.995)

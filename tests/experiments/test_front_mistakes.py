@@ -210,7 +210,7 @@ MISTAKES = [
     (["list", "--gruop", "steps"], "unknown option '--gruop'. Did you mean '--group'?"),
     (["list", "--gruop=steps"], "unknown option '--gruop=steps'. Did you mean '--group'?"),
     (["list", "--grou", "steps"], "Did you mean '--group'?"),
-    (["show", "relocat"], "Did you mean 'relocate'?"),
+    (["show", "moving-horizn"], "Did you mean 'moving-horizon'?"),
     (["new", "sub/x.py"], "sub/x.py: there is no folder sub: make it first"),
     (["simulate", "fm_step-v1", "--seed", "-1"], "--seed -1: give a whole number"),
     (["check", "pipe-bin:./mine"], "Write pipe:./mine"),

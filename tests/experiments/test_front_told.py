@@ -38,7 +38,7 @@ class Batch(Alone):
 def test_faults_are_those_of_the_record_whatever_was_told(short):
     record = fx.simulate(short, seed=1000)
     elsewhere = short.override({"fault[0].at": 2.0, "name": "early"})
-    plain, told = (fx.score(fx.estimate(record, "relocate", **more))
+    plain, told = (fx.score(fx.estimate(record, "glr", **more))
                    for more in ({}, {"scenario": elsewhere}))  # fmt: skip
     for one, other in zip(plain, told, strict=True):
         assert {**one} == {**other}

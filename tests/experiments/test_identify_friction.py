@@ -101,12 +101,12 @@ def test_what_identify_wrote_is_where_track_begins(record, found, tmp_path, caps
     assert again.model.laws == found.axis.model.laws
     assert again.deviation.keys() == set(found.names)
     words = ["track", path, "--model", axis, "--identify", "1/J_m", "--identify", "f_m", "--json"]
-    assert main([*map(str, words), "--estimator", "imm-friction"]) == 0
+    assert main([*map(str, words), "--estimator", "glr"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["last"]["1/J_m"] == pytest.approx(1 / VALUES[1]["J_m"], rel=0.05)
     assert told["last"]["f_c"] == pytest.approx(F_C, rel=0.1)
     assert main([*map(str, words), "--estimator", "ekf"]) == 2
-    assert "relocate-friction" in capsys.readouterr().err
+    assert "glr" in capsys.readouterr().err
 
 
 def test_friction_needs_the_motion_as_it_was(record):

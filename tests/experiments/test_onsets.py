@@ -108,7 +108,7 @@ def test_nobody_is_told(short):
 def test_scores_are_those_of_the_drawn_scenario(short):
     """A row of a drawn run is the row of the scenario that its record says, but for identity."""
     assert short.drawn(1000).events()[0].index != short.drawn(1001).events()[0].index
-    estimators = ["rpem-forgetting", "oracle-reset", "relocate"]
+    estimators = ["rpem-forgetting", "oracle-reset", "glr"]
     found = Bench([short]).runs([short], estimators, (1000, 1001))
     for i, seed in enumerate((1000, 1001)):
         run = short.drawn(seed)

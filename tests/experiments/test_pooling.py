@@ -98,7 +98,7 @@ def test_the_pooled_std_is_that_of_an_estimate_at_any_time(time_constant):
         "rpem-forgetting[forgetting=0.9995]",
         pytest.param("rpem-forgetting", marks=pytest.mark.slow),
         pytest.param("rpem-drift", marks=pytest.mark.slow),
-        "relocate",
+        "glr",
     ],
 )
 def test_the_pooled_std_is_the_deviation_over_seeds(text):

@@ -20,7 +20,7 @@ from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from tests.experiments.kept_rows import change, scores_of
 from tests.experiments.page_data import charts_of, lines, page_data, table, text_of
 
-ESTIMATORS = ("frozen", "rpem-forgetting", "relocate")
+ESTIMATORS = ("frozen", "rpem-forgetting", "glr")
 
 
 @pytest.fixture(scope="module")
@@ -46,8 +46,8 @@ def data(html):
 def test_it_is_read_from_top_to_bottom(html):
     texts = [
         "<h1>t</h1>", "flexaxis run short.toml", "At the fault: short</h2>", run_first.FASTEST,
-        run_first.DISTANCE, run_first.WHY, "At equal noise</h2>", "Speed against noise</h2>",
-        "Fault by fault", "How often, how near to the bound: nominal</h2>", '<h2 id="short">',
+        run_first.DISTANCE, "At equal noise</h2>", "Speed against noise</h2>",
+        "How often, how near to the bound: nominal</h2>", '<h2 id="short">',
         "Parameters that did not change", "The same as a table", "What the columns mean",
         'href="scores.sqlite"', "Recursive identification of physical parameters",
     ]  # fmt: skip
@@ -57,7 +57,7 @@ def test_it_is_read_from_top_to_bottom(html):
 
 def test_there_is_one_ranking(html, folder):
     overall = [r["estimator"] for r in pooled.load(folder).summary["tradeoff"]["overall"]]
-    assert overall[0] == "relocate"
+    assert overall[0] == "glr"
     for name in ("at-equal-noise", "short", "short-unchanged"):
         rows = [row["estimator"][0] for row in table(html, name)[1]]
         assert list(dict.fromkeys(rows))[:2] == overall, name
@@ -139,10 +139,10 @@ def test_the_fault_is_drawn_beside_the_whole_run(html, folder):
     assert [near["window"], whole["window"]] == ["at the fault", "whole run"]
     assert (near["from"], near["to"]) == pytest.approx((5.9, 7.0))
     assert near["panels"][0]["y"] == "f_m / nominal"  # it changes
-    (curve,) = [c for c in pooled.load(folder).curves if c.estimator == "relocate"]
+    (curve,) = [c for c in pooled.load(folder).curves if c.estimator == "glr"]
     for i, parameter in enumerate(curve.names):
         panel = panel_of(near, f"{parameter} / nominal")
-        (line,) = [each for each in panel["lines"] if each["who"] == "relocate"]
+        (line,) = [each for each in panel["lines"] if each["who"] == "glr"]
         known = np.interp(curve.near.time, line["x"], line["y"])
         off = known - np.clip(curve.near.median[:, i], panel["low"], panel["high"])
         point = (panel["high"] - panel["low"]) / 165  # of a panel of so many points
@@ -159,23 +159,23 @@ def test_the_first_picture_is_of_the_parameter_that_changes(html):
     assert [panel["y"] for panel in view["panels"]] == ["f_m / nominal"]
     assert (view["from"], view["to"]) == pytest.approx((5.0, 8.0))  # of 8 s, 5 s after the fault
     whom = {line["who"] for line in view["panels"][0]["lines"]}
-    assert whom == {"", "relocate", "rpem-forgetting"}  # frozen is a control
+    assert whom == {"", "glr", "rpem-forgetting"}  # frozen is a control
 
 
 def test_whom_the_words_refuse_to_rank_no_chart_ranks(folder, monkeypatch):
     """An estimate with a large bias may meet the new value because it was wrong before."""
-    wrong = {("short", "f_m", "relocate")}
+    wrong = {("short", "f_m", "glr")}
     monkeypatch.setattr(run_page.mismatch, "misled", lambda *_, **__: wrong)
     html = run_page.render(pooled.load(folder))
     found = charts_of(html)
     for name in ("ecdf-nominal", "runs-short", "at-a-fault"):
         whom = {line["who"] for panel in found[name][0]["panels"] for line in panel["lines"]}
-        assert "relocate" not in whom and "rpem-forgetting" in whom, name
+        assert "glr" not in whom and "rpem-forgetting" in whom, name
     assert text_of(html).count("Not drawn, for the bias before the fault is more than half") == 2
     rows = pooled.load(folder).summary["rows"]
     chart = speed.as_set(rows, ESTIMATORS, wrong)
     assert {line.who for line in chart.panels[0].lines} == {"rpem-forgetting"}
-    assert "relocate (short)" in chart.words
+    assert "glr (short)" in chart.words
 
 
 def test_no_excitation_is_said_only_where_there_is_none(short):
@@ -199,15 +199,15 @@ def test_each_run_can_be_opened(html, data):
 
 
 def test_a_single_run_says_what_it_found(data, folder):
-    run = data["picks"]["short/relocate/1002"]
+    run = data["picks"]["short/glr/1002"]
     assert re.search(r"Found: at 6\.\d\d s f_m × 1\.\d", text_of(run))
     assert "It reports no findings." in data["picks"]["short/frozen/1002"]
     near, whole = charts_of(run)["pick-0"]
     assert near["panels"][0]["y"] == "f_m / nominal"  # what changed comes first
     assert near["panels"][-1]["y"] == "residual, rms of 10 [rad/s]"
     assert "fm changes" in whole["text"] and "found: fm × 1." in near["text"]
-    trace = Traces(folder).find(_hash(folder), "relocate")[1002]
-    ((line,), *_) = lines(near, "relocate")
+    trace = Traces(folder).find(_hash(folder), "glr")[1002]
+    ((line,), *_) = lines(near, "glr")
     shown = np.interp(6.5, line["x"], line["y"])
     assert shown == pytest.approx(trace.detail.near[120, 2], abs=5e-3)
 
@@ -265,8 +265,8 @@ def test_a_small_report_has_fewer_single_runs_and_says_so(html, folder):
     assert f"{len(kept)} of 18 single runs can be opened" in small
     assert set(re.findall(r'data-opens="([^"]*)"', small)) == kept
     # the worst of the best comes first
-    worst = max(_lags(folder, "relocate").items(), key=lambda item: item[1])[0]
-    assert f"short/relocate/{worst}" in kept
+    worst = max(_lags(folder, "glr").items(), key=lambda item: item[1])[0]
+    assert f"short/glr/{worst}" in kept
     (line,) = re.findall(r"All of it: (flexaxis report [^<]*)</p>", small)
     assert main([*shlex.split(line)[1:], "-o", str(folder.parent / "all.html")]) == 0
     assert len(page_data((folder.parent / "all.html").read_text())["picks"]) == 18
@@ -276,7 +276,7 @@ def test_where_curves_alone_are_too_much_the_later_ones_are_left_out(folder, mon
     monkeypatch.setattr(run_page, "AT_FIRST", 2)
     html = run_page.render(pooled.load(folder), size=0.05)
     whom = {n["who"] for p in charts_of(html)["curves-short"][0]["panels"] for n in p["lines"]}
-    assert whom == {"", "relocate", "rpem-forgetting"}
+    assert whom == {"", "glr", "rpem-forgetting"}
     assert "Only the first 2 of the ranking are drawn over time. 0 of 18 single runs" in html
 
 
@@ -292,7 +292,7 @@ def test_a_folder_without_trajectories_is_reported(folder, tmp_path):
     shutil.copytree(folder, old)
     change(old, "DELETE FROM traces")
     bare = run_page.render(pooled.Pooled(found.summary, [], old))
-    assert not charts_of(page_data(bare)["picks"]["short/relocate/1002"])
+    assert not charts_of(page_data(bare)["picks"]["short/glr/1002"])
     assert "curves-short" not in charts_of(bare)
 
 

@@ -76,7 +76,7 @@ def test_who_is_not_told_has_no_entry_and_nobody_is_told_a_law():
 
 
 # For friction they compile a loop of their own, of ten seconds and more each.
-OWN_LOOPS = {"rpem-friction", "rpem-friction-drift", "relocate-friction", "imm-friction"}
+OWN_LOOPS = {"rpem-friction", "rpem-friction-drift"}
 
 
 @pytest.mark.parametrize(

@@ -214,7 +214,7 @@ def test_without_a_fault_there_is_nothing_to_compare(capsys):
 
 
 def test_false_alarms_are_a_rate(short):
-    found = sweep([short], ["relocate"], [0, 1], Bench([short]), factors=(1.0,))
+    found = sweep([short], ["glr"], [0, 1], Bench([short]), factors=(1.0,))
     (row,) = found.matched
     assert row["values"]["false_alarms"] == [0.0, 0.0] and row["false_alarms_per_1000_s"] == 0.0
 

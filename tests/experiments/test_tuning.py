@@ -23,7 +23,7 @@ from flexaxis.sim.parameters import preset
 PAPER = {"rpem-forgetting", "rpem-drift", "rpem-forgetting-mu", "rpem-drift-mu", "literal-rpem"}
 # not tuned to equal noise on the linear axis: what dry friction does not do there costs them noise
 LAWS = {entry.name for entry in REGISTRY.values() if entry.laws}
-OWN = PAPER | LAWS | {"relocate", "oracle-reset"}  # these keep the value they are known for
+OWN = PAPER | LAWS | {"oracle-reset"}  # these keep the value they are known for
 
 
 def test_tuning_finds_the_reference_itself_and_its_equal(capsys, tmp_path, monkeypatch):

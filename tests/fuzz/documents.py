@@ -104,7 +104,7 @@ def maps(_: Path) -> list[dict[str, Any]]:
 def estimators(_: Path) -> list[bytes]:
     """Return estimators as one types them."""
     return [
-        b"rpem-forgetting[forgetting=0.99]", b"relocate[alarm=8.0, gain=12.0]", b"ekf",
+        b"rpem-forgetting[forgetting=0.99]", b"glr[walk=0.001, jump=0.3]", b"ekf",
         b"rpem-drift[P0=[1.0, 2.0, 3.0], drift=[1e-6, 1e-6, 1e-6]]", b"frozen[identify=['k_T']]",
     ]  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-WORDS = ("k_T", "1/J_a", "f_m", "f_c", "step", "held", "smooth", "relocate", "rpem-forgetting",
+WORDS = ("k_T", "1/J_a", "f_m", "f_c", "step", "held", "smooth", "glr", "rpem-forgetting",
          "pipe:true", "nobody.py:Nothing", "../../etc/passwd", "fm_step-v1", "", " ", "a" * 400,
          "\u202e\u0000", "<b>", "1e400", "0/0", "__class__", "[forgetting=0.9]")  # fmt: skip
 NUMBERS = (0, 1, -1, 2, 0.0, -0.0, 0.5, 1e-12, 1e-320, 1e9, 1e30, 1e308, -1e308, 2**31, 2**63,

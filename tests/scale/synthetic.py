@@ -22,7 +22,7 @@ from flexaxis.experiments.running.units import varied
 from flexaxis.experiments.running.work import made_with
 from flexaxis.experiments.scoring.table import SCORES, undefined
 
-BASE, METHODS, NAMES = "fm_step-v1", ("rpem-forgetting", "relocate"), ("k_T", "1/J_a", "f_m")
+BASE, METHODS, NAMES = "fm_step-v1", ("rpem-forgetting", "glr"), ("k_T", "1/J_a", "f_m")
 AXES = {"fault[0].factor": (1.1, 1.5, 2.0, 3.0, 4.0), "start": (1.0, 1.1, 1.2, 1.3)}
 STOCK = 3000  # different cases of an estimator, taken again and again with other seeds
 UNIT = 16  # seeds of a unit of work
@@ -69,7 +69,7 @@ def _cases(scenario, place, unit, stock, rng):
 
 def _stock(method, rng):
     """Return the scores of cases, a list of three rows each."""
-    finds = method == "relocate"
+    finds = method == "glr"
     return [[_scores(name, finds, rng) for name in NAMES] for _ in range(STOCK)]
 
 

@@ -14,7 +14,7 @@ spec.loader.exec_module(stream)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rpem-forgetting", "relocate", "imm"])
+@pytest.mark.parametrize("name", ["rpem-forgetting", "glr", "imm"])
 def test_a_million_samples_leave_it_sound(name):
     found = stream.stream(name, samples=1e6)
     assert found.finite

@@ -183,7 +183,7 @@ def _on_the_board(run: Run, equal: Mapping[str, Any] | None) -> Iterable[Chart]:
             n for n in run.order if n not in {who for s, _, who in run.wrong if s == scenario.name}
         ]
         best = [name for name in able if name not in ranking.CONTROLS][:ON_THE_BOARD]
-        whom = {*best, ranking.REFERENCE, RECOMMENDED}
+        whom = {*best, ranking.REFERENCE, *({RECOMMENDED} & {*able})}
         mine = [curve for curve in run.curves(scenario.name) if curve.estimator in whom]
         chart = over_time.at_a_fault(mine, scenario) if mine else None
         if chart is not None:

@@ -1,1 +1,0 @@
-"""The estimator that detects a jump, rewinds to it and refits: memory to policy."""

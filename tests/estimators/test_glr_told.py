@@ -1,0 +1,114 @@
+"""What the filter with a bank of hypotheses is told, learns once, and can be begun from."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from flexaxis.estimators import EstimatorError
+from flexaxis.estimators.methods.glr import glr
+from flexaxis.estimators.models.axes import N1
+from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring.nominal import nominal_torque
+from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.simulate import simulate
+
+T = 0.005
+TRUTH = (1.0, 1.25, 0.05, 0.1)  # with the level of dry friction
+
+
+@cache
+def drawn(name):
+    """Torque and speed of a scenario with what an estimator is told of it."""
+    scenario = find_scenario(name)
+    one = simulate(scenario, [0])[0]
+    return one.torque, one.speed, dict(started_nominal(scenario)), nominal_torque(scenario)
+
+
+def made(name, **options):
+    _, _, nominal, torque = drawn(name)
+    return glr(nominal, T, torque=torque, **options)
+
+
+def test_friction_is_told_from_viscous_friction():
+    u, y, *_ = drawn("coulomb_fm_step-v1")
+    estimator = made("coulomb_fm_step-v1")
+    theta = estimator.run(u[:2000], y[:2000])
+    assert estimator.names == ("k_T", "1/J_a", "f_m", "f_c")
+    before = theta[1000:].mean(axis=0) / TRUTH - 1
+    assert np.all(np.abs(before) < [0.01, 0.005, 0.02, 0.04])
+
+
+@pytest.mark.slow
+def test_point_to_point_moves_leave_the_scale_as_told():
+    u, y, *_ = drawn("coulomb_moves_fm_step-v1")
+    estimator = made("coulomb_moves_fm_step-v1")
+    theta = estimator.run(u[:2000], y[:2000])
+    assert "as it was told" in estimator.fixed_because["J_m"]
+    assert estimator.learnt["J_m"] == (N1["J_m"], 0.0)
+    assert abs(theta[1900, 0] - 1) < 0.03
+
+
+def test_a_gap_and_a_start_in_motion_do_no_harm():
+    u, y, *_ = drawn("coulomb_fm_step-v1")
+    valid = np.ones(len(u), bool)
+    valid[1500:1560] = False
+    part = slice(450, 2000)
+    theta = made("coulomb_fm_step-v1").run(u[part], y[part], valid[part])
+    error = theta[-200:].mean(axis=0) / TRUTH - 1
+    assert np.all(np.abs(error) < [0.01, 0.005, 0.03, 0.05])
+
+
+def test_what_was_commissioned_can_be_begun_from():
+    u, y, nominal, torque = drawn("coulomb_fm_step-v1")
+    first = made("coulomb_fm_step-v1")
+    first.run(u[:2000], y[:2000])
+    known = first.commissioned()
+    assert set(known["deviations"]) == set(known["nominal"])
+    assert known["nominal"]["J_a"] == pytest.approx(0.8, rel=0.01)
+    second = glr(nominal | known["nominal"], T, torque=torque, deviations=known["deviations"])
+    theta = second.run(u[1000:1400], y[1000:1400])
+    assert np.all(np.abs(theta[100:] / TRUTH - 1) < [0.02, 0.01, 0.05, 0.06])
+
+
+def test_what_is_not_seen_and_was_not_told_is_taken_as_absent():
+    """A tenth of a motion, for a tenth of a second, shows nothing of it."""
+    _, _, nominal, torque = drawn("fm_step-v1")
+    estimator = glr(nominal | {"kappa": 1e3}, T, torque=torque, commissioning=0.1, noise=0.1)
+    u, y = drawn("fm_step-v1")[:2]
+    estimator.run(0.1 * u[:400], 0.1 * y[:400])
+    because = estimator.fixed_because
+    assert because["kappa"].endswith("stays as it was told")
+    assert because["J_m"].endswith("stays as it was told")
+    assert because["gap"].endswith("taken as absent")
+    assert estimator.learnt["kappa"] == (pytest.approx(1e3), 0.0)
+    assert estimator.learnt["gap"] == (0.0, 0.0)
+
+
+def test_a_told_zero_is_refused_by_its_name():
+    _, _, nominal, torque = drawn("fm_step-v1")
+    with pytest.raises(EstimatorError, match=r"^f_m is told to be 0, .* leave it out"):
+        glr(nominal | {"f_m": 0.0}, T, torque=torque)
+    left = {"identify": ("k_T", "1/J_a"), "track": ("k_T", "1/J_a", "f_c")}
+    estimator = glr(nominal | {"f_m": 0.0}, T, torque=torque, **left)
+    assert estimator.names == ("k_T", "1/J_a", "f_c")
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"learn": ["J_x"]}, "no parameter for that"),
+        ({"learn": "all"}, "or 'auto' or 'none'"),
+        ({"walk": 0.0}, "walk is 0"),
+        ({"deviations": {"J_a": -1.0}}, "above 0"),
+        ({"commissioning": -1.0}, "not negative"),
+    ],
+)
+def test_options_that_cannot_be_used_are_refused(options, match):
+    with pytest.raises(EstimatorError, match=match):
+        glr(N1, T, **options)
+
+
+def test_nothing_is_learnt_where_nothing_shall_be():
+    estimator = glr(N1, T, learn="none")
+    assert set(estimator.learnt) == {"k_T", "1/J_a", "f_m", "f_c"}
