@@ -112,7 +112,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.results.results import needed
+    from flexaxis.experiments.running.errors import needed
 
     distributed = needed("distributed")
     try:

@@ -16,15 +16,8 @@ from flexaxis.experiments.running.errors import StudyError, no_study
 from flexaxis.experiments.running.files import json_table, make_folder, write_json, writing
 from flexaxis.experiments.running.names import COMPLETE, MADE, STUDY, SWEEP, TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan, expected
-from flexaxis.experiments.running.store import (
-    Store,
-    cases_in,
-    connect,
-    done_in,
-    file_of,
-    row_files,
-    said,
-)
+from flexaxis.experiments.running.schema import connect, file_of, row_files, said
+from flexaxis.experiments.running.store import Store, cases_in, done_in
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import made_with
 

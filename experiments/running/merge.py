@@ -14,7 +14,8 @@ from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.files import make_folder, write_json, writing
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.names import STUDY, TRAJECTORIES
-from flexaxis.experiments.running.store import Store, file_of, row_files
+from flexaxis.experiments.running.schema import file_of, row_files
+from flexaxis.experiments.running.store import Store
 from flexaxis.sim.files import atomic
 
 AT_ONCE = 10_000  # rows of text

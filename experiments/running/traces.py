@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.store import OF_CASES, connect, row_files, said
+from flexaxis.experiments.running.schema import connect, row_files, said
+from flexaxis.experiments.running.store import OF_CASES
 from flexaxis.experiments.scoring.curves import Detail
 
 Array = NDArray[np.float32]

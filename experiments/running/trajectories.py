@@ -15,7 +15,8 @@ from flexaxis.experiments.running.estimate import estimates_file
 from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.running.names import TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan
-from flexaxis.experiments.running.store import row_files, rows_in
+from flexaxis.experiments.running.schema import row_files
+from flexaxis.experiments.running.store import rows_in
 from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Kept, run_unit
 

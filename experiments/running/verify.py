@@ -15,7 +15,8 @@ from flexaxis.experiments.building.consent import require
 from flexaxis.experiments.running.axes import applies
 from flexaxis.experiments.running.columns import flat, nested
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.store import cases_of, row_files, rows_of
+from flexaxis.experiments.running.schema import row_files
+from flexaxis.experiments.running.store import cases_of, rows_of
 from flexaxis.experiments.running.units import Entry, Unit, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
 from flexaxis.sim.errors import ScenarioError

@@ -150,7 +150,7 @@ def finish(
     results = Results.load(folder)
     groups = results.grouped(["base", "method"])
     pooled, curves = _with_trajectories(
-        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED)
     )
     summary = _summary(study, pooled) | {
         "failures": _failures(folder, swept, study["seeds"]),

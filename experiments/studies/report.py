@@ -9,7 +9,7 @@ from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.folder import read_study
 from flexaxis.experiments.running.names import CURVES, REPORT, STUDY, SUMMARY
-from flexaxis.experiments.running.store import row_files
+from flexaxis.experiments.running.schema import row_files
 from flexaxis.experiments.studies.benchmark import finish
 
 

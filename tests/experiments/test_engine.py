@@ -25,7 +25,8 @@ from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import process_pool
-from flexaxis.experiments.running.store import row_files, rows_in
+from flexaxis.experiments.running.schema import row_files
+from flexaxis.experiments.running.store import rows_in
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import run_unit

@@ -103,7 +103,7 @@ def _scores(name, finds, rng):
 
 WHAT = {
     "open": "Results.load(folder)",
-    "columns": "results.table",
+    "columns": "len(results)",
     "report": "write_report(results)",
     "summary": "results.pooled()",
     "csv": "export_csv(results, folder / 'out.csv')",
@@ -124,7 +124,7 @@ took = time.perf_counter() - before
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(took, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 if sys.argv[2] != "open":
-    assert len(results.table) % 6 == 0 < len(results.table), "no rows were read"
+    assert len(results) % 6 == 0 < len(results), "no rows were read"
 """
 
 
