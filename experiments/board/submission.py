@@ -16,8 +16,8 @@ from typing import Any
 from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, read, seal
 from flexaxis.experiments.board.suite import Board, EntryError
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
+from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.building.specs import PIPE, piped
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means

@@ -15,7 +15,7 @@ from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.ready import check_made
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.axes import applies, in_words, is_option
 from flexaxis.experiments.running.case import case_id
 from flexaxis.experiments.running.errors import StudyError
@@ -263,7 +263,7 @@ def _try_estimators(
         if names_code(text) and not run_code:
             continue
         try:
-            check_made(specs.parse(text), base)
+            ready(specs.parse(text), base)
         except EstimatorError as error:
             problems.add(error, in_words(entry.axes))
 
