@@ -21,8 +21,8 @@ from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.building.specs import PIPE, piped
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.scoring.ranking import CONTROLS
+from flexaxis.experiments.storage.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.studies.knobs import knob_of
 from flexaxis.experiments.studies.sweep import FACTORS, reference, settings, sweep
 

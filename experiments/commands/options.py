@@ -112,7 +112,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.running.errors import needed
+    from flexaxis.experiments.storage.errors import needed
 
     distributed = needed("distributed")
     try:
@@ -161,8 +161,8 @@ def working(
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.running.errors import NotRun
     from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.storage.errors import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
     check_jobs(args)

@@ -11,10 +11,10 @@ from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError, json_table
-from flexaxis.experiments.running.names import SUMMARY
-from flexaxis.experiments.running.schema import row_files
 from flexaxis.experiments.scoring.matching import SPREADS
+from flexaxis.experiments.storage.files import OutputError, json_table
+from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 KEYS = ("scenario", "hash", "seed", "parameter", "changed", "failed")

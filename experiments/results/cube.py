@@ -12,9 +12,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind, told
-from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.running.study import is_option
+from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind, told
+from flexaxis.experiments.storage.errors import StudyError
 
 if TYPE_CHECKING:
     from types import ModuleType

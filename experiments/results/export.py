@@ -10,11 +10,11 @@ import numpy as np
 
 from flexaxis.experiments.results.cube import VARIABLES, Cube, cube_of
 from flexaxis.experiments.results.results import Results, Rows, frame
-from flexaxis.experiments.running.columns import as_text, nested, told
-from flexaxis.experiments.running.errors import needed
-from flexaxis.experiments.running.files import new_file, writing
-from flexaxis.experiments.running.rows import write
-from flexaxis.experiments.running.schema import STORED
+from flexaxis.experiments.storage.columns import as_text, nested, told
+from flexaxis.experiments.storage.errors import needed
+from flexaxis.experiments.storage.files import new_file, writing
+from flexaxis.experiments.storage.rows import write
+from flexaxis.experiments.storage.schema import STORED
 from flexaxis.sim.netcdf import new_netcdf
 
 if TYPE_CHECKING:

@@ -15,8 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.schema import CASE
 from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.storage.schema import CASE
+from flexaxis.sim.parameters import PARAMETER_NAMES
 
 if TYPE_CHECKING:
     from flexaxis.experiments.results.results import Results
@@ -178,3 +180,23 @@ def grouped(
                 strict=True)  # fmt: skip
     keys = [dict(zip(by, line, strict=True)) for line in lines] if by else [{}] * len(ends)
     return Groups(keys, rows, ends, results)
+
+
+def place_of(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str]:
+    """Return what sorts the values of a column, of which some have an `order`."""
+    if value is None:
+        return -1, 0.0, ""
+    if value in order:
+        return 0, order.index(value), ""
+    if name == "parameter" and physical(value)[0] in PARAMETER_NAMES:
+        return 1, PARAMETER_NAMES.index(physical(value)[0]), value
+    number = isinstance(value, int | float)
+    return 2, value if number else 0.0, str(value)
+
+
+def middle(value: Any, edges: Sequence[float] | None) -> Any:
+    """Return the middle of the two edges between which a value lies."""
+    if value is None or edges is None:
+        return value
+    place = min(max(int(np.searchsorted(edges, value, side="right")), 1), len(edges) - 1)
+    return float((edges[place - 1] + edges[place]) / 2)

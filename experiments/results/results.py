@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,26 +11,22 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
+from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
 from flexaxis.experiments.results.source import Condition, Source, asked, having
-from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
-from flexaxis.experiments.running.errors import StudyError, needed
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.schema import CASE, STORED, TEXTS, shown
-from flexaxis.experiments.running.units import find_point
+from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.pooling import POOLED
 from flexaxis.experiments.scoring.score import Kind
-from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
+from flexaxis.experiments.storage.errors import StudyError, needed
+from flexaxis.experiments.storage.schema import CASE, STORED
 from flexaxis.sim.errors import unknown
-from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 if TYPE_CHECKING:
     import xarray
 
 Line = dict[str, Any]
-PART = 1 << 14  # rows that are read at a time where all their columns are wanted
 ROOM = 1 << 28  # bytes of columns in memory
 _TYPES = {"text": object, "truth": "boolean", "integer": "Int64", "number": float}
 
@@ -152,7 +145,8 @@ class Results:
         """Return the values found on each axis: numbers in order, others as they came."""
         found = {}
         for axis in self.axes:
-            every = [self._value(axis, each) for each in pd.unique(self.column("axes")).tolist()]
+            there = pd.unique(self.column("axes")).tolist()
+            every = [self.source.value(axis, each) for each in there]
             seen = list({repr(value): value for value in every if value is not None}.values())
             found[axis] = sorted(seen) if axis_kind(seen) == "number" else seen
         return found
@@ -244,49 +238,16 @@ class Results:
         """
         stored = self.column("axes" if name in self.axes else name)
         places, there = pd.factorize(stored, use_na_sentinel=False)
-        values = [_middle(self._value(name, each), edges) for each in there.tolist()]
+        values = [middle(self.source.value(name, each), edges) for each in there.tolist()]
         every = {repr(value): value for value in values}
-        ordered = sorted(every, key=lambda text: self._place(name, every[text]))
-        number = {text: i for i, text in enumerate(ordered)}
-        lookup = np.array([number[repr(value)] for value in values], np.intp)
-        return lookup[places] if len(lookup) else places, [every[text] for text in ordered]
-
-    def _value(self, name: str, stored: Any) -> Any:
-        """Return what stands for a value as it is stored."""
-        if name in self.axes:
-            return self._axes(self.source.texts[stored]).get(name)
-        if name in TEXTS:
-            return self.source.texts[stored]
-        if name == CASE:
-            return f"{stored:016x}"
-        if stored < 0 or math.isnan(stored):
-            return None
-        return bool(stored) if COLUMNS[name] == "truth" else stored
-
-    def _axes(self, text: str | None) -> dict[str, Any]:
-        known = self._shared.setdefault("axes", {})
-        if text not in known:
-            try:
-                known[text] = dict(json.loads(text or ""))
-            except (ValueError, TypeError) as error:
-                raise self.source.damaged(error) from error
-        found: dict[str, Any] = known[text]
-        return found
-
-    def _place(self, name: str, value: Any) -> tuple[int, float, str]:
-        """Return what sorts the values of a column."""
         order = {
             "base": [entry["definition"]["name"] for entry in self.study.get("scenarios", ())],
             "method": list(self.study.get("estimators", ())),
         }.get(name, [])
-        if value is None:
-            return -1, 0.0, ""
-        if value in order:
-            return 0, order.index(value), ""
-        if name == "parameter" and physical(value)[0] in PARAMETER_NAMES:
-            return 1, PARAMETER_NAMES.index(physical(value)[0]), value
-        number = isinstance(value, int | float)
-        return 2, value if number else 0.0, str(value)
+        ordered = sorted(every, key=lambda text: place_of(name, every[text], order))
+        number = {text: i for i, text in enumerate(ordered)}
+        lookup = np.array([number[repr(value)] for value in values], np.intp)
+        return lookup[places] if len(lookup) else places, [every[text] for text in ordered]
 
     def scenario(self, row: int) -> Scenario | None:
         """Return the scenario of a row; None where study.json does not tell it."""
@@ -297,7 +258,7 @@ class Results:
             ]
         axes, key = (self.source.texts[int(self.column(n)[row])] for n in ("axes", "hash"))
         options = tuple(self.study.get("estimators", ()))
-        swept = {k: v for k, v in self._axes(axes).items() if not is_option(k, options)}
+        swept = {k: v for k, v in self.source.axes(axes).items() if not is_option(k, options)}
         found = find_point(self._shared["bases"], swept, str(key))
         return None if found is None else found.scenario()
 
@@ -330,27 +291,7 @@ class Results:
     def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
         """Yield columns as Python values, all or some, of so many rows as are held in memory."""
         names = list(columns or [*COLUMNS, *self.axes])
-        stored = [*(name for name in names if name not in self.axes), "axes"]
-        lines = self.source.lines([*map(shown, stored)], self._condition)
-        while some := list(islice(lines, PART)):
-            found = dict(zip(stored, map(list, zip(*some, strict=True)), strict=True))
-            for name in set(stored) & COLUMNS.keys():
-                found[name] = self._checked(name, found[name])
-            axes = [self._axes(text) for text in found["axes"]]
-            found |= {axis: [each.get(axis) for each in axes] for axis in self.axes}
-            yield {name: found[name] for name in names}
-
-    def _checked(self, name: str, values: list[Any]) -> list[Any]:
-        """Return values as they are in Python; a damaged file may hold others."""
-        kind = COLUMNS[name]
-        try:
-            if kind == "number":
-                np.array(values, float)
-        except (TypeError, ValueError) as error:
-            raise self.source.damaged(error) from error
-        if name in {"scenario", "estimator", "seed"} and None in values:
-            raise self.source.damaged(f"{name} is missing")
-        return [v if v is None else v > 0 for v in values] if kind == "truth" else values
+        yield from self.source.parts(names, self._condition)
 
     def _check(self, columns: Iterator[str] | Sequence[str] | Mapping[str, Any]) -> None:
         known = [*COLUMNS, *self.axes]
@@ -385,11 +326,3 @@ def frame(part: Mapping[str, list[Any]], kinds: Mapping[str, Kind]) -> pd.DataFr
         texts = [as_text(value) for value in values] if kind == "text" else values
         found[name] = pd.array(texts, dtype=_TYPES[kind])  # type: ignore[call-overload]
     return pd.DataFrame(found)
-
-
-def _middle(value: Any, edges: Sequence[float] | None) -> Any:
-    """Return the middle of the two edges between which a value lies."""
-    if value is None or edges is None:
-        return value
-    place = min(max(int(np.searchsorted(edges, value, side="right")), 1), len(edges) - 1)
-    return float((edges[place - 1] + edges[place]) / 2)

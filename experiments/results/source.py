@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columns import COLUMNS
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.schema import (
+from flexaxis.experiments.storage.columns import COLUMNS
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.schema import (
     CASE,
     TEXTS,
     connect,
@@ -22,9 +24,10 @@ from flexaxis.experiments.running.schema import (
     said,
     shown,
 )
-from flexaxis.experiments.running.store import Store
+from flexaxis.experiments.storage.store import Store
 
 Array = NDArray[Any]
+PART = 1 << 14  # rows that are read at a time where all their columns are wanted
 
 
 class Condition(NamedTuple):
@@ -98,6 +101,7 @@ class Source:
             self._last = self._db.execute("SELECT max(rowid) FROM cells").fetchone()[0] or 0
             self.texts: dict[int, str | None] = dict(self._db.execute("SELECT id, text FROM texts"))
             self._seen, self._rows = -1, self._count()
+            self._axes = dict[str | None, dict[str, Any]]()
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -149,3 +153,46 @@ class Source:
     def damaged(self, why: Any) -> StudyError:
         """Return the error for what no row can be."""
         return StudyError(f"{self._path}: is damaged: {why}. Take it from a copy, or remove it")
+
+    def parts(self, names: Sequence[str], where: Condition) -> Iterator[dict[str, list[Any]]]:
+        """Yield columns and axes as Python values, of so many rows as are held in memory."""
+        stored = [name for name in names if name in COLUMNS or name == "axes"]
+        lines = self.lines([*map(shown, stored), shown("axes")], where)
+        while some := list(islice(lines, PART)):
+            *columns, texts = map(list, zip(*some, strict=True))
+            found = dict(zip(stored, map(self._checked, stored, columns), strict=True))
+            axes = [self.axes(text) for text in texts]
+            yield {n: found[n] if n in found else [a.get(n) for a in axes] for n in names}
+
+    def _checked(self, name: str, values: list[Any]) -> list[Any]:
+        """Return values as they are in Python; a damaged file may hold others."""
+        kind = COLUMNS.get(name)
+        try:
+            if kind == "number":
+                np.array(values, float)
+        except (TypeError, ValueError) as error:
+            raise self.damaged(error) from error
+        if name in {"scenario", "estimator", "seed"} and None in values:
+            raise self.damaged(f"{name} is missing")
+        return [v if v is None else v > 0 for v in values] if kind == "truth" else values
+
+    def value(self, name: str, stored: Any) -> Any:
+        """Return what stands for a value of a column or an axis as it is stored."""
+        if name not in COLUMNS:
+            return self.axes(self.texts[stored]).get(name)
+        if name in TEXTS:
+            return self.texts[stored]
+        if name == CASE:
+            return f"{stored:016x}"
+        if stored < 0 or math.isnan(stored):
+            return None
+        return bool(stored) if COLUMNS[name] == "truth" else stored
+
+    def axes(self, text: str | None) -> dict[str, Any]:
+        """Return the values on all axes, from their text."""
+        if text not in self._axes:
+            try:
+                self._axes[text] = dict(json.loads(text or ""))
+            except (ValueError, TypeError) as error:
+                raise self.damaged(error) from error
+        return self._axes[text]

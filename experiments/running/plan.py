@@ -16,11 +16,19 @@ from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.ready import ready
-from flexaxis.experiments.running.axes import applies, in_words, is_option
 from flexaxis.experiments.running.case import case_id
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.study import Point, Study
-from flexaxis.experiments.running.units import Entry, Unit, Variant, varied
+from flexaxis.experiments.running.study import (
+    Entry,
+    Point,
+    Study,
+    Unit,
+    Variant,
+    applies,
+    in_words,
+    is_option,
+    varied,
+)
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 

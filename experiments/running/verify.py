@@ -12,13 +12,12 @@ from typing import Any
 
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import require
-from flexaxis.experiments.running.axes import applies
-from flexaxis.experiments.running.columns import flat, nested
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.schema import row_files
-from flexaxis.experiments.running.store import cases_of, rows_of
-from flexaxis.experiments.running.units import Entry, Unit, find_point
+from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
+from flexaxis.experiments.storage.columns import flat, nested
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import cases_of, rows_of
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 

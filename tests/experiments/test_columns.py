@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results import export
+from flexaxis.experiments.results import export, source
 from flexaxis.experiments.results import results as columns
 from flexaxis.experiments.results.cube import cube_of
-from flexaxis.experiments.running.columns import COLUMNS, UNITS
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
+from flexaxis.experiments.storage.columns import COLUMNS, UNITS
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import OutputError
 from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")
@@ -157,7 +157,7 @@ def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path
 @pytest.fixture
 def large(monkeypatch):
     """Parts are small, and few columns are in memory."""
-    monkeypatch.setattr(columns, "PART", 16)
+    monkeypatch.setattr(source, "PART", 16)
     monkeypatch.setattr(columns, "ROOM", 8 * 100 * 3)
 
 

@@ -17,19 +17,19 @@ from flexaxis.experiments.building import imports
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running import store
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import NotRun, StudyError
-from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import Workers
-from flexaxis.experiments.running.schema import row_files
-from flexaxis.experiments.running.store import rows_in
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import run_unit
+from flexaxis.experiments.storage import store
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, scores_of
 

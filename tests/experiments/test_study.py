@@ -10,12 +10,12 @@ import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.columns import COLUMNS
 from flexaxis.experiments.running.engine import run_study
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.schema import row_files
-from flexaxis.experiments.running.store import rows_in
+from flexaxis.experiments.storage.columns import COLUMNS
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
 from tests.experiments.kept_rows import change

@@ -19,9 +19,9 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.running import processes
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import NotRun, StudyError
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.store import Store
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.store import Store
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, change, lines_of, scores_of
 

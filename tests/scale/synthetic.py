@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.store import Store
-from flexaxis.experiments.running.units import varied
+from flexaxis.experiments.running.study import varied
 from flexaxis.experiments.running.work import made_with
 from flexaxis.experiments.scoring.table import SCORES, undefined
+from flexaxis.experiments.storage.store import Store
 
 BASE, METHODS, NAMES = "fm_step-v1", ("rpem-forgetting", "relocate"), ("k_T", "1/J_a", "f_m")
 AXES = {"fault[0].factor": (1.1, 1.5, 2.0, 3.0, 4.0), "start": (1.0, 1.1, 1.2, 1.3)}

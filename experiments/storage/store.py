@@ -17,9 +17,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columns import KEY, flat, nested
-from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.schema import (
+from flexaxis.experiments.storage.columns import KEY, flat, nested
+from flexaxis.experiments.storage.files import dumps
+from flexaxis.experiments.storage.schema import (
     CASE,
     ROW,
     STORED,

@@ -11,9 +11,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.columns import COLUMNS, KEY
-from flexaxis.experiments.running.errors import NotRun, StudyError
-from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.storage.columns import COLUMNS, KEY
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import OutputError
 
 PATIENCE = 600.0  # s for which another process may write
 CASE = "case"  # 64 bits

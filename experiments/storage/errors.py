@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.names import STUDY
+from flexaxis.experiments.storage.names import STUDY
 from flexaxis.sim.errors import FlexaxisError
 
 
