@@ -21,7 +21,7 @@ from typing import Any
 from flexaxis.experiments import commands as home
 from flexaxis.experiments.commands.words import Parser, check_words, complete
 from flexaxis.experiments.running.interrupts import leave, one_stage, threads_left
-from flexaxis.experiments.running.told import told
+from flexaxis.experiments.running.progress import told
 from flexaxis.experiments.streams import Stream, forgiving, is_text, visible
 from flexaxis.sim.current_folder import without_its_style
 
@@ -153,7 +153,7 @@ def _told(out: Stream, status: int) -> int:
 def _guarded(args: argparse.Namespace) -> int:
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.building.crashes import EstimatorCrash, worker_died
-    from flexaxis.experiments.running.errors import NotRun
+    from flexaxis.experiments.storage.errors import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
     told, status = "", WRONG_USE

@@ -70,6 +70,7 @@ def test_the_check_sees_a_wrong_arrow(tmp_path):
 # and in the lines above. What users come for stands side by side in the last but one.
 WAY = (
     ("scoring",),
+    ("storage",),
     ("catalogue",),
     ("building",),
     ("running",),

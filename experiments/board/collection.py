@@ -14,7 +14,7 @@ from flexaxis.experiments.board.ranking import Own, own_of, reference_rows
 from flexaxis.experiments.board.suite import Board, EntryError
 from flexaxis.experiments.board.verification import Ask, of_form
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.files import json_table
+from flexaxis.experiments.storage.files import json_table
 
 VERIFIED = "verified"
 

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from flexaxis.experiments.board.suite import REPORTING, EntryError
-from flexaxis.experiments.running.files import dumps, write_json
 from flexaxis.experiments.scoring.tracks import NUISANCE, track_of
+from flexaxis.experiments.storage.files import dumps, write_json
 from flexaxis.experiments.studies.knobs import setting
 from flexaxis.experiments.studies.sweep import TURNS
 from flexaxis.sim.errors import did_you_mean

@@ -16,9 +16,9 @@ from flexaxis.experiments.board.real_logs import LogScore
 from flexaxis.experiments.board.suite import Board
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.page import charted, render
-from flexaxis.experiments.running.files import make_folder, write_json, write_text
 from flexaxis.experiments.scoring.matching import NOISIER, QUIETER
 from flexaxis.experiments.scoring.ranking import AT_LEAST, AT_MOST
+from flexaxis.experiments.storage.files import make_folder, write_json, write_text
 
 PAGE, DATA, ENTRIES = "index.html", "board.json", "entries"
 SIGNS: Mapping[str, Mapping[str, str]] = {"score": AT_LEAST, "lag": AT_MOST, "excess": {}}

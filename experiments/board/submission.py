@@ -16,13 +16,13 @@ from typing import Any
 from flexaxis.experiments.board.entry import CODE, ENTRY, ROWS, About, Entry, read, seal
 from flexaxis.experiments.board.suite import Board, EntryError
 from flexaxis.experiments.building.code import digest
-from flexaxis.experiments.building.misfits import readable
 from flexaxis.experiments.building.neighbours import code_file, imported_neighbours
+from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.building.specs import PIPE, piped
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.scoring.ranking import CONTROLS
+from flexaxis.experiments.storage.files import dumps, make_folder, write_text, writing
 from flexaxis.experiments.studies.knobs import knob_of
 from flexaxis.experiments.studies.sweep import FACTORS, reference, settings, sweep
 

@@ -7,9 +7,9 @@ from functools import cached_property
 from hashlib import sha256
 
 from flexaxis.experiments.catalogue.find import find_scenario, find_suite
-from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.seeds import FIRST
 from flexaxis.experiments.scoring.tracks import NUISANCE, track_of
+from flexaxis.experiments.storage.files import dumps
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 

@@ -25,10 +25,10 @@ from flexaxis.experiments.building.specs import check_fits
 from flexaxis.experiments.running.cache import RecordCache, records
 from flexaxis.experiments.running.case import identity_of, track_of
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.files import dumps
 from flexaxis.experiments.running.verify import differences
 from flexaxis.experiments.scoring import tracks
 from flexaxis.experiments.scoring.pooling import scored
+from flexaxis.experiments.storage.files import dumps
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.simulate import simulate

@@ -1,22 +1,26 @@
 """A user's code as a guest: what it prints goes to stderr, it ends in time, and cannot end us.
 
-What it raises, `sys.exit` and a timeout included, is an `EstimatorCrash` that says where. Code of
-the registry is left alone.
+What it raises, `sys.exit` and a timeout included, is an `EstimatorCrash` that says where. The
+folder, NumPy's handling of errors and the depth of calls are put back after it: else results with a
+relative path would go elsewhere, and what it asks of NumPy or of the stack would hold for our own
+sums. Code of the registry is left alone.
 """
 
 from __future__ import annotations
 
-import io
+import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from contextvars import ContextVar
 from numbers import Real
 from pathlib import Path
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import NamedTuple, NoReturn
+
+import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import StepError
@@ -24,26 +28,20 @@ from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import crash
 from flexaxis.experiments.building.given import is_given
 from flexaxis.experiments.building.neighbours import code_file, move_to
-from flexaxis.experiments.building.put_back import put_back
 
 LIMIT = 600.0
 """s for one run of a user's estimator, or for making one: far more than a benchmark is for."""
-SHOWN = 3  # lines that a run may print; the rest is counted
-CHARACTERS = 1000  # that a run may print, however few lines they are
 
 _limit: ContextVar[float] = ContextVar("limit", default=LIMIT)
 
 
 class Remark(NamedTuple):
-    """What is to be known of a run besides its scores: of whom, what, how often, where first."""
+    """A run in which an estimator returned what is not finite: of whom, and where first."""
 
     estimator: str
-    what: str
-    times: int
     where: str
 
 
-PRINTED, NOT_FINITE = "printed", "not finite"
 _remarks: ContextVar[list[Remark] | None] = ContextVar("remarks", default=None)
 
 
@@ -89,11 +87,11 @@ def noted() -> Iterator[list[Remark]]:
         _remarks.reset(token)
 
 
-def note(estimator: str, what: str, times: int, where: str) -> None:
+def note(estimator: str, where: str) -> None:
     """Add a remark, if somebody listens."""
     heard = _remarks.get()
     if heard is not None:
-        heard.append(Remark(estimator, what, times, where))
+        heard.append(Remark(estimator, where))
 
 
 def is_guest(text: str) -> bool:
@@ -142,7 +140,7 @@ def hosted(
         if ours:
             yield
         else:
-            with put_back(), _heard(text, doing), _timed(time_limit()):
+            with put_back(), redirect_stdout(sys.stderr), _timed(time_limit()):
                 yield
     except _TimeUp as error:
         limit = TimeoutError(
@@ -179,52 +177,6 @@ def _sample(error: BaseException, first: int, period: float | None) -> str:
 
 
 @contextmanager
-def _heard(text: str, doing: str) -> Iterator[None]:
-    """Pass some lines on to stderr, for stdout is for results; count the others."""
-    to = _Few(sys.stderr)
-    try:
-        with redirect_stdout(to):
-            yield
-    finally:
-        to.finish()
-    if to.lines:
-        note(text, PRINTED, to.lines, doing)
-
-
-class _Few(io.TextIOBase):
-    """Passes on the first lines of a text, and no more than some characters; counts its lines."""
-
-    def __init__(self, target: Any) -> None:
-        self._target, self._ended, self._room = target, 0, CHARACTERS
-        self._open = self._hanging = False
-
-    @property
-    def lines(self) -> int:
-        """Lines so far, with the one that has not ended."""
-        return self._ended + self._open
-
-    def write(self, text: str) -> int:
-        if not text:
-            return 0
-        lines = text.split("\n", SHOWN - self._ended) if self._ended < SHOWN else []
-        rest = lines[SHOWN - self._ended :]
-        shown = text[: len(text) - len(rest[0]) if rest else len(text)] if lines else ""
-        shown = shown[: self._room]
-        if shown:
-            self._target.write(shown)
-            self._room -= len(shown)
-            self._hanging = not shown.endswith("\n")
-        self._ended += text.count("\n")
-        self._open = not text.endswith("\n")
-        return len(text)
-
-    def finish(self) -> None:
-        """End the line that was begun, so that what others say begins one."""
-        if self._hanging:
-            self._target.write("\n")
-
-
-@contextmanager
 def _timed(seconds: float) -> Iterator[None]:
     """Raise _TimeUp after some time; only in a main thread, and where there are such signals."""
     able = hasattr(signal, "setitimer") and threading.current_thread() is threading.main_thread()
@@ -246,23 +198,75 @@ def _up(number: int, frame: FrameType | None) -> None:
 
 
 def in_words(remarks: Sequence[Remark]) -> list[str]:
-    """Return a sentence for all remarks on the same of an estimator."""
-    groups: dict[tuple[str, str], list[Remark]] = {}
+    """Return a sentence for all remarks on an estimator."""
+    places: dict[str, list[str]] = {}
     for remark in remarks:
-        groups.setdefault((remark.estimator, remark.what), []).append(remark)
-    return [_sentence(*key, found) for key, found in groups.items()]
+        places.setdefault(remark.estimator, []).append(remark.where)
+    return [
+        f"{estimator} returned an estimate that is not finite "
+        f"{'once' if len(where) == 1 else f'{len(where)} times'}, first {where[0]}: such a run "
+        "counts as diverged"
+        for estimator, where in places.items()
+    ]
 
 
-def _sentence(estimator: str, what: str, found: Sequence[Remark]) -> str:
-    times = sum(remark.times for remark in found)
-    if what == PRINTED:
-        lines = "1 line" if times == 1 else f"{times} lines"
-        return (
-            f"{estimator} printed {lines}: to stderr, for results go to stdout, and of each "
-            f"run the first {SHOWN} only"
-        )
-    runs = "once" if times == 1 else f"{times} times"
-    return (
-        f"{estimator} returned an estimate that is not finite {runs}, first {found[0].where}: "
-        "such a run counts as diverged"
-    )
+@contextmanager
+def put_back() -> Iterator[None]:
+    """Put back the folder, NumPy's handling of errors and the depth of calls at the end.
+
+    Raises
+    ------
+    SystemExit
+        Inside, in the place of `os._exit`, which would end a command with a status of its choice
+        and without a word.
+    """
+    folder, depth = _folder(), sys.getrecursionlimit()
+    try:
+        with np.errstate(), _no_sudden_end():
+            yield
+    finally:
+        if sys.getrecursionlimit() != depth:
+            with suppress(RecursionError):  # we are deeper than that: it was lowered inside as well
+                sys.setrecursionlimit(depth)
+        if folder is not None and _folder() != folder:
+            with suppress(OSError):
+                os.chdir(folder)
+
+
+def _folder() -> str | None:
+    try:
+        return os.getcwd()
+    except OSError:  # it was removed
+        return None
+
+
+_inside: list[tuple[int, int]] = []  # thread and process of each `_no_sudden_end` that is open
+_usual = [os._exit]  # as it was before the first of them
+_one_at_a_time = threading.Lock()
+
+
+@contextmanager
+def _no_sudden_end() -> Iterator[None]:
+    """Make `os._exit` an error in this thread and process; others may have their reasons for it.
+
+    Where threads overlap, the last one to leave puts it back.
+    """
+    here = threading.get_ident(), os.getpid()
+    with _one_at_a_time:
+        if not _inside:
+            _usual[0] = os._exit
+        _inside.append(here)
+        os._exit = _refused
+    try:
+        yield
+    finally:
+        with _one_at_a_time:
+            _inside.remove(here)  # not always by the thread that came in: generators move
+            if not _inside:
+                os._exit = _usual[0]
+
+
+def _refused(status: int) -> NoReturn:
+    if (threading.get_ident(), os.getpid()) in _inside:
+        raise SystemExit(f"os._exit({status})")
+    _usual[0](status)

@@ -1,18 +1,29 @@
-"""What an estimator may know of an axis before its first sample: plain values, and no truth."""
+"""What an estimator may know of an axis before its first sample: plain values, and no truth.
+
+It is offered by keyword, of what its constructor takes.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.estimators.registry import REGISTRY
+from flexaxis.experiments.building.guest import is_guest
 from flexaxis.experiments.scoring.theta import started_nominal
+from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.law_parameters import LAW_NAMES
 from flexaxis.sim.parameters import PARAMETER_NAMES
 from flexaxis.sim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.building.specs import Spec
 
 Torque = Literal["design", "reference"]
 """Of the axis as it was designed, or of the scenario's own at nominal parameters."""
@@ -93,3 +104,69 @@ def torque_of(scenario: Scenario, which: Torque) -> NDArray[np.float64]:
     from flexaxis.experiments.scoring.nominal import design_torque, nominal_torque  # the engine
 
     return design_torque(scenario) if which == "design" else nominal_torque(scenario)
+
+
+class Misfit(EstimatorError):
+    """An estimator and a scenario that do not go together, though each is right."""
+
+
+def offered_to(
+    spec: Spec, offer: Offer, torques: Torques, *, onsets: Sequence[int] = ()
+) -> dict[str, Any]:
+    """Return what an estimator is offered besides nominal values and period, by keyword.
+
+    Arguments as of `build_of`; EstimatorError if nothing is asked that it could estimate.
+    """
+    asked = _asked(spec, offer)
+    offered: dict[str, Any] = {"identify": asked, "output": offer.output}
+    if offer.noise is not None:
+        offered["noise"] = offer.noise
+    if spec.make is REGISTRY["oracle-reset"].factory:  # the control alone is told when
+        offered["onsets"] = tuple(onsets)
+    wanted = "torque" in keywords(spec.make) and "P0" not in spec.options
+    stored = replace(offer, identify=asked).has_prior
+    if wanted and has_laws(spec.make):  # friction is of the size of the torque
+        offered["torque"] = torques("design")
+    elif wanted and (is_guest(spec.text) or not stored):
+        offered["torque"] = torques("reference")
+    return offered
+
+
+def keywords(make: Callable[..., Any]) -> set[str]:
+    """Return what may be given to a constructor by keyword, besides nominal values and period."""
+    parameters = list(inspect.signature(make).parameters.values())[2:]
+    return {p.name for p in parameters if p.kind in (p.KEYWORD_ONLY, p.POSITIONAL_OR_KEYWORD)}
+
+
+def has_laws(make: Callable[..., Any]) -> bool:
+    """Return whether an estimator can be asked for parameters of friction and other laws."""
+    entry = next((entry for entry in REGISTRY.values() if entry.factory is make), make)
+    return bool(getattr(entry, "laws", False))
+
+
+def _asked(spec: Spec, offer: Offer) -> tuple[str, ...]:
+    """Return what an estimator is asked to identify: what is of no law, unless it has `laws`."""
+    if has_laws(spec.make):
+        return offer.identify
+    if not offer.linear:
+        raise Misfit(
+            f"{spec.text} does not declare `laws`, and {offer.name} asks for nothing but "
+            f"{', '.join(offer.identify)}: leave the scenario out"
+        )
+    return offer.linear
+
+
+class UnknownParameter(KeyError):
+    """No parameter has this name, or it is not told; says which is nearest."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+class Nominal(dict[str, float]):
+    """Nominal values by parameter, as a user's estimator is given them: it knows what was meant."""
+
+    def __missing__(self, name: str) -> float:
+        """Refuse a name that is not there."""
+        hint = did_you_mean(str(name), self)
+        raise UnknownParameter(f"nominal has no {name!r}.{hint} It has: {', '.join(self)}")

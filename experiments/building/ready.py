@@ -10,38 +10,21 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from collections.abc import Iterable, Sequence
+from functools import cache, partial
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
 
+from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
-from flexaxis.experiments.building.offer import offer_of, torque_of
-from flexaxis.experiments.building.offering import offered_to
-from flexaxis.experiments.building.specs import Spec, build, check_fits, made
+from flexaxis.experiments.building.offer import Misfit, offer_of, offered_to, torque_of
+from flexaxis.experiments.building.specs import Spec, build, check_fits, made, parse
 from flexaxis.sim.scenario import Scenario
 
 KEPT = 48  # estimators a thread: the registered ones, at two settings or on two axes
-TRIED = 8192  # of which names and output are remembered, some 100 bytes each
-
-
-@dataclass(frozen=True)
-class _Order:
-    """What an estimator is made of, told apart by its content."""
-
-    digest: str
-    spec: Spec = field(compare=False)
-    nominal: Mapping[str, float] = field(compare=False)
-    period: float = field(compare=False)
-    offered: Mapping[str, Any] = field(compare=False)
-
-    def made(self) -> Estimator:
-        """Return a new one; errors as from `build`."""
-        return made(self.spec, dict(self.nominal), self.period, self.offered)
 
 
 class _Kept(threading.local):
@@ -59,53 +42,31 @@ def ready(spec: Spec, scenario: Scenario) -> Estimator:
 
     A registered one is lent until this thread asks for it again.
     """
-    if not _is_registered(spec):
+    if id(spec.make) not in _factories():
         return build(spec, scenario)
-    order = _ordered(spec, scenario)
-    estimator = _kept.estimators.pop(order.digest, None)
-    if estimator is None:
-        estimator = order.made()
-    else:
-        estimator.reset()
-    check_fits(spec.text, estimator.names, estimator.output, scenario)
-    if hasattr(estimator, "reset"):
-        _kept.estimators[order.digest] = estimator
-        while len(_kept.estimators) > KEPT:
-            _kept.estimators.popitem(last=False)
-    return estimator
-
-
-def check_made(spec: Spec, scenario: Scenario) -> None:
-    """Raise what `build` would; a registered one is made once for all that offer the same."""
-    if not _is_registered(spec):
-        build(spec, scenario)
-        return
-    order = _ordered(spec, scenario)
-    if order.digest not in _known:
-        estimator = order.made()
-        if len(_known) >= TRIED:
-            _known.clear()
-        _known[order.digest] = tuple(estimator.names), estimator.output
-    check_fits(spec.text, *_known[order.digest], scenario)
-
-
-_known: dict[str, tuple[Sequence[str], str]] = {}  # names and output of what was made, by content
-
-
-def _ordered(spec: Spec, scenario: Scenario) -> _Order:
-    offer = offer_of(scenario)
+    offer, known = offer_of(scenario), _kept.estimators
     onsets = tuple(event.index for event in scenario.events())
     offered = offered_to(spec, offer, partial(torque_of, scenario), onsets=onsets)
     content = [
         spec.text,
         id(spec.make),
         [(name, _content(value)) for name, value in sorted(spec.options.items())],
+        [(name, _content(value)) for name, value in sorted(offered.items())],
         sorted(offer.nominal.items()),
         offer.period,
     ]
-    content += [(name, _content(value)) for name, value in sorted(offered.items())]
-    digest = sha256(repr(content).encode()).hexdigest()
-    return _Order(digest, spec, offer.nominal, offer.period, offered)
+    key = sha256(repr(content).encode()).hexdigest()
+    estimator = known.pop(key, None)
+    if estimator is None:
+        estimator = made(spec, dict(offer.nominal), offer.period, offered)
+    else:
+        estimator.reset()
+    if hasattr(estimator, "reset"):
+        known[key] = estimator
+        while len(known) > KEPT:
+            known.popitem(last=False)
+    check_fits(spec.text, estimator.names, estimator.output, scenario)
+    return estimator
 
 
 def _content(value: Any) -> Any:
@@ -114,10 +75,34 @@ def _content(value: Any) -> Any:
     return value.dtype.str, value.shape, sha256(value.tobytes()).digest()  # repr leaves out
 
 
-@lru_cache(maxsize=1)
+@cache
 def _factories() -> frozenset[int]:
     return frozenset(id(entry.factory) for entry in REGISTRY.values())
 
 
-def _is_registered(spec: Spec) -> bool:
-    return id(spec.make) in _factories()
+def readable(
+    scenarios: Sequence[Scenario], estimators: Iterable[str]
+) -> tuple[list[Scenario], dict[str, str]]:
+    """Return the scenarios that all estimators can read, and of the others the reason, by name.
+
+    Where they can read none together, all are returned, and whoever runs them is told why they
+    cannot be run: there is nothing to leave out.
+
+    Parameters
+    ----------
+    scenarios : sequence of Scenario
+    estimators : iterable of str
+        Whatever they name is made on the way.
+    """
+    specs = [parse(text) for text in dict.fromkeys(estimators)]
+    left: dict[str, str] = {}
+    for scenario in scenarios:
+        for spec in specs:
+            try:
+                ready(spec, scenario)
+            except Misfit as error:
+                left.setdefault(scenario.name, str(error))
+            except EstimatorError:  # of another kind: told where it is to be run
+                continue
+    kept = [scenario for scenario in scenarios if scenario.name not in left]
+    return (kept, left) if kept else (list(scenarios), {})

@@ -24,9 +24,16 @@ from flexaxis.experiments.building.crashes import user_code
 from flexaxis.experiments.building.given import given
 from flexaxis.experiments.building.guest import hosted, is_guest
 from flexaxis.experiments.building.imports import imported, module_of
-from flexaxis.experiments.building.nominal import Nominal
-from flexaxis.experiments.building.offer import Offer, Torques, offer_of, torque_of
-from flexaxis.experiments.building.offering import Misfit, keywords, offered_to
+from flexaxis.experiments.building.offer import (
+    Misfit,
+    Nominal,
+    Offer,
+    Torques,
+    keywords,
+    offer_of,
+    offered_to,
+    torque_of,
+)
 from flexaxis.experiments.building.pipe import PipeEstimator
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.sim.errors import did_you_mean

@@ -44,7 +44,7 @@ class _Slow:
         self._start = self._said = time.monotonic()
 
     def __call__(self, rule: str) -> None:
-        from flexaxis.experiments.running.told import remark
+        from flexaxis.experiments.running.progress import remark
 
         now = time.monotonic()
         if now - self._said > self.PATIENCE:

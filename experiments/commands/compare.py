@@ -172,9 +172,9 @@ def _output(args: argparse.Namespace) -> Path:
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.stored import compare_runs
-    from flexaxis.experiments.running.names import SUMMARY
-    from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.seeds import parse_seeds
+    from flexaxis.experiments.storage.files import spare
+    from flexaxis.experiments.storage.names import SUMMARY
     from flexaxis.sim.errors import FlexaxisError
 
     base, candidate = map(Path, args.names)

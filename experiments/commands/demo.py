@@ -68,7 +68,7 @@ def main(args: argparse.Namespace) -> int:
     if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
     from flexaxis.experiments.demo.lesson import default_lesson, load_lesson
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.sim.errors import FlexaxisError
 
     if args.print_script:

@@ -54,8 +54,8 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
-    from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")

@@ -30,8 +30,8 @@ def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.results import export
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.names import REPORT
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
+    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.report import inputs
 
     forms = {

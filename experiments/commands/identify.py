@@ -98,7 +98,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.log_page import write_page
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")

@@ -60,7 +60,7 @@ def main(args: argparse.Namespace) -> int:
         require_suffix,
         spare_foreign,
     )
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or record_beside(args.log)

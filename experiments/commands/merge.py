@@ -28,7 +28,7 @@ def main(args: argparse.Namespace) -> int:
     """Merge and report; what is missing is said, and is a finding."""
     from flexaxis.experiments.cli import FINDING, FINE, say
     from flexaxis.experiments.running.merge import merge
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.report import report
 
     spare(args.folders, args.output)

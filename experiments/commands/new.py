@@ -38,7 +38,7 @@ def main(args: argparse.Namespace) -> int:
     """Write the template and say what comes next."""
     from importlib.resources import files
 
-    from flexaxis.experiments.running.files import write_text
+    from flexaxis.experiments.storage.files import write_text
 
     _check(args.path)
     home = files("flexaxis.experiments.conformance") / "templates"

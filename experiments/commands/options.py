@@ -112,7 +112,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
 
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.results.results import needed
+    from flexaxis.experiments.storage.errors import needed
 
     distributed = needed("distributed")
     try:
@@ -122,7 +122,7 @@ def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
     workers = sum(client.nthreads().values())
     if not workers:
         raise FlexaxisError(f"--dask {args.dask}: the cluster has no workers yet")
-    return client.get_executor(), workers
+    return client.get_executor(retries=2), workers
 
 
 @contextmanager
@@ -161,8 +161,8 @@ def working(
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.running.errors import NotRun
     from flexaxis.experiments.running.progress import progress
+    from flexaxis.experiments.storage.errors import NotRun
     from flexaxis.sim.errors import FlexaxisError
 
     check_jobs(args)
@@ -221,7 +221,7 @@ def go_on(args: argparse.Namespace, done: int) -> str:
 
 def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
     """Return the scenarios that all estimators can read; which are left out is said on stderr."""
-    from flexaxis.experiments.building.misfits import readable
+    from flexaxis.experiments.building.ready import readable
     from flexaxis.experiments.cli import say
 
     kept, left = readable(scenarios, estimators)
@@ -247,9 +247,7 @@ def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[Remark] = ()
 
     It is 1 as well where a user's estimator returned what is not finite.
     """
-    from flexaxis.experiments.building.guest import NOT_FINITE
     from flexaxis.experiments.cli import CRASH, FINDING
 
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
-    found = failures or any(remark.what == NOT_FINITE for remark in remarks)
-    return CRASH if crashed else FINDING if found else 0
+    return CRASH if crashed else FINDING if failures or remarks else 0

@@ -32,10 +32,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
-    from flexaxis.experiments.running.files import as_written
     from flexaxis.experiments.running.folder import read_study
-    from flexaxis.experiments.running.names import REPORT
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import as_written, spare
+    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.report import inputs
 
     path = args.output or args.folder / REPORT
@@ -61,7 +60,7 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.run.page import render
     from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.results.pooled import load
-    from flexaxis.experiments.running.files import write_text
+    from flexaxis.experiments.storage.files import write_text
 
     found = load(args.folder)
     write_text(path, render(found, size=args.size))

@@ -60,8 +60,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.told import remark
+    from flexaxis.experiments.running.progress import remark
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
@@ -90,7 +90,7 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _say(work: Any, text: str) -> None:
-    from flexaxis.experiments.running.told import remark
+    from flexaxis.experiments.running.progress import remark
 
     if work.cases > 2000:  # else it is a matter of a few seconds
         remark(text)
@@ -153,7 +153,7 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import show_run
-    from flexaxis.experiments.running.names import REPORT
+    from flexaxis.experiments.storage.names import REPORT
 
     failures = found.summary["failures"]
     status = options.failed(failures, args.remarks)

@@ -86,10 +86,10 @@ def main(args: argparse.Namespace) -> int:
 
 def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     from flexaxis.experiments.running.folder import check, done
-    from flexaxis.experiments.running.names import REPORT, STUDY
-    from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.running.plan import make_plan
-    from flexaxis.experiments.running.told import remark
+    from flexaxis.experiments.running.progress import remark
+    from flexaxis.experiments.storage.files import spare
+    from flexaxis.experiments.storage.names import REPORT, STUDY
 
     shard = options.shard(args)
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)

@@ -64,8 +64,8 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.submission import cases, submit
     from flexaxis.experiments.board.suite import board
     from flexaxis.experiments.building.consent import names_code
-    from flexaxis.experiments.running.outputs import spare
-    from flexaxis.experiments.running.told import remark
+    from flexaxis.experiments.running.progress import remark
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
     about = _about(args)

@@ -73,7 +73,7 @@ def main(args: argparse.Namespace) -> int:
         track,
     )
     from flexaxis.experiments.logs.track_page import track_page
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")

@@ -103,7 +103,7 @@ def main(args: argparse.Namespace) -> int:
 def _values(args: argparse.Namespace, found: Trend) -> str:
     """Write a page of the estimates without verdicts; return where it is."""
     from flexaxis.experiments.logs.trend_page import write_values
-    from flexaxis.experiments.running.names import REPORT
+    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
     write_values(
@@ -122,8 +122,8 @@ def _report(args: argparse.Namespace, found: Trend) -> dict[str, Any]:
     from flexaxis.experiments.logs.trend import RESULT
     from flexaxis.experiments.logs.trend_page import write_trend
     from flexaxis.experiments.logs.trend_words import summary
-    from flexaxis.experiments.running.files import write_json
-    from flexaxis.experiments.running.names import REPORT
+    from flexaxis.experiments.storage.files import write_json
+    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
     report, rows = args.output / REPORT, found.rows

@@ -169,7 +169,7 @@ def _folder(estimator: str) -> str:
 
 def _can_be_saved(path: Path) -> None:
     """Refuse a place that cannot be written before the tuning, which takes long."""
-    from flexaxis.experiments.running.files import OutputError
+    from flexaxis.experiments.storage.files import OutputError
 
     folder = path.parent
     if path.is_dir() or not folder.is_dir():

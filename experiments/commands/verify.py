@@ -66,8 +66,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.running.files import write_json
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare, write_json
     from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
@@ -100,7 +99,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     from flexaxis.experiments.board.entry import ENTRY
-    from flexaxis.experiments.running.names import STUDY
+    from flexaxis.experiments.storage.names import STUDY
     from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:

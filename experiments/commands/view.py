@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
-    from flexaxis.experiments.running.outputs import spare
+    from flexaxis.experiments.storage.files import spare
 
     spare([args.what], args.output)
     _check(args)

@@ -172,8 +172,8 @@ def _record(text: str) -> None:
 
 
 def _study(text: str) -> None:
-    from flexaxis.experiments.running.errors import no_study
-    from flexaxis.experiments.running.names import STUDY
+    from flexaxis.experiments.storage.errors import no_study
+    from flexaxis.experiments.storage.names import STUDY
 
     if not (Path(text) / STUDY).exists():
         raise no_study(Path(text))

@@ -19,7 +19,7 @@ from flexaxis.experiments.demo.session import SPAN, DemoSession
 from flexaxis.experiments.demo.view import camera, exaggerated
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.figures import draw
-from flexaxis.experiments.running.files import OutputError, new_file
+from flexaxis.experiments.storage.files import OutputError, new_file
 from flexaxis.sim.timing import PERIOD
 
 Pixels = NDArray[np.uint8]

@@ -17,7 +17,6 @@ from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.equal_noise import work
 from flexaxis.experiments.gate.margins import parse_margins
 from flexaxis.experiments.gate.words import headline, knobs, meaning
-from flexaxis.experiments.results.results import needed
 from flexaxis.experiments.running.bench import Bench
 
 if TYPE_CHECKING:
@@ -57,8 +56,10 @@ class Comparison:
         return self.found.candidate
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame, a line a score; needs pandas."""
-        return needed("pandas").DataFrame(self.found.as_dict()["rows"])
+        """Return a pandas DataFrame, a line a score."""
+        import pandas as pd
+
+        return pd.DataFrame(self.found.as_dict()["rows"])
 
     def plot(self, *, ax: Any = None) -> Any:
         """Draw the change of each score with its interval, and the margin that matters.

@@ -14,9 +14,9 @@ from flexaxis._records import Recording
 from flexaxis._table import html_table, text_table
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator
-from flexaxis.experiments.results.results import needed
 from flexaxis.experiments.running.estimate import run_on
 from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.experiments.storage.errors import needed
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario
 
@@ -121,14 +121,9 @@ class Estimate:
         )  # fmt: skip
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame: a line a sample, a column a parameter, time [s] as index.
+        """Return a pandas DataFrame: a line a sample, a column a parameter, time [s] as index."""
+        import pandas as pd
 
-        Raises
-        ------
-        StudyError
-            If pandas is not installed.
-        """
-        pd = needed("pandas")
         index = pd.Index(self.time, name="time")
         return pd.DataFrame(self.theta, index=index, columns=list(self.names))
 

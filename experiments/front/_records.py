@@ -12,7 +12,7 @@ import numpy as np
 
 from flexaxis._given import scenarios_of, seed_of
 from flexaxis._table import html_table
-from flexaxis.experiments.results.results import needed
+from flexaxis.experiments.storage.errors import needed
 from flexaxis.sim.errors import FlexaxisError, unknown
 from flexaxis.sim.record import Record, load_record
 from flexaxis.sim.record_file import SIGNALS
@@ -72,11 +72,6 @@ class Recording(Record):
 
         Columns are the signals, `valid` where samples are missing, and the true parameters as
         ``true_f_m``.
-
-        Raises
-        ------
-        StudyError
-            If pandas is not installed.
         """
         columns = {name: getattr(self, name) for name in self.signals}
         if self.valid is not None:
@@ -84,7 +79,8 @@ class Recording(Record):
         if self.true_parameters is not None:
             named = zip(self.parameter_names, self.true_parameters.T, strict=True)
             columns |= {f"true_{name}": values for name, values in named}
-        pd = needed("pandas")
+        import pandas as pd
+
         return pd.DataFrame(columns, index=pd.Index(self.time, name="time"))
 
     def to_xarray(self) -> xarray.Dataset:

@@ -229,8 +229,8 @@ def _run(
     ) as means:
         run_study(wanted, place, means, overwrite=overwrite, run_code=run_code)
     found = Results.load(place)
-    if not folder:  # the rows go when nobody holds the table that is read from them
-        weakref.finalize(found.table, _remove, place)
+    if not folder:  # the rows go when nobody reads them any more
+        weakref.finalize(found.source, _remove, place)
     return found
 
 

@@ -53,10 +53,10 @@ class Table(Sequence[Line]):
         return html_table(self._heads(), list(self._cells()), len(self))
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame of all columns; needs pandas."""
-        from flexaxis.experiments.results.results import needed
+        """Return a pandas DataFrame of all columns."""
+        import pandas as pd
 
-        return needed("pandas").DataFrame(self._lines)
+        return pd.DataFrame(self._lines)
 
     def _heads(self) -> list[str]:
         return [self._named.get(column, column) for column in self._shown]
@@ -85,7 +85,7 @@ class Names(tuple[str, ...]):
         return self.table._repr_html_()
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame, a line a name; needs pandas."""
+        """Return a pandas DataFrame, a line a name."""
         return self.table.to_dataframe()
 
 

@@ -14,8 +14,8 @@ from flexaxis.experiments.reporting import page
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.run.over_time import trajectories
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
-from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.curves import curve_of
+from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 
 KINDS = {WORSE: "bad", UNDECIDED: "maybe", BETTER: ""}  # of the box with the verdict

@@ -14,9 +14,9 @@ from flexaxis.experiments.gate.comparison_rows import COLUMNS, cells, ordered
 from flexaxis.experiments.gate.decide import BETTER, UNDECIDED, WORSE
 from flexaxis.experiments.gate.gate import Comparison
 from flexaxis.experiments.gate.words import explanation, headline, knobs, meaning
-from flexaxis.experiments.running.files import write_json, write_text, writing
-from flexaxis.experiments.running.names import REPORT
-from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.storage.files import write_json, write_text, writing
+from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.traces import Traces
 from flexaxis.sim.scenario import Scenario
 
 JSON, MARKDOWN = "compare.json", "verdict.md"

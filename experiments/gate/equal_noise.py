@@ -19,11 +19,11 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.specs import written_options
 from flexaxis.experiments.gate.pairs import Paired, Pairs
 from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.work import Row
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.matching import MATCHED, Match, Noise, Setting, match, plain
 from flexaxis.experiments.scoring.pooling import biases_of
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.knobs import knob_of, setting
 from flexaxis.experiments.studies.tuning import (
     EXCESS,

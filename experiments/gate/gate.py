@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from flexaxis.experiments.building.misfits import readable
+from flexaxis.experiments.building.ready import readable
 from flexaxis.experiments.catalogue.find import find_suite, suite_names
 from flexaxis.experiments.gate.decide import ALPHA, SAME, SLIGHT, UNDECIDED, WORSE
 from flexaxis.experiments.gate.equal_noise import SEEDS, EqualNoise, at_one_noise

@@ -11,10 +11,10 @@ from flexaxis.experiments.gate.gate import Comparison, of_pairs
 from flexaxis.experiments.gate.pairs import LOST, Table, pair, table
 from flexaxis.experiments.gate.verdicts import judge
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError, json_table
-from flexaxis.experiments.running.names import SUMMARY
-from flexaxis.experiments.running.store import row_files
 from flexaxis.experiments.scoring.matching import SPREADS
+from flexaxis.experiments.storage.files import OutputError, json_table
+from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.experiments.storage.schema import row_files
 from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
 KEYS = ("scenario", "hash", "seed", "parameter", "changed", "failed")
@@ -96,7 +96,7 @@ def _load(folder: Path) -> tuple[dict[str, Any], Results]:
     try:
         summary = json_table(folder / SUMMARY, OutputError)
         summary["versions"].items()
-        results.table.texts("estimator")  # damaged rows are found here
+        len(results)  # damaged rows are found here
         return summary, results
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise OutputError(
@@ -140,7 +140,7 @@ def _check_hashes(base: Path, candidate: Path, old: Table, new: Table) -> None:
 
 
 def _chosen(folder: Path, given: str | None, results: Results) -> str:
-    names = results.table.texts("estimator")
+    names = results.codes("estimator")[1]
     if given in names:
         return str(given)
     if given is None and len(names) == 1:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.running.told import is_quiet
+from flexaxis.experiments.running.progress import is_quiet
 
 
 def problems_of(checks: Sequence[Finding], *, met: Collection[str] = ()) -> list[str]:

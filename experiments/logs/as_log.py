@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.own import WRITTEN
 from flexaxis.experiments.logs.units import UNITS
-from flexaxis.experiments.running.files import new_file
+from flexaxis.experiments.storage.files import new_file
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.record import Record
 

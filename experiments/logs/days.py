@@ -19,7 +19,7 @@ from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.own import spare_foreign
-from flexaxis.experiments.running.files import OutputError, make_folder, write_text
+from flexaxis.experiments.storage.files import OutputError, make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.faults import CHANGEABLE
 from flexaxis.sim.record import Record

@@ -10,7 +10,7 @@ from pathlib import Path
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.page import charted, render
 from flexaxis.experiments.reporting.tables import Table
-from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.storage.files import write_text
 
 Remark = tuple[str, str]
 

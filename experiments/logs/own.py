@@ -9,8 +9,7 @@ from os.path import commonpath
 from pathlib import Path
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.outputs import same
+from flexaxis.experiments.storage.files import OutputError, same
 
 HEAD = 2048  # bytes in which a file says whose it is
 WRITTEN = "written by flexaxis"

@@ -22,10 +22,10 @@ from flexaxis.experiments.logs.importing import read_any
 from flexaxis.experiments.logs.own import labels
 from flexaxis.experiments.logs.reading.reader import open_log
 from flexaxis.experiments.logs.refit import refit, seen
-from flexaxis.experiments.running.dispatch import spread
-from flexaxis.experiments.running.files import make_folder
-from flexaxis.experiments.running.names import REPORT
-from flexaxis.experiments.running.store import Lines
+from flexaxis.experiments.running.processes import spread
+from flexaxis.experiments.storage.files import make_folder
+from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.store import Lines
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 

@@ -15,7 +15,7 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.cache import RecordCache, records
-from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.seeds import FIRST
 from flexaxis.experiments.scoring.nominal import nominal_torque
 from flexaxis.sim.excitation import Multisine

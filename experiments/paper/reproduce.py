@@ -22,7 +22,7 @@ from flexaxis.experiments.paper.paper_page import render
 from flexaxis.experiments.paper.style import RC
 from flexaxis.experiments.reporting.figures import svg
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.files import new_file, write_json, write_text, writing
+from flexaxis.experiments.storage.files import new_file, write_json, write_text, writing
 
 CLAIMS, PAGE = "claims.json", "index.html"
 

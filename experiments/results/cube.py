@@ -8,20 +8,18 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columnar import Index, Table
-from flexaxis.experiments.results.groups import ranks
-from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import as_text, told
-from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.results.results import Results
+from flexaxis.experiments.running.study import is_option
+from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind, told
+from flexaxis.experiments.storage.errors import StudyError
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     import xarray
-
-    from flexaxis.experiments.results.results import Results
 
 MEANING = {
     "scenario": "scenario before the sweep",
@@ -31,6 +29,8 @@ MEANING = {
     "seed": "seed of the record",
     "parameter": "estimated parameter",
 }
+VARIABLES = {name: kind for name, kind in COLUMNS.items() if kind in {"number", "truth"}}
+"""What is in it, with its kind: the columns of numbers, and of truths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +50,8 @@ class Cube:
     dimensions: Mapping[str, NDArray[Any]]
     along: Mapping[str, tuple[str, NDArray[Any]]]
     attributes: Mapping[str, Any]
-    _table: Table
-    _rows: Index
-    _places: Index
+    _results: Results
+    _places: NDArray[np.intp]
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -62,21 +61,12 @@ class Cube:
     @property
     def rows(self) -> int:
         """Number of rows that lie in it."""
-        return len(self._rows)
-
-    @property
-    def variables(self) -> dict[str, str]:
-        """Names of the variables with their kinds: the columns of numbers, and of truths."""
-        return {
-            name: kind
-            for name, kind in self._table.kinds.items()
-            if kind in {"number", "truth"} and name not in self._table.axes
-        }
+        return len(self._places)
 
     def values(self, name: str) -> NDArray[np.float64]:
         """Return a variable; what was not run, or is not defined, is NaN."""
         found = np.full(self.shape, np.nan)
-        found.reshape(-1)[self._places] = self._table.numbers(name, self._rows)
+        found.reshape(-1)[self._places] = self._results.numbers(name, slice(None))
         return found
 
     def coordinates(self) -> Iterator[tuple[str, str, NDArray[Any], dict[str, str]]]:
@@ -90,7 +80,7 @@ class Cube:
         """Return it as a Dataset; `xr` is xarray."""
         names = tuple(self.dimensions)
         coordinates = {n: (d, values, said) for n, d, values, said in self.coordinates()}
-        variables = {name: (names, self.values(name), told(name)) for name in self.variables}
+        variables = {name: (names, self.values(name), told(name)) for name in VARIABLES}
         return xr.Dataset(variables, coordinates, dict(self.attributes))
 
 
@@ -108,61 +98,50 @@ def cube_of(results: Results) -> Cube:
     StudyError
         If nothing could be run.
     """
-    table, axes = results.table, results.axes
-    rows = np.flatnonzero(results.ran())
-    if not rows.size:
+    ran, axes = results.ran(), results.axes
+    if not len(ran):
         raise StudyError(f"{results.folder} holds no rows of a case that could be run")
     options = [a for a in axes if is_option(a, tuple(results.study.get("estimators", ())))]
     inner = [axis for axis in axes if axis not in options]
-    if _is_product(results, rows, inner):
+    codes = {name: ran.codes(name) for name in ("base", "estimator", "method", "seed",
+                                                "parameter", *axes)}  # fmt: skip
+    places = pd.DataFrame({name: found for name, (found, _) in codes.items()})
+    if _is_product(results, places[["estimator", *inner]]):
         names = {"scenario": "base", "estimator": "estimator"} | {axis: axis for axis in inner}
-        told_along, along = [*options, "method"], "estimator"
+        further, along = [*options, "method"], "estimator"
     else:
+        places["point"] = places.groupby(list(axes)).ngroup()
         names = {"scenario": "base", "method": "method", "point": "point"}
-        told_along, along = list(axes), "point"
+        further, along = list(axes), "point"
     names |= {"seed": "seed", "parameter": "parameter"}
-    places, dimensions, firsts = np.zeros(len(rows), np.intp), {}, {}
-    for name, column in names.items():
-        numbers, first = _numbered(table, axes if column == "point" else [column], rows)
-        places = places * len(first) + numbers
-        firsts[name] = rows[first]
-        dimensions[name] = (
-            np.arange(len(first)) if column == "point" else _column(table, column, rows[first])
-        )
-    coordinates = {column: (along, _column(table, column, firsts[along])) for column in told_along}
+    numbers = range(places["point"].max() + 1) if along == "point" else ()
+    dimensions = {
+        name: np.array(numbers) if column == "point" else _values(column, codes[column][1])
+        for name, column in names.items()
+    }
+    first = places.groupby(along).first()  # a row of each value of the dimension
+    coordinates = {
+        column: (along, _values(column, [codes[column][1][i] for i in first[column]]))
+        for column in further
+    }
+    at = np.ravel_multi_index(
+        [places[column] for column in names.values()], [len(v) for v in dimensions.values()]
+    )
     said = {"title": results.study.get("name", results.folder.name), "source": "flexaxis"}
-    return Cube(dimensions, coordinates, said, table, rows, places)
+    return Cube(dimensions, coordinates, said, ran, at)
 
 
-def _is_product(results: Results, rows: Index, inner: Sequence[str]) -> bool:
+def _is_product(results: Results, places: pd.DataFrame) -> bool:
     """Whether the points fill the space of their axes, or will when the study is finished."""
-    table = results.table
-    sizes = [len(_numbered(table, [column], rows)[1]) for column in ("estimator", *inner)]
-    there = len(_numbered(table, ["estimator", *inner], rows)[1])
+    sizes, there = places.nunique(), len(places.drop_duplicates())
     found = [len(values) for values in results.values().values()]
     points = results.study.get("points", 1)
     return math.prod(sizes) == there or math.prod(map(max, found, [1] * len(found))) <= points
 
 
-def _numbered(table: Table, columns: Sequence[str], rows: Index) -> tuple[Index, Index]:
-    """Return the number of what each row has in some columns, in order, and a row of each."""
-    numbers = np.zeros(len(rows), np.int64)
-    for column in columns:
-        places, size = ranks(table, column, rows)
-        _, numbers = np.unique(numbers * size + places, return_inverse=True)
-    _, firsts = np.unique(numbers, return_index=True)
-    return numbers, firsts
-
-
-def _column(table: Table, column: str, rows: Index) -> NDArray[Any]:
-    """Return a column in some rows, in any order, as an array: numbers, or texts."""
-    order = np.argsort(rows)
-    values: list[Any] = [None] * len(rows)
-    for place, value in zip(order, table.values(column, rows[order]), strict=True):
-        values[place] = value
-    kind = table.kinds[column]
+def _values(column: str, values: Sequence[Any]) -> NDArray[Any]:
+    """Return values of a column or an axis as an array: numbers, or texts."""
+    kind = COLUMNS.get(column) or axis_kind(value for value in values if value is not None)
     if kind == "text":
         return np.array([as_text(value) or "" for value in values], object)
-    if kind == "integer":
-        return np.array(values)
-    return np.array(values, float)
+    return np.array(values, int if kind == "integer" else float)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flexaxis.experiments.results.columnar import Index, Table
-from flexaxis.experiments.results.cube import Cube, cube_of
-from flexaxis.experiments.results.results import Results, needed
-from flexaxis.experiments.running.columns import Kind, as_text, nested, told
-from flexaxis.experiments.running.files import new_file, writing
-from flexaxis.experiments.running.rows import write
-from flexaxis.experiments.running.store import STORED
+from flexaxis.experiments.results.cube import VARIABLES, Cube, cube_of
+from flexaxis.experiments.results.results import Results, Rows, frame
+from flexaxis.experiments.storage.columns import as_text, nested, told
+from flexaxis.experiments.storage.errors import needed
+from flexaxis.experiments.storage.files import new_file, writing
+from flexaxis.experiments.storage.rows import write
+from flexaxis.experiments.storage.schema import STORED
 from flexaxis.sim.netcdf import new_netcdf
 
 if TYPE_CHECKING:
@@ -30,15 +29,23 @@ def export_csv(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written; then nothing is left of it.
     """
-    table = results.table
-    kinds = table.kinds
+    kinds, count = results.kinds, 0
     with new_file(target) as part, part.open("w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file)
         lines.writerow(kinds)
-        for rows in results.parts():
-            columns = [_plain(table, name, kind, rows) for name, kind in kinds.items()]
-            lines.writerows(zip(*map(_as_cells, columns), strict=True))
-    return len(results.rows)
+        for some in results.parts():
+            columns = [
+                [_cell(as_text(v)) for v in some[name]] if kind == "text" else some[name]
+                for name, kind in kinds.items()
+            ]
+            lines.writerows(zip(*columns, strict=True))
+            count += len(columns[0])
+    return count
+
+
+def _cell(text: str | None) -> str | None:
+    """Return a text that is no formula to a spreadsheet; no name of ours begins so."""
+    return f"'{text}" if text and text[0] in "=+-@\t\r" else text
 
 
 def export_jsonl(results: Results, target: Path) -> int:
@@ -49,17 +56,7 @@ def export_jsonl(results: Results, target: Path) -> int:
     OutputError
         If it cannot be written.
     """
-    lines = results.lines
-    whole = (nested(line) for rows in results.parts() for line in lines(rows, STORED))
-    return write(target, whole)
-
-
-def _as_cells(values: Iterable[Any]) -> list[Any]:
-    """Return values of which no text is a formula to a spreadsheet; no name of ours begins so."""
-    return [f"'{v}" if isinstance(v, str) and v[:1] in _FORMULA else v for v in values]
-
-
-_FORMULA = frozenset("=+-@\t\r")
+    return write(target, map(nested, Rows(results, STORED)))
 
 
 def export_parquet(results: Results, target: Path) -> int:
@@ -73,8 +70,7 @@ def export_parquet(results: Results, target: Path) -> int:
         If pyarrow is not installed.
     """
     pa, parquet = needed("pyarrow"), needed("pyarrow.parquet")
-    table = results.table
-    kinds = table.kinds
+    kinds, count = results.kinds, 0
     types = {
         "text": pa.string(),
         "number": pa.float64(),
@@ -90,15 +86,11 @@ def export_parquet(results: Results, target: Path) -> int:
         new_file(target) as part,
         parquet.ParquetWriter(part, schema, compression="zstd") as file,
     ):
-        for rows in results.parts():
-            columns = [
-                pa.array(table.numbers(name, rows), from_pandas=True)  # NaN is null
-                if kind == "number"
-                else pa.array(_plain(table, name, kind, rows), types[kind])
-                for name, kind in kinds.items()
-            ]
-            file.write_batch(pa.record_batch(columns, schema=schema))
-    return len(results.rows)
+        for some in results.parts():
+            table = pa.Table.from_pandas(frame(some, kinds), schema, preserve_index=False)
+            file.write_table(table)
+            count += len(table)
+    return count
 
 
 def export_netcdf(results: Results, target: Path) -> int:
@@ -119,7 +111,7 @@ def export_netcdf(results: Results, target: Path) -> int:
         file.attrs.update(cube.attributes)
         file.dimensions = dict(zip(map(_name, cube.dimensions), cube.shape, strict=True))
         _write_coordinates(file, cube)
-        for name, kind in cube.variables.items():
+        for name, kind in VARIABLES.items():
             _write_variable(file, cube, name, kind)
     return cube.rows
 
@@ -145,14 +137,6 @@ def _write_variable(file: h5netcdf.File, cube: Cube, name: str, kind: str) -> No
     along = [_name(other) for other in cube.along]
     if along:
         variable.attrs["coordinates"] = " ".join(along)
-
-
-def _plain(table: Table, name: str, kind: Kind, rows: Index) -> list[Any]:
-    """Return a column as values of its kind; None where it is not defined."""
-    found = table.values(name, rows)
-    if name in table.axes:
-        return [as_text(v) if kind == "text" or v is None else float(v) for v in found]
-    return found
 
 
 def _name(column: str) -> str:

@@ -7,25 +7,26 @@ them are in memory and not the table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columnar import CASE, Index, Table
 from flexaxis.experiments.scoring import pooling
 from flexaxis.experiments.scoring.theta import physical
+from flexaxis.experiments.storage.schema import CASE
 from flexaxis.sim.parameters import PARAMETER_NAMES
-from flexaxis.sim.scenario import Scenario
+
+if TYPE_CHECKING:
+    from flexaxis.experiments.results.results import Results
 
 Bins = Mapping[str, Sequence[float]]
 Array = NDArray[np.float64]
-ScenarioOf = Callable[[int], Scenario | None]
+Index = NDArray[np.intp]
 
-HELD = 8  # columns in memory at a time: as many as a score is pooled from
-MANY = 1 << 22  # numbers that groups might have, above which those that are there are counted anew
 APART = ("parameter", "changed")  # what is told apart within a case
 
 
@@ -38,16 +39,15 @@ class Groups:
     keys : list of dict
         What the rows of each group have in common.
     rows : ndarray of int
-        Rows of the table, group by group.
+        Rows of the results, group by group.
     ends : ndarray of int
         Where in them each group ends.
     """
 
     keys: list[dict[str, Any]]
     rows: Index
-    ends: NDArray[np.intp]
-    _table: Table = field(repr=False)
-    _held: dict[str, Array] = field(default_factory=dict, repr=False)
+    ends: Index
+    _results: Results = field(repr=False)
 
     def __len__(self) -> int:
         """Return the number of groups."""
@@ -56,8 +56,8 @@ class Groups:
     def first(self, number: int) -> Groups:
         """Return only so many of them."""
         ends = self.ends[:number]
-        return Groups(self.keys[:number], self.rows[: ends[-1]] if ends.size else self.rows[:0],
-                      ends, self._table)  # fmt: skip
+        rows = self.rows[: ends[-1] if ends.size else 0]
+        return Groups(self.keys[:number], rows, ends, self._results)
 
     def span(self, group: int) -> slice:
         """Return where the rows of a group are."""
@@ -65,52 +65,39 @@ class Groups:
 
     def columns(self, group: int) -> Mapping[str, Array]:
         """Return the columns of a group, each read when it is asked for."""
-        return _Columns(self, self.span(group))
+        return _Columns(self._results, self.rows[self.span(group)])
 
-    def column(self, name: str) -> Array:
-        """Return a column of numbers over all rows, group by group."""
-        if name not in self._held:
-            while len(self._held) >= HELD:
-                del self._held[next(iter(self._held))]
-            found = self._points() if name == "point" else self._table.numbers(name)
-            self._held[name] = found[self.rows]
-        return self._held[name]
-
-    def _points(self) -> Array:
-        """Return a number for each row of the table: points are scenarios with estimators."""
-        scenario, estimator = (self._table.raw(column) for column in ("hash", "estimator"))
-        return scenario.astype(float) * (int(estimator.max(initial=0)) + 1) + estimator
-
-    def pooled(self, scores: Sequence[str], scenario: ScenarioOf) -> list[dict[str, Any]]:
+    def pooled(self, scores: Sequence[str]) -> list[dict[str, Any]]:
         """Return a pooled row a group: its key, how many runs and seeds it has, and the scores.
 
         Parameters
         ----------
         scores : sequence of str
             Which to pool.
-        scenario : callable
-            Gives the scenario of a row of the table, which the excess error needs.
         """
-        spans = [self.span(group) for group in range(len(self))]
+        every = [self.columns(group) for group in range(len(self))]
         found = [
-            key | {"runs": s.stop - s.start, "seeds": len(np.unique(self.column("seed")[s]))}
-            for key, s in zip(self.keys, spans, strict=True)
+            key | {"runs": len(each["seed"]), "seeds": len(np.unique(each["seed"]))}
+            for key, each in zip(self.keys, every, strict=True)
         ]
         for name in dict.fromkeys(("failed", *scores)):  # one at a time: so a column is read once
-            each = self._excess(scenario) if name == "excess" else self._each(name)
-            found = [row | pooled for row, pooled in zip(found, each, strict=True)]
-        found = [row | pooling.cost(self.columns(group)) for group, row in enumerate(found)]
-        return [row | _alarms(self.columns(group), row) for group, row in enumerate(found)]
+            parts = (
+                self._excess()
+                if name == "excess"
+                else (pooling.pool_columns(each, [name]) for each in every)
+            )
+            found = [row | part for row, part in zip(found, parts, strict=True)]
+        return [
+            row | pooling.cost(each) | _alarms(each, row)
+            for row, each in zip(found, every, strict=True)
+        ]
 
-    def _each(self, score: str) -> Iterator[dict[str, Any]]:
-        return (pooling.pool_columns(self.columns(i), [score]) for i in range(len(self)))
-
-    def _excess(self, scenario: ScenarioOf) -> list[dict[str, Any]]:
+    def _excess(self) -> list[dict[str, Any]]:
         """Return the excess error of each group, the same for all parameters of its cases.
 
         It is that of one scenario; where a group has rows of several it is not defined.
         """
-        hashes, cases = self._table.raw("hash")[self.rows], self._table.raw(CASE)[self.rows]
+        hashes, cases = (self._results.column(name)[self.rows] for name in ("hash", CASE))
         alike: dict[str, list[int]] = {}
         for group, key in enumerate(self.keys):
             rest = {name: value for name, value in key.items() if name not in APART}
@@ -118,7 +105,7 @@ class Groups:
         found: list[dict[str, Any]] = [{"excess": None, "excess_interval": None}] * len(self)
         for groups in alike.values():
             first = self.span(groups[0])
-            of = scenario(int(self.rows[first.start]))
+            of = self._results.scenario(int(self.rows[first.start]))
             if of is None or np.any(hashes[first] != hashes[first.start]):
                 continue
             by_name = {self.keys[g]["parameter"]: g for g in groups}
@@ -133,13 +120,17 @@ class Groups:
 
 
 class _Columns(Mapping[str, Array]):
-    """The columns of some rows of groups that follow each other."""
+    """The columns of some rows, each read when it is asked for."""
 
-    def __init__(self, groups: Groups, span: slice) -> None:
-        self._groups, self._span = groups, span
+    def __init__(self, results: Results, rows: Index) -> None:
+        self._results, self._rows = results, rows
 
     def __getitem__(self, name: str) -> Array:
-        return self._groups.column(name)[self._span]
+        if name == "point":  # points are scenarios with estimators
+            scenario, estimator = (self._results.column(n) for n in ("hash", "estimator"))
+            many = int(estimator.max(initial=0)) + 1
+            return scenario[self._rows].astype(float) * many + estimator[self._rows]
+        return self._results.numbers(name, self._rows)
 
     def __iter__(self) -> Iterator[str]:
         return iter(pooling.NUMBERS)
@@ -158,73 +149,43 @@ def _alarms(columns: Mapping[str, Array], pooled: Mapping[str, Any]) -> dict[str
 
 
 def grouped(
-    table: Table,
-    by: Sequence[str],
-    *,
-    chosen: NDArray[np.bool_],
-    bins: Bins | None = None,
-    order: Mapping[str, Sequence[Any]] | None = None,
+    results: Results, by: Sequence[str], *, bins: Bins | None = None, cases: bool = False
 ) -> Groups:
     """Return the rows that agree in some columns, group by group.
 
     Parameters
     ----------
-    table : Table
+    results : Results
     by : sequence of str
         Columns to tell apart.
-    chosen : ndarray (n,) of bool
-        Rows to take.
     bins : mapping of str to sequence of float, optional
         Edges between which the values of a column count as one, the middle of the two.
-    order : mapping of str to sequence, optional
-        Values of a column in the order that groups are to have.
+    cases : bool
+        Whether to take one row of each case.
     """
-    rows: NDArray[np.int32] = table.order[chosen[table.order]]
-    numbers, count = np.zeros(len(rows), np.int64), 1
-    for name in by:
-        places, size = ranks(
-            table, name, rows, edges=(bins or {}).get(name), order=(order or {}).get(name, ())
-        )
-        numbers, count = numbers * size + places, count * size
-        if count > MANY:
-            there, numbers = np.unique(numbers, return_inverse=True)
-            count = len(there)
-    sizes = np.bincount(numbers, minlength=1)
-    small = numbers.astype(np.uint16) if count <= 1 << 16 else numbers.astype(np.int32)
-    rows = rows[np.argsort(small, kind="stable")]
+    codes = {name: results.codes(name, (bins or {}).get(name)) for name in by}
+    places = pd.DataFrame({name: found for name, (found, _) in codes.items()})
+    case, seed = results.column(CASE), results.column("seed")
+    numbers = places.groupby(list(by)).ngroup().to_numpy() if by else np.zeros(len(seed), np.intp)
+    first = np.ones(len(case), bool)
+    if cases:  # whose rows follow each other
+        first[1:] = case[1:] != case[:-1]
+    rows = np.flatnonzero(first)
+    rows = rows[np.lexsort((case[rows], seed[rows], numbers[rows]))]
+    numbers = numbers[rows]
+    sizes = np.bincount(numbers)
     ends = np.cumsum(sizes[sizes > 0])
-    firsts = rows[np.concatenate([[0], ends[:-1]])] if ends.size else rows[:0]
-    values = [_at(table, name, firsts, (bins or {}).get(name)) for name in by]
-    keys = [dict(zip(by, each, strict=True)) for each in zip(*values, strict=True)]
-    return Groups(keys if by else [{}] * len(ends), rows, ends, table)
+    firsts = rows[ends - sizes[sizes > 0]]
+    lines = zip(*([values[i] for i in found[firsts]] for found, values in codes.values()),
+                strict=True)  # fmt: skip
+    keys = [dict(zip(by, line, strict=True)) for line in lines] if by else [{}] * len(ends)
+    return Groups(keys, rows, ends, results)
 
 
-def ranks(
-    table: Table,
-    name: str,
-    rows: Index,
-    *,
-    edges: Sequence[float] | None = None,
-    order: Sequence[Any] = (),
-) -> tuple[NDArray[np.int64], int]:
-    """Return the place of the value of each row among those of a column, and how many there are.
-
-    Numbers and parameters are in their order, other texts in that of the alphabet, unless another
-    `order` is given; what is not defined comes first.
-    """
-    if not table.coded(name):
-        there, places = np.unique(table.raw(name)[rows], return_inverse=True)
-        return places, max(1, len(there))
-    texts = [_middle(value, edges) for value in table.texts(name)]
-    values = {repr(value): value for value in texts}
-    ordered = sorted(values, key=lambda text: _place(name, values[text], order))
-    number = {text: i for i, text in enumerate(ordered, 1)}
-    lookup = np.array([*(number[repr(value)] for value in texts), 0])  # the last: not defined
-    return lookup[table.raw(name)[rows]], len(ordered) + 1
-
-
-def _place(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str]:
-    """Return what sorts the values of a column."""
+def place_of(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str]:
+    """Return what sorts the values of a column, of which some have an `order`."""
+    if value is None:
+        return -1, 0.0, ""
     if value in order:
         return 0, order.index(value), ""
     if name == "parameter" and physical(value)[0] in PARAMETER_NAMES:
@@ -233,16 +194,7 @@ def _place(name: str, value: Any, order: Sequence[Any]) -> tuple[int, float, str
     return 2, value if number else 0.0, str(value)
 
 
-def _at(table: Table, name: str, rows: Index, edges: Sequence[float] | None) -> list[Any]:
-    """Return the values of a column in some rows, in any order."""
-    order = np.argsort(rows, kind="stable")
-    found: list[Any] = [None] * len(rows)
-    for place, value in zip(order, table.values(name, rows[order]), strict=True):
-        found[place] = _middle(value, edges)
-    return found
-
-
-def _middle(value: Any, edges: Sequence[float] | None) -> Any:
+def middle(value: Any, edges: Sequence[float] | None) -> Any:
     """Return the middle of the two edges between which a value lies."""
     if value is None or edges is None:
         return value

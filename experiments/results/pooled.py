@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.files import OutputError, json_table, write_json, writing
-from flexaxis.experiments.running.names import CURVES, STUDY, SUMMARY
 from flexaxis.experiments.scoring.curves import Curve
+from flexaxis.experiments.storage.files import OutputError, json_table, write_json, writing
+from flexaxis.experiments.storage.names import CURVES, STUDY, SUMMARY
 
 LARGEST = 1e9  # bytes that all curves of a run may have
 

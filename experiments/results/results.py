@@ -8,24 +8,27 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from flexaxis.experiments.results.columnar import PART, Index, Table, asked_of, open_table
-from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped
-from flexaxis.experiments.running.axes import is_option
-from flexaxis.experiments.running.columns import COLUMNS, as_text, axis_kind
-from flexaxis.experiments.running.errors import StudyError
+from flexaxis.experiments.results.groups import APART, Bins, Groups, grouped, middle, place_of
+from flexaxis.experiments.results.source import Condition, Source, asked, having
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.units import find_point
+from flexaxis.experiments.running.study import find_point, is_option
 from flexaxis.experiments.scoring.pooling import POOLED
+from flexaxis.experiments.scoring.score import Kind
+from flexaxis.experiments.storage.columns import COLUMNS, as_text, axis_kind
+from flexaxis.experiments.storage.errors import StudyError, needed
+from flexaxis.experiments.storage.schema import CASE, STORED
 from flexaxis.sim.errors import unknown
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 if TYPE_CHECKING:
-    import pandas
     import xarray
 
 Line = dict[str, Any]
+ROOM = 1 << 28  # bytes of columns in memory
+_TYPES = {"text": object, "truth": "boolean", "integer": "Int64", "number": float}
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,9 @@ class Results:
     folder: Path
     study: Mapping[str, Any]
     where: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
-    _held: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    _more: Condition = field(default=Condition("1"), repr=False)
+    _shared: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    _held: dict[str, NDArray[Any]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def load(cls, folder: str | Path, *, whole: bool = False) -> Self:
@@ -70,12 +75,12 @@ class Results:
         return tuple(self.study["axes"])
 
     @property
-    def table(self) -> Table:
-        """The columns of the folder, as they were when they were first asked for."""
-        if "table" not in self._held:
-            self._held["table"] = open_table(self.folder, self.axes)
-        table: Table = self._held["table"]
-        return table
+    def source(self) -> Source:
+        """The file of the rows, as it was when it was first asked for."""
+        if "source" not in self._shared:
+            self._shared["source"] = Source(self.folder)
+        found: Source = self._shared["source"]
+        return found
 
     @property
     def rows(self) -> Rows:
@@ -85,7 +90,11 @@ class Results:
         """
         return Rows(self)
 
-    def select(self, where: Mapping[str, Any]) -> Results:
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.column("seed"))
+
+    def select(self, where: Mapping[str, Any]) -> Self:
         """Return those rows whose columns have these values; a list means one of them.
 
         Examples: ``{"method": "glr"}``, ``{"fault[0].factor": [1.1, 1.5]}``.
@@ -100,41 +109,45 @@ class Results:
             column: tuple(value) if isinstance(value, list | tuple | set) else (value,)
             for column, value in where.items()
         }
-        return replace(self, where={**self.where, **wanted})
+        return replace(self, where={**self.where, **wanted}, _held={})
 
-    def chosen(self) -> NDArray[np.bool_]:
-        """Return which rows of the table are selected (n,)."""
-        if "asked" not in self._held:
-            self._held["asked"] = asked_of(self.table, self.study)
-        found: NDArray[np.bool_] = self._held["asked"].copy()
+    def having(self, more: Condition) -> Self:
+        """Return those rows of which something more is true."""
+        return replace(self, _more=self._more & more, _held={})
+
+    @property
+    def _condition(self) -> Condition:
+        found = asked(self.study) & self._more
         for column, values in self.where.items():
-            found &= self.table.among(column, values)
+            found &= having(column, values, self.axes)
         return found
 
-    def ran(self) -> NDArray[np.bool_]:
-        """Return which of them have scores (n,): all but those of records that nobody can make.
+    def ran(self) -> Self:
+        """Return those that have scores: all but those of records that nobody can make.
 
         A case that failed is among them, as a run lost at its first sample.
         """
-        return self.chosen() & (self.table.raw("parameter") >= 0)
+        return self.having(Condition("cells.parameter > 0"))
 
     def failures(self) -> list[Line]:
         """Return the first row of each case that failed; `error` says why."""
-        rows = np.flatnonzero(self.chosen() & (self.table.raw("error") >= 0))
-        _, first = np.unique(self.table.raw("case")[rows], return_index=True)
-        return list(self.lines(rows[np.sort(first)]))
+        found: dict[str, Line] = {}
+        for row in self.having(Condition("cells.error > 0")).rows:
+            found.setdefault(row["case"], row)
+        return list(found.values())
 
     @property
     def cases(self) -> int:
         """Number of cases, those that could not be run among them."""
-        return len(np.unique(self.table.raw("case")[self.chosen()]))
+        return len(np.unique(self.column(CASE)))
 
     def values(self) -> dict[str, list[Any]]:
         """Return the values found on each axis: numbers in order, others as they came."""
-        chosen, found = self.chosen(), {}
+        found = {}
         for axis in self.axes:
-            there = np.unique(self.table.raw(axis)[chosen])
-            seen = [self.table.texts(axis)[code] for code in there if code >= 0]
+            there = pd.unique(self.column("axes")).tolist()
+            every = [self.source.value(axis, each) for each in there]
+            seen = list({repr(value): value for value in every if value is not None}.values())
             found[axis] = sorted(seen) if axis_kind(seen) == "number" else seen
         return found
 
@@ -152,16 +165,8 @@ class Results:
         """
         by = ["base", "method", *self.axes] if by is None else by
         self._check(by)
-        order = {
-            "base": [entry["definition"]["name"] for entry in self.study.get("scenarios", ())],
-            "method": list(self.study.get("estimators", ())),
-        }
-        names, chosen = list(dict.fromkeys([*by, *([] if cases else APART)])), self.ran()
-        if cases:
-            rows = np.flatnonzero(chosen)
-            case = self.table.raw("case")[rows]  # rows of a case follow each other
-            chosen[rows[1:][case[1:] == case[:-1]]] = False
-        return grouped(self.table, names, chosen=chosen, bins=bins, order=order)
+        names = list(dict.fromkeys([*by, *([] if cases else APART)]))
+        return grouped(self.ran(), names, bins=bins, cases=cases)
 
     def pooled(
         self,
@@ -199,42 +204,74 @@ class Results:
         for score in scores or ():
             if score not in POOLED:
                 raise StudyError(unknown("score", score, POOLED))
-        groups = self.grouped(by, bins=bins)
-        return groups.pooled(POOLED if scores is None else scores, self.scenario)
+        return self.grouped(by, bins=bins).pooled(POOLED if scores is None else scores)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column as it is stored; some others are read with it, likely to come next."""
+        if name not in self._held:
+            room = max(1, ROOM // (8 * max(1, len(self.source))))
+            place = STORED.index(name)
+            names = [n for n in STORED[place : place + room] if n not in self._held]
+            while self._held and len(self._held) + len(names) > 2 * room:
+                del self._held[next(iter(self._held))]
+            self._held.update(self.source.arrays(names, self._condition))
+        return self._held[name]
+
+    def numbers(self, name: str, rows: Any) -> NDArray[np.float64]:
+        """Return a column of numbers or truths in some rows; NaN where it is not defined."""
+        found = self.column(name)[rows]
+        return found if found.dtype == np.float64 else np.where(found < 0, np.nan, found)
+
+    def codes(
+        self, name: str, edges: Sequence[float] | None = None
+    ) -> tuple[NDArray[np.intp], list[Any]]:
+        """Return the place of the value of each row among those of a column, and these in order.
+
+        Numbers and parameters are in their order, other texts in that of the alphabet, unless the
+        study has another; what is not defined comes first.
+
+        Parameters
+        ----------
+        name : str
+        edges : sequence of float, optional
+            Between which values count as one, the middle of the two.
+        """
+        stored = self.column("axes" if name in self.axes else name)
+        places, there = pd.factorize(stored, use_na_sentinel=False)
+        values = [middle(self.source.value(name, each), edges) for each in there.tolist()]
+        every = {repr(value): value for value in values}
+        order = {
+            "base": [entry["definition"]["name"] for entry in self.study.get("scenarios", ())],
+            "method": list(self.study.get("estimators", ())),
+        }.get(name, [])
+        ordered = sorted(every, key=lambda text: place_of(name, every[text], order))
+        number = {text: i for i, text in enumerate(ordered)}
+        lookup = np.array([number[repr(value)] for value in values], np.intp)
+        return lookup[places] if len(lookup) else places, [every[text] for text in ordered]
 
     def scenario(self, row: int) -> Scenario | None:
-        """Return the scenario of a row of the table; None where study.json does not tell it."""
-        names = ("base", "hash", *self.axes)
-        line = {name: self.table.values(name, np.array([row]))[0] for name in names}
-        if "bases" not in self._held:
-            self._held["bases"] = [
+        """Return the scenario of a row; None where study.json does not tell it."""
+        if "bases" not in self._shared:
+            self._shared["bases"] = [
                 stored_scenario(entry["definition"], source=entry["definition"]["name"])
                 for entry in self.study.get("scenarios", ())
             ]
-        swept = {axis: line[axis] for axis in self.axes if not self._is_option(axis)}
-        found = find_point(self._held["bases"], swept, line["hash"])
+        axes, key = (self.source.texts[int(self.column(n)[row])] for n in ("axes", "hash"))
+        options = tuple(self.study.get("estimators", ()))
+        swept = {k: v for k, v in self.source.axes(axes).items() if not is_option(k, options)}
+        found = find_point(self._shared["bases"], swept, str(key))
         return None if found is None else found.scenario()
 
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return a pandas DataFrame: a line a row, columns as in docs/studies.md, then the axes.
+    @property
+    def kinds(self) -> dict[str, Kind]:
+        """The kind of each column, the axes last."""
+        return {**COLUMNS, **{axis: axis_kind(values) for axis, values in self.values().items()}}
 
-        Raises
-        ------
-        StudyError
-            If pandas is not installed.
-        """
-        pd = needed("pandas")
-        rows, found = np.flatnonzero(self.chosen()), {}
-        for name, kind in self.table.kinds.items():
-            if kind == "number":
-                found[name] = self.table.numbers(name, rows)
-            else:
-                values = self.table.values(name, rows)
-                if kind == "text":
-                    values = [as_text(value) for value in values]
-                dtype = {"text": object, "truth": "boolean", "integer": "Int64"}[kind]
-                found[name] = pd.array(values, dtype=dtype)
-        return pd.DataFrame(found)
+    def to_dataframe(self) -> pd.DataFrame:
+        """Return a pandas DataFrame: a line a row, columns as in docs/studies.md, then the axes."""
+        kinds = self.kinds
+        return pd.concat([frame(part, kinds) for part in self.parts()] or [frame({}, kinds)],
+                         ignore_index=True)  # fmt: skip
 
     def to_xarray(self) -> xarray.Dataset:
         """Return an xarray Dataset: the numbers over scenario, estimator, axes, seed, parameter.
@@ -251,22 +288,10 @@ class Results:
 
         return cube_of(self).to_xarray(needed("xarray"))
 
-    def parts(self) -> Iterator[Index]:
-        """Yield the selected rows of the table, as many at a time as are held in memory."""
-        chosen = self.chosen()
-        for start in range(0, len(chosen), PART):
-            rows = start + np.flatnonzero(chosen[start : start + PART])
-            if rows.size:
-                yield rows
-
-    def lines(self, rows: Index, columns: Sequence[str] = ()) -> Iterator[Line]:
-        """Yield some rows of the table, in increasing order, with all or some columns."""
-        names = columns or [*COLUMNS, *self.axes]
-        values = [self.table.values(name, rows) for name in names]
-        return (dict(zip(names, line, strict=True)) for line in zip(*values, strict=True))
-
-    def _is_option(self, axis: str) -> bool:
-        return is_option(axis, tuple(self.study.get("estimators", ())))
+    def parts(self, columns: Sequence[str] = ()) -> Iterator[dict[str, list[Any]]]:
+        """Yield columns as Python values, all or some, of so many rows as are held in memory."""
+        names = list(columns or [*COLUMNS, *self.axes])
+        yield from self.source.parts(names, self._condition)
 
     def _check(self, columns: Iterator[str] | Sequence[str] | Mapping[str, Any]) -> None:
         known = [*COLUMNS, *self.axes]
@@ -284,25 +309,20 @@ class Rows:
 
     def __iter__(self) -> Iterator[Line]:
         """Yield the rows."""
-        for rows in self.results.parts():
-            yield from self.results.lines(rows, self.columns)
+        for part in self.results.parts(self.columns):
+            for line in zip(*part.values(), strict=True):
+                yield dict(zip(part, line, strict=True))
 
     def __len__(self) -> int:
         """Return their number."""
-        return int(self.results.chosen().sum())
+        return len(self.results)
 
 
-def needed(package: str) -> Any:
-    """Return an optional package, or say how to install it.
-
-    Raises
-    ------
-    StudyError
-        If it is not installed.
-    """
-    from importlib import import_module
-
-    try:
-        return import_module(package)
-    except ImportError as error:
-        raise StudyError(f"this needs {package}: python -m pip install {package}") from error
+def frame(part: Mapping[str, list[Any]], kinds: Mapping[str, Kind]) -> pd.DataFrame:
+    """Return columns of Python values as those of pandas."""
+    found = {}
+    for name, kind in kinds.items():
+        values = part.get(name, [])
+        texts = [as_text(value) for value in values] if kind == "text" else values
+        found[name] = pd.array(texts, dtype=_TYPES[kind])  # type: ignore[call-overload]
+    return pd.DataFrame(found)

@@ -10,12 +10,12 @@ from typing import Any, Self
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.running.engine import Means, tell_kept
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.store import Store
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import Row
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.store import Store
 from flexaxis.sim.scenario import Scenario
 
 Runs = list[list[Row]]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import run_estimator
-from flexaxis.experiments.building.guest import NOT_FINITE, hosted, is_guest, note
+from flexaxis.experiments.building.guest import hosted, is_guest, note
 from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import Spec, piped
 from flexaxis.experiments.scoring.case import Track
@@ -276,4 +276,4 @@ def tell_not_finite(text: str, theta: NDArray[np.float64], where: str, *, first:
     """Note where a user's estimator returned what is not finite; scores count it as diverged."""
     finite = np.isfinite(theta).all(axis=1)
     if is_guest(text) and not finite.all():
-        note(text, NOT_FINITE, 1, f"on {where}, sample {first + int(np.argmin(finite))}")
+        note(text, f"on {where}, sample {first + int(np.argmin(finite))}")

@@ -17,17 +17,15 @@ from typing import Any, Literal
 from flexaxis.experiments.building.consent import names_code, require
 from flexaxis.experiments.building.guest import time_limit
 from flexaxis.experiments.running.cache import RecordCache
-from flexaxis.experiments.running.dispatch import Lost, spread
-from flexaxis.experiments.running.errors import NotRun
 from flexaxis.experiments.running.folder import cases as all_cases
 from flexaxis.experiments.running.folder import done, opened
 from flexaxis.experiments.running.plan import Plan, make_plan
-from flexaxis.experiments.running.processes import Workers
-from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.told import remark
+from flexaxis.experiments.running.processes import Lost, Workers, spread
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.study import Study, Unit
 from flexaxis.experiments.running.trajectories import keep_all, keep_worst
-from flexaxis.experiments.running.units import Unit
 from flexaxis.experiments.running.work import Outcome, died, run_unit
+from flexaxis.experiments.storage.errors import NotRun
 
 Keep = Literal["none", "worst", "all"]
 Worker = Callable[[Unit], Outcome]

@@ -17,8 +17,8 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.protocol import Estimator, run_estimator, theta_of
 from flexaxis.experiments.building.guest import hosted
 from flexaxis.experiments.building.specs import Spec, build
-from flexaxis.experiments.running.files import writing
 from flexaxis.experiments.scoring.theta import physical, true_theta
+from flexaxis.experiments.storage.files import writing
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, count_samples, record_pieces
 from flexaxis.sim.scenario import Scenario, stored_scenario

@@ -12,21 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.building.given import is_given
-from flexaxis.experiments.running.errors import StudyError, no_study
-from flexaxis.experiments.running.files import json_table, make_folder, write_json, writing
-from flexaxis.experiments.running.names import COMPLETE, MADE, STUDY, SWEEP, TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan, expected
-from flexaxis.experiments.running.store import (
-    Store,
-    cases_in,
-    connect,
-    done_in,
-    file_of,
-    row_files,
-    said,
-)
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import made_with
+from flexaxis.experiments.storage.errors import StudyError, no_study
+from flexaxis.experiments.storage.files import json_table, make_folder, write_json, writing
+from flexaxis.experiments.storage.names import COMPLETE, MADE, STUDY, SWEEP, TRAJECTORIES
+from flexaxis.experiments.storage.schema import connect, file_of, row_files, said
+from flexaxis.experiments.storage.store import Store, cases_in, done_in
 
 OVERWRITE = "--overwrite"
 """The only word that removes anything."""

@@ -14,9 +14,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import NoReturn, TypeVar
-
-from flexaxis.experiments.running import stopping
+from typing import Any, NoReturn, TypeVar
 
 Item = TypeVar("Item")
 Handler = Callable[[int, FrameType | None], None]
@@ -28,6 +26,22 @@ _KINDS: dict[signal.Signals, object] = {
 }
 """What asks a command to end, and how each is handled where nobody has said."""
 _ours: list[Handler] = []
+_flags: list[Any] = [threading.Event()]
+
+
+def begin(flag: Any = None) -> None:
+    """Let work go on until it is asked to end, by `ask` or by an event of another process."""
+    _flags[0] = threading.Event() if flag is None else flag
+
+
+def ask() -> None:
+    """Let the work of this process end after the case that is under way."""
+    _flags[0].set()
+
+
+def asked() -> bool:
+    """Whether that was asked for: looked at between cases, by who does them."""
+    return bool(_flags[0].is_set())
 
 
 class Interrupts:
@@ -64,7 +78,7 @@ class Interrupts:
         # Not by print: what is interrupted may be in the middle of one.
         os.write(2, b"\nflexaxis: stopping after the cases that are under way; what is done is "
                     b"kept. Ctrl-C again ends at once\n")  # fmt: skip
-        stopping.ask()
+        ask()
         self.stop()
 
 
@@ -72,7 +86,7 @@ class Interrupts:
 def two_stage() -> Iterator[Interrupts]:
     """Handle Ctrl-C in two stages; in another thread than the main one, leave it as it is."""
     interrupts = Interrupts()
-    stopping.begin()
+    begin()
     with _handling(interrupts.ask):
         yield interrupts
 

@@ -9,12 +9,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running import rows
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import make_folder, write_json, writing
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.names import STUDY, TRAJECTORIES
-from flexaxis.experiments.running.store import Store, file_of, row_files
+from flexaxis.experiments.storage import rows
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import make_folder, write_json, writing
+from flexaxis.experiments.storage.names import STUDY, TRAJECTORIES
+from flexaxis.experiments.storage.schema import file_of, row_files
+from flexaxis.experiments.storage.store import Store
 from flexaxis.sim.files import atomic
 
 AT_ONCE = 10_000  # rows of text

@@ -15,12 +15,20 @@ from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.crashes import EstimatorCrash
-from flexaxis.experiments.building.ready import check_made
-from flexaxis.experiments.running.axes import applies, in_words, is_option
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.running.case import case_id
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.study import Point, Study
-from flexaxis.experiments.running.units import Entry, Unit, Variant, varied
+from flexaxis.experiments.running.study import (
+    Entry,
+    Point,
+    Study,
+    Unit,
+    Variant,
+    applies,
+    in_words,
+    is_option,
+    varied,
+)
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario
 
@@ -263,7 +271,7 @@ def _try_estimators(
         if names_code(text) and not run_code:
             continue
         try:
-            check_made(specs.parse(text), base)
+            ready(specs.parse(text), base)
         except EstimatorError as error:
             problems.add(error, in_words(entry.axes))
 

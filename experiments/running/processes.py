@@ -1,4 +1,4 @@
-"""A pool of processes that leaves nothing behind."""
+"""Work to processes of our own or to any executor: a bounded number of tasks at a time."""
 
 from __future__ import annotations
 
@@ -6,22 +6,37 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
-from multiprocessing.connection import wait
-from multiprocessing.process import BaseProcess
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from multiprocessing.connection import wait as wait_for
 from multiprocessing.util import Finalize
-from typing import Any, Self
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
-from flexaxis.experiments.running import stopping
-from flexaxis.experiments.running.interrupts import threads_left
+from flexaxis.experiments.building.programs import held_back
+from flexaxis.experiments.running import interrupts
+from flexaxis.experiments.running.interrupts import Interrupts, threads_left, two_stage
+from flexaxis.experiments.storage.errors import NotRun, StudyError
 from flexaxis.sim.current_folder import forget_safe_path, safe_path, without_its_style
 from flexaxis.sim.errors import FlexaxisError
 
 MOST = max(64, 4 * (os.cpu_count() or 1))  # processes: each is a Python of its own in memory
+PATIENCE = 0.5  # s for which a wait may last before it looks whether anything was asked
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
@@ -37,6 +52,61 @@ def check_jobs(jobs: Any, *, what: str = "jobs") -> None:
         raise FlexaxisError(f"{what} {str(jobs)[:40]}: give at most {MOST} processes")
 
 
+class Workers:
+    """Processes that one call after the other uses, for to start one takes seconds.
+
+    A context manager. They start when they are first asked for something, end with this process,
+    and are killed where the block is left by an error or by Ctrl-C.
+
+    Parameters
+    ----------
+    jobs : int
+        Processes.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._jobs, self._stop = jobs, threading.Event()
+        self._pool: Executor | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *rest: object) -> None:
+        self.end(killed=kind is not None)
+
+    def submit(self, work: Callable[[Task], Result], task: Task) -> Future[Result]:
+        """Have a task done."""
+        with held_back(), safe_path():  # its locks have a process of their own
+            if self._pool is None:
+                self._pool, self._stop = _started(self._jobs)
+            future: Future[Result] = self._pool.submit(work, task)
+            return future
+
+    def ask(self) -> None:
+        """Ask them to end what they are doing, and to give back what is done."""
+        self._stop.set()
+
+    def end(self, *, killed: bool) -> None:
+        """End them, with the programs that they have started; the next are new."""
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        for process in list((getattr(pool, "_processes", None) or {}).values()) if killed else ():
+            if hasattr(os, "killpg") and process.pid is not None:
+                with suppress(ProcessLookupError):  # it has ended, or has only just begun
+                    os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _started(jobs: int) -> tuple[Executor, Any]:
+    """Return new processes, and what asks them to end."""
+    context = multiprocessing.get_context("spawn")
+    stop = context.Event()
+    pool = ProcessPoolExecutor(jobs, context, initializer=_start_worker, initargs=(stop,))
+    return pool, stop
+
+
 def _start_worker(stop: Any) -> None:
     """Leave Ctrl-C to the parent, and end when it ends: a killed parent leaves no process."""
     forget_safe_path()
@@ -45,7 +115,7 @@ def _start_worker(stop: Any) -> None:
         signal.signal(kind, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)  # so that what it starts can be killed with it
-    stopping.begin(stop)
+    interrupts.begin(stop)
     parent = multiprocessing.parent_process()
     assert parent is not None
     threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
@@ -59,100 +129,182 @@ def _wait_for_no_thread() -> None:
 
 
 def _end_with(sentinel: int) -> None:
-    wait([sentinel])
+    wait_for([sentinel])
     os._exit(1)
 
 
-class Pool(ProcessPoolExecutor):
-    """Processes that can be asked to end what they are doing, and give back what is done."""
-
-    def __init__(self, jobs: int) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._stop = context.Event()
-        super().__init__(
-            jobs, mp_context=context, initializer=_start_worker, initargs=(self._stop,)
-        )
-
-    def ask(self) -> None:
-        """Ask them."""
-        self._stop.set()
+def _died(task: Any) -> Any:
+    raise NotRun(
+        f"{task}: its process died twice: its code ended it, memory ran out, or it was killed"
+    )
 
 
-@contextmanager
-def process_pool(jobs: int) -> Iterator[Pool]:
-    """Give a pool of processes with one BLAS thread each, which end with this process.
+@dataclass(frozen=True)
+class Lost(Generic[Task, Result]):
+    """What becomes of a task whose process died.
 
-    They are killed where the block is left by an error or by Ctrl-C.
+    Attributes
+    ----------
+    parts : callable
+        Gives the parts of a task, each of which is run alone.
+    died : callable
+        Gives the result of a part whose process died again, or raises something.
     """
-    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    before = {key: os.environ.get(key) for key in single}
-    os.environ.update(single)  # read by the children when they import NumPy
-    with safe_path():  # its locks have a process of their own
-        pool = Pool(jobs)
-    try:
-        yield pool
-    except BaseException:  # nobody waits for what they do any more
-        kill(pool)
-        raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-        for key, value in before.items():
-            if value is None:
-                os.environ.pop(key, None)
-            else:
-                os.environ[key] = value
+
+    parts: Callable[[Task], Iterable[Task]] = lambda task: [task]
+    died: Callable[[Task], Result] = _died
 
 
-class Workers:
-    """A pool of processes that is lent again and again, for to start one takes seconds.
+def spread(
+    tasks: Iterable[Task],
+    work: Callable[[Task], Result],
+    *,
+    jobs: int = 0,
+    executor: Executor | None = None,
+    in_flight: int | None = None,
+    workers: Workers | None = None,
+    lost: Lost[Task, Result] | None = None,
+) -> Generator[Result, None, None]:
+    """Yield results as they come, in any order.
 
-    A context manager. The processes start when they are first lent; those of a pool that is left by
-    an error, by Ctrl-C or by a process that was lost end with it, and the next are new.
+    Ctrl-C once starts nothing new, and asks what is at work to end; what is done of it comes in.
+    Twice ends at once. Either way a KeyboardInterrupt follows.
 
     Parameters
     ----------
+    tasks : iterable
+        Drawn from as there is room, so that a study of any size needs no more memory; each says
+        in words what it is (`str`).
+    work : callable
+        From task to result; must travel by pickle.
     jobs : int
-        Processes.
+        Processes of our own; 0 stays in this process.
+    executor : concurrent.futures.Executor, optional
+        Where to work instead.
+    in_flight : int, optional
+        Tasks handed out at a time; twice the jobs by default.
+    workers : Workers, optional
+        Processes that are there already, in the place of as many new ones as there are jobs.
+    lost : Lost, optional
+        A process that dies takes all that were at work with it; those are run again, one by one.
+
+    Raises
+    ------
+    NotRun
+        If the process of a task dies twice.
+    StudyError
+        If a task fails elsewhere: names the task.
+    KeyboardInterrupt
+        After Ctrl-C.
     """
-
-    def __init__(self, jobs: int) -> None:
-        self._jobs, self._stack = jobs, ExitStack()
-        self._pool: Pool | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: object, *rest: object) -> None:
-        self._end(lost=kind is not None)
-
-    @contextmanager
-    def lent(self) -> Iterator[Pool]:
-        """Give the pool as `process_pool` does, but for its end."""
-        if self._pool is None:
-            self._pool = self._stack.enter_context(process_pool(self._jobs))
-        whole = False
-        try:
-            yield self._pool
-            whole = not getattr(self._pool, "_broken", False)
-        finally:
-            if not whole:
-                self._end(lost=True)
-
-    def _end(self, *, lost: bool) -> None:
-        pool, self._pool = self._pool, None
-        if pool is not None and lost:  # nobody waits for what they do any more
-            kill(pool)
-        self._stack.close()
+    room = in_flight or 2 * max(1, jobs)
+    with two_stage() as asked:
+        remaining = asked.until(tasks)
+        if executor is not None:
+            yield from _elsewhere(remaining, work, executor, room, asked)
+        elif not jobs:
+            yield from map(work, remaining)
+        else:
+            with nullcontext(workers) if workers else Workers(jobs) as own:
+                yield from _own(remaining, work, own, room, asked, lost or Lost())
+        asked.tell()
 
 
-def kill(pool: Executor) -> None:
-    """Kill the processes of a pool, and the programs that they have started."""
-    for process in _workers(pool):
-        if hasattr(os, "killpg") and process.pid is not None:
-            with suppress(ProcessLookupError):  # it has ended, or has only just begun
-                os.killpg(process.pid, signal.SIGKILL)
-        process.kill()
+def _elsewhere(
+    tasks: Iterator[Task],
+    work: Callable[[Task], Result],
+    executor: Executor,
+    room: int,
+    asked: Interrupts,
+) -> Iterator[Result]:
+    out: dict[Future[Result], Task] = {}
+    try:
+        yield from _landed(lambda task: executor.submit(work, task), tasks, room, asked, out)
+    except Exception as error:
+        failed = [task for future, task in out.items() if future.done()]
+        why = f"{failed[0] if failed else ''}: {type(error).__name__}: {error}"
+        raise StudyError(f"given up on {why}") from error
+    finally:
+        for future in out:
+            future.cancel()
 
 
-def _workers(pool: Executor) -> Iterable[BaseProcess]:
-    return list((getattr(pool, "_processes", None) or {}).values())
+def _own(  # noqa: PLR0917
+    tasks: Iterator[Task],
+    work: Callable[[Task], Result],
+    workers: Workers,
+    room: int,
+    asked: Interrupts,
+    lost: Lost[Task, Result],
+) -> Iterator[Result]:
+    """Start new processes where one died, after what was out with it was run one by one."""
+    whole = False
+    try:
+        while not whole:
+            asked.stop = workers.ask
+            out: dict[Future[Result], Task] = {}
+            try:
+                yield from _landed(partial(workers.submit, work), tasks, room, asked, out)
+                whole = True
+            except BrokenExecutor:
+                workers.end(killed=True)
+                parts = [part for task in out.values() for part in lost.parts(task)]
+                yield from _alone(parts, work, asked, lost)
+    finally:
+        if not whole:  # nobody waits for what they do any more
+            workers.end(killed=True)
+
+
+def _alone(
+    tasks: list[Task],
+    work: Callable[[Task], Result],
+    asked: Interrupts,
+    lost: Lost[Task, Result],
+) -> Iterator[Result]:
+    with Workers(1) as worker:
+        asked.stop = worker.ask
+        for task in tasks:
+            for _ in range(2):
+                if asked.asked:
+                    return
+                try:
+                    yield from _landed(partial(worker.submit, work), iter([task]), 1, asked, {})
+                    break
+                except BrokenExecutor:
+                    worker.end(killed=True)
+            else:
+                yield lost.died(task)
+
+
+def _landed(
+    submit: Callable[[Task], Future[Result]],
+    tasks: Iterator[Task],
+    room: int,
+    asked: Interrupts,
+    out: dict[Future[Result], Task],
+) -> Iterator[Result]:
+    """Yield the results of tasks, of which so many are out at a time; `out` tells which."""
+    while True:
+        for task in islice(tasks, room - len(out)):
+            try:
+                future = submit(task)
+            except BrokenExecutor:
+                out[Future()] = task  # lost with the others
+                raise
+            out[future] = task
+        if not out:
+            return
+        ready, _ = wait(out, timeout=PATIENCE, return_when=FIRST_COMPLETED)
+        if asked.asked:
+            for future in list(out):
+                if future.cancel():
+                    del out[future]
+        for future in ready & out.keys():
+            error = CancelledError() if future.cancelled() else future.exception()
+            if error is None:
+                del out[future]
+                yield future.result()
+            elif not asked.asked or isinstance(error, BrokenExecutor):
+                raise error
+            else:  # as missing as it was
+                del out[future]

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from flexaxis.experiments.running.estimate import estimates_file
-from flexaxis.experiments.running.files import writing
-from flexaxis.experiments.running.names import TRAJECTORIES
 from flexaxis.experiments.running.plan import Plan
-from flexaxis.experiments.running.store import row_files, rows_in
-from flexaxis.experiments.running.units import Unit
+from flexaxis.experiments.running.study import Unit
 from flexaxis.experiments.running.work import Kept, run_unit
+from flexaxis.experiments.storage.files import writing
+from flexaxis.experiments.storage.names import TRAJECTORIES
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 
 
 def keep_all(folder: Path, kept: Iterable[Kept]) -> None:

@@ -13,13 +13,13 @@ from typing import Any
 from flexaxis.estimators.registry import gone
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.consent import require
-from flexaxis.experiments.running.axes import applies
-from flexaxis.experiments.running.columns import flat, nested
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.store import cases_of, row_files, rows_of
-from flexaxis.experiments.running.units import Entry, Unit, find_point
+from flexaxis.experiments.running.study import Entry, Unit, applies, find_point
 from flexaxis.experiments.running.work import made_with, run_unit
+from flexaxis.experiments.storage.columns import flat, nested
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import cases_of, rows_of
 from flexaxis.sim.errors import ScenarioError
 from flexaxis.sim.scenario import Scenario, stored_scenario
 

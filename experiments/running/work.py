@@ -21,14 +21,14 @@ from flexaxis.experiments.building.crashes import is_its_own
 from flexaxis.experiments.building.guest import Remark, is_guest, limited, noted
 from flexaxis.experiments.running.cache import RecordCache, kept_runs, records
 from flexaxis.experiments.running.case import identity_of, run_case, warm
-from flexaxis.experiments.running.errors import NotRun
-from flexaxis.experiments.running.stopping import asked
-from flexaxis.experiments.running.traces import Trace
-from flexaxis.experiments.running.units import Entry, Unit, Variant
+from flexaxis.experiments.running.interrupts import asked
+from flexaxis.experiments.running.study import Entry, Unit, Variant
 from flexaxis.experiments.scoring.case import failed_track
 from flexaxis.experiments.scoring.pooling import Case
 from flexaxis.experiments.scoring.table import rows as score_rows
 from flexaxis.experiments.scoring.table import undefined
+from flexaxis.experiments.storage.errors import NotRun
+from flexaxis.experiments.storage.traces import Trace
 from flexaxis.sim.errors import SimulationError
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
@@ -122,7 +122,7 @@ def run_unit(
 ) -> Outcome:
     """Run the cases of a unit; one that fails is a row that says so.
 
-    Where it is asked to end (`flexaxis.experiments.running.stopping`), the outcome has the cases
+    Where it is asked to end (`flexaxis.experiments.running.interrupts`), the outcome has the cases
     that were done by then; what is missing besides it says in `missing`.
 
     Parameters

@@ -20,16 +20,16 @@ from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.cache import kept_runs
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.files import write_text
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.names import REPORT, SUMMARY, SWEEP
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.traces import Traces
 from flexaxis.experiments.scoring.case import failed_track, relative_error
 from flexaxis.experiments.scoring.curves import Curve, curve_of
 from flexaxis.experiments.scoring.pooling import POOLED, of_trajectories
 from flexaxis.experiments.scoring.ranking import overall
+from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.storage.names import REPORT, SUMMARY, SWEEP
+from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies import sweep
 from flexaxis.experiments.studies.as_set import as_set
 from flexaxis.sim.scenario import Scenario, stored_scenario
@@ -150,7 +150,7 @@ def finish(
     results = Results.load(folder)
     groups = results.grouped(["base", "method"])
     pooled, curves = _with_trajectories(
-        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED, results.scenario)
+        folder, study, {s.name: s for s in scenarios}, groups.pooled(POOLED)
     )
     summary = _summary(study, pooled) | {
         "failures": _failures(folder, swept, study["seeds"]),

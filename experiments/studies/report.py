@@ -8,8 +8,8 @@ from flexaxis.experiments.reporting.study.page import write_report
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.folder import read_study
-from flexaxis.experiments.running.names import CURVES, REPORT, STUDY, SUMMARY
-from flexaxis.experiments.running.store import row_files
+from flexaxis.experiments.storage.names import CURVES, REPORT, STUDY, SUMMARY
+from flexaxis.experiments.storage.schema import row_files
 from flexaxis.experiments.studies.benchmark import finish
 
 

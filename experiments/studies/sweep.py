@@ -16,7 +16,6 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.running.bench import Bench, Runs
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import FLOOR, mean_interval
 from flexaxis.experiments.scoring.matching import (
@@ -31,6 +30,7 @@ from flexaxis.experiments.scoring.pooling import biases_of, case_of, columns_of,
 from flexaxis.experiments.scoring.pools import mean
 from flexaxis.experiments.scoring.ranking import REFERENCE, mark
 from flexaxis.experiments.scoring.windows import windows
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.knobs import with_knob
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario

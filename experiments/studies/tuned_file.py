@@ -8,7 +8,7 @@ from typing import Any
 
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.estimators.tuned import Tuning
-from flexaxis.experiments.running.files import write_text
+from flexaxis.experiments.storage.files import write_text
 from flexaxis.experiments.studies.tuning import Tuned, tuning_scenario
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.reading import read_toml

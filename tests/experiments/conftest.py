@@ -36,8 +36,8 @@ def short_toml(short, tmp_path):
 def stored():
     """A function that writes rows to a folder as a run or a study does, and gives `Results`."""
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.running.store import Store
     from flexaxis.experiments.scoring.table import undefined
+    from flexaxis.experiments.storage.store import Store
 
     def write(folder, rows, axes=(), **study):
         folder.mkdir(exist_ok=True)

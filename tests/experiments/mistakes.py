@@ -104,7 +104,7 @@ MISTAKES = (
     Mistake(f"{RUN} own.py:Named", 2, "'fm'", True),
     Mistake(f"{RUN} own.py:Raises", 70, "own.py:11", True),
     Mistake(f"{RUN} own.py:Exits", 70, "own.py:13", True),
-    Mistake(f"{RUN} own.py:Prints", 0, "printed", True),
+    Mistake(f"{RUN} own.py:Prints", 0, "k = ", True),
     Mistake(f"{RUN} own.py:NotFinite", 1, "not finite", True),
     Mistake(f"{RUN} own.py:Forever --time-limit 1", 70, "no end within 1 s", True),
     Mistake("estimate rec.nc", 2, "rec.nc", True),

@@ -11,10 +11,10 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results import pooled
-from flexaxis.experiments.running import files
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
 from flexaxis.experiments.running.study import Study
+from flexaxis.experiments.storage import files
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from tests.experiments.kept_rows import scores_of
 

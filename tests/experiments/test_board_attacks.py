@@ -10,7 +10,7 @@ import pytest
 from flexaxis.experiments.board.entry import ENTRY, ROWS, read, seal
 from flexaxis.experiments.board.hidden_seeds import Draw
 from flexaxis.experiments.board.verification import UNKNOWN, Ask, of_form, verify_entry
-from flexaxis.experiments.running.files import dumps
+from flexaxis.experiments.storage.files import dumps
 from flexaxis.experiments.studies.sweep import reference
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.results import columnar, export
+from flexaxis.experiments.results import export, source
+from flexaxis.experiments.results import results as columns
 from flexaxis.experiments.results.cube import cube_of
-from flexaxis.experiments.running.columns import COLUMNS, UNITS
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.scoring import pools
 from flexaxis.experiments.scoring.excess import information
 from flexaxis.experiments.scoring.intervals import pseudo_values
+from flexaxis.experiments.storage.columns import COLUMNS, UNITS
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import OutputError
 from tests.experiments.kept_rows import change, lines_of
 
 AXES = ("fault[0].factor", "fault[0].parameter", "told")
@@ -150,24 +151,14 @@ def test_pooled_does_not_depend_on_the_order_in_which_rows_came(stored, tmp_path
     ]  # fmt: skip
 
 
-def test_many_groups_are_counted_anew(stored, tmp_path, monkeypatch):
-    from flexaxis.experiments.results import groups
-
-    results = stored(tmp_path, some_rows(), AXES)
-    before = results.pooled(["seed", "case", "fault[0].factor"], scores=["std"])
-    monkeypatch.setattr(groups, "MANY", 3)
-    assert results.pooled(["seed", "case", "fault[0].factor"], scores=["std"]) == before
-    assert len(before) == 72
-
-
 # The file and its columns ---------------------------------------------------------------------
 
 
 @pytest.fixture
 def large(monkeypatch):
     """Parts are small, and few columns are in memory."""
-    monkeypatch.setattr(columnar, "PART", 16)
-    monkeypatch.setattr(columnar, "ROOM", 8 * 100 * 3)
+    monkeypatch.setattr(source, "PART", 16)
+    monkeypatch.setattr(columns, "ROOM", 8 * 100 * 3)
 
 
 def again(results):
@@ -181,13 +172,13 @@ def test_what_is_added_is_not_in_a_table_that_was_opened(stored, tmp_path, large
     more = [row | {"seed": row["seed"] + 100} for row in some_rows()]
     stored(tmp_path, more, AXES)
     assert list(results.rows) == lines
-    np.testing.assert_array_equal(results.table.raw("std"), [r["std"] or np.nan for r in lines])
+    np.testing.assert_array_equal(results.column("std"), [r["std"] or np.nan for r in lines])
     assert len(again(results).rows) == 2 * len(lines)
 
 
 def test_rows_that_go_while_they_are_read_are_told(stored, tmp_path):
     results = stored(tmp_path, some_rows(), AXES)
-    assert len(results.table)
+    assert len(results)
     change(tmp_path, "DELETE FROM cells WHERE seed = 1001")
     with pytest.raises(StudyError, match="rows were removed while they were read"):
         list(results.rows)

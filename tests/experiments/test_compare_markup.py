@@ -10,7 +10,7 @@ from markdown_it import MarkdownIt
 from flexaxis.experiments.gate.comparison_report import markdown
 from flexaxis.experiments.gate.comparison_rows import COLUMNS
 from flexaxis.experiments.gate.stored import compare_runs
-from flexaxis.experiments.running.names import SUMMARY
+from flexaxis.experiments.storage.names import SUMMARY
 
 NAMES = [
     "fm_step-v1",

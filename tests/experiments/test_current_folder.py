@@ -13,7 +13,7 @@ import pytest
 from scipy.io import savemat
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running.processes import spread
 from flexaxis.sim.current_folder import SAFE_PATH, safe_path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -10,8 +10,8 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.case import run_case
-from flexaxis.experiments.running.traces import Trace, unpacked
 from flexaxis.experiments.scoring.curves import curve_of, near_fault, residual
+from flexaxis.experiments.storage.traces import Trace, unpacked
 from flexaxis.sim.simulate import simulate
 
 

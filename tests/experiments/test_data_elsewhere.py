@@ -8,7 +8,7 @@ from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading.hdf5_file import open_file
 from flexaxis.experiments.results.pooled import _load_curves
-from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.hdf5_inside import only_inside
 from flexaxis.sim.record import count_samples, load_record

@@ -17,18 +17,19 @@ from flexaxis.experiments.building import imports
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running import store
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import NotRun, StudyError
-from flexaxis.experiments.running.files import OutputError
 from flexaxis.experiments.running.merge import merge
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.processes import process_pool
-from flexaxis.experiments.running.store import row_files, rows_in
+from flexaxis.experiments.running.processes import Workers
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.verify import verify
 from flexaxis.experiments.running.work import run_unit
+from flexaxis.experiments.storage import store
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, scores_of
 
@@ -292,7 +293,7 @@ def test_ctrl_c_waits_for_what_is_at_work_and_twice_ends_at_once(short_toml, tmp
 
 def test_a_pool_that_is_left_by_an_error_does_not_wait_for_its_processes():
     """They are killed, else this takes five minutes."""
-    with pytest.raises(KeyboardInterrupt), process_pool(1) as pool:
+    with pytest.raises(KeyboardInterrupt), Workers(1) as pool:
         future = pool.submit(time.sleep, 300)
         wait_until(future.running, 60)
         began = time.monotonic()

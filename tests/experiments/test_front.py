@@ -269,9 +269,9 @@ def test_an_axis_stepped_by_hand_is_the_plant_of_the_record(short):
 
 
 def test_what_is_not_installed_is_said(short, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(FlexaxisError, match="pip install pandas"):
-        fx.simulate(short).to_dataframe()
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(FlexaxisError, match="pip install xarray"):
+        fx.simulate(short).to_xarray()
 
 
 def test_the_examples_of_the_documentation_run():

@@ -8,7 +8,6 @@ from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.building.code import digest
 from flexaxis.experiments.building.crashes import EstimatorCrash
 from flexaxis.experiments.building.given import give
-from flexaxis.experiments.building.guest import CHARACTERS, _Few
 from flexaxis.experiments.cli import main
 from flexaxis.sim.errors import FlexaxisError
 
@@ -168,34 +167,6 @@ def test_an_instance_is_a_guest(short, capsys):
         fx.estimate(fx.simulate(short), Ends(short.nominal.as_dict(), 0.005))
     out, err = capsys.readouterr()
     assert not out and "in between" in err
-
-
-class Heard:
-    def __init__(self):
-        self.text = ""
-
-    def write(self, text):
-        self.text += text
-
-
-@pytest.mark.parametrize(
-    ("parts", "shown", "lines"),
-    [
-        (["a\n", "b\n", "c\n", "d\n", "e\n"], "a\nb\nc\n", 5),
-        (["a\nb\nc\nd\ne\n"], "a\nb\nc\n", 5),
-        (["a", "b", "\n"], "ab\n", 1),
-        (["abc"], "abc\n", 1),
-        ([""], "", 0),
-        (["x" * 3 * CHARACTERS] * 3, "x" * CHARACTERS + "\n", 1),
-    ],
-)
-def test_of_what_is_printed_a_little_is_shown(parts, shown, lines):
-    heard = Heard()
-    few = _Few(heard)
-    for part in parts:
-        assert few.write(part) == len(part)
-    few.finish()
-    assert (heard.text, few.lines) == (shown, lines)
 
 
 MISTAKES = [

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.errors import EstimatorError
-from flexaxis.experiments.building.guest import hosted, limited
-from flexaxis.experiments.building.put_back import put_back
+from flexaxis.experiments.building.guest import hosted, limited, put_back
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.cli import CRASH, FINDING, main
 
@@ -189,8 +188,7 @@ def test_the_limit_is_of_one_run_and_put_back(short):
 def test_results_alone_go_to_stdout(capsys):
     status, out, err = ran(capsys, "Prints", "--json")
     assert status == 0 and json.loads(out)["rows"]
-    assert err.count("here") <= 4 * 3  # warm-up and two parts of two runs
-    assert "guests.py:Prints printed 320" in err
+    assert err.count("here") >= 2 * 1600  # a sample of two runs
     main(["check", "guests.py:Prints", "--json"])
     rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
     assert rules["prints nothing"]["holds"] is False and rules["finite"]["holds"]
@@ -213,7 +211,7 @@ def test_a_wrong_name_of_a_parameter_is_told_with_the_right_one(short):
     nominal = build(parse("guests.py:Base"), short).__init__.__self__
     assert nominal.theta == 0.05
     with pytest.raises(KeyError, match="Did you mean 'f_m'"):
-        from flexaxis.experiments.building.nominal import Nominal
+        from flexaxis.experiments.building.offer import Nominal
 
         Nominal(f_m=1.0)["fm"]
 

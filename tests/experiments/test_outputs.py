@@ -7,8 +7,7 @@ import h5netcdf
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running.files import OutputError, write_json, write_text
-from flexaxis.experiments.running.outputs import spare
+from flexaxis.experiments.storage.files import OutputError, spare, write_json, write_text
 from flexaxis.sim.record import load_record
 from flexaxis.sim.simulate import simulate
 

@@ -6,7 +6,7 @@ import pytest
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building import ready as ready_
-from flexaxis.experiments.building.ready import check_made, ready
+from flexaxis.experiments.building.ready import ready
 from flexaxis.experiments.building.specs import build, parse
 from flexaxis.experiments.running.case import followed
 from flexaxis.sim.simulate import simulate
@@ -85,7 +85,7 @@ def test_who_reads_another_output_is_refused_each_time(records):
     scenario = records[0].override({"output": "increment"})
     for _ in range(2):
         with pytest.raises(EstimatorError, match="reads 'speed'"):
-            check_made(parse('frozen[output="speed"]'), scenario)
+            ready(parse('frozen[output="speed"]'), scenario)
 
 
 def test_the_control_that_is_told_of_faults_is_one_for_each(records):
@@ -121,11 +121,11 @@ def test_only_so_many_are_kept(records, monkeypatch):
 def test_whether_it_could_be_made_is_found_out_once(records, monkeypatch):
     scenario, _ = records
     spec = parse("ekf")
-    check_made(spec, scenario)
+    ready(spec, scenario)
     monkeypatch.setattr(ready_, "made", lambda *_: pytest.fail("made again"))
-    check_made(spec, scenario.override({"fault[0].factor": 2.0}))
+    ready(spec, scenario.override({"fault[0].factor": 2.0}))
     monkeypatch.undo()
     wrong = parse("rpem-forgetting[forgetting=2.0]")
     for _ in range(2):
         with pytest.raises(EstimatorError, match="forgetting"):
-            check_made(wrong, scenario)
+            ready(wrong, scenario)

@@ -15,7 +15,7 @@ from flexaxis.experiments.reporting.run import page as run_page
 from flexaxis.experiments.reporting.tables import TERMS
 from flexaxis.experiments.results import pooled
 from flexaxis.experiments.running.study import Study
-from flexaxis.experiments.running.traces import Traces
+from flexaxis.experiments.storage.traces import Traces
 from flexaxis.experiments.studies.benchmark import Benchmark, benchmark
 from tests.experiments.kept_rows import change, scores_of
 from tests.experiments.page_data import charts_of, lines, page_data, table, text_of

@@ -14,10 +14,10 @@ from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
 from flexaxis.experiments.logs.prepare import LOWEST, highpass_filter, prepare
 from flexaxis.experiments.logs.reading.log import Log
 from flexaxis.experiments.running import seeds
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
 from flexaxis.experiments.running.processes import MOST, check_jobs
 from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.definition import study_from
 from flexaxis.sim.errors import FlexaxisError
 

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import stopping
-from flexaxis.experiments.running.dispatch import spread
+from flexaxis.experiments.running import interrupts as stopping
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import NotRun
 from flexaxis.experiments.running.interrupts import one_stage, two_stage
 from flexaxis.experiments.running.plan import make_plan
+from flexaxis.experiments.running.processes import spread
 from flexaxis.experiments.running.study import Study
 from flexaxis.experiments.running.work import run_unit
+from flexaxis.experiments.storage.errors import NotRun
 from tests.experiments.kept_rows import lines_of, scores_of
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals differ on Windows")

@@ -10,11 +10,12 @@ import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.columns import COLUMNS
 from flexaxis.experiments.running.engine import run_study
-from flexaxis.experiments.running.errors import StudyError
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.store import row_files, rows_in
+from flexaxis.experiments.storage.columns import COLUMNS
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 from flexaxis.experiments.studies.definition import load_study, study_from
 from flexaxis.sim.scenario import Scenario
 from tests.experiments.kept_rows import change
@@ -393,9 +394,9 @@ def test_exports_hold_the_same_rows(finished, capsys, tmp_path):
 def test_a_missing_package_is_named_with_the_line_that_installs_it(finished, monkeypatch):
     import sys
 
-    monkeypatch.setitem(sys.modules, "pandas", None)  # import then fails
-    with pytest.raises(StudyError, match="pip install pandas"):
-        Results.load(finished[0]).to_dataframe()
+    monkeypatch.setitem(sys.modules, "xarray", None)  # import then fails
+    with pytest.raises(StudyError, match="pip install xarray"):
+        Results.load(finished[0]).to_xarray()
 
 
 def test_no_axis_can_take_the_name_of_a_column():

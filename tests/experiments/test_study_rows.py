@@ -7,21 +7,21 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.running import dispatch as spread
+from flexaxis.experiments.running import processes
 from flexaxis.experiments.running.engine import Means, run_study
-from flexaxis.experiments.running.errors import NotRun, StudyError
 from flexaxis.experiments.running.plan import make_plan
-from flexaxis.experiments.running.store import Store
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.store import Store
 from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, change, lines_of, scores_of
 
@@ -144,8 +144,8 @@ class Pool:
             future.set_result(work(unit))
         return future
 
-    def ask(self):
-        """Nobody does."""
+    def shutdown(self, **how):
+        """End nothing."""
 
 
 @pytest.mark.parametrize("deaths", [1, 2])
@@ -158,12 +158,11 @@ def test_a_pool_that_breaks_is_replaced_and_nothing_is_lost(stubs, tmp_path, mon
         killed.extend([unit.seeds[0]] * due)
         return due
 
-    @contextmanager
-    def process_pool(jobs):
+    def started(jobs):
         pools.append(jobs)
-        yield Pool(dies)
+        return Pool(dies), threading.Event()
 
-    monkeypatch.setattr(spread, "process_pool", process_pool)
+    monkeypatch.setattr(processes, "_started", started)
     run_study(study(20), tmp_path, means=Means(jobs=2, work=stubs.quick))
     assert complete(tmp_path, 80)
     assert len(killed) == deaths * 2 and {1, 2} == set(pools)
@@ -184,20 +183,14 @@ def test_a_unit_that_always_kills_its_process_is_named(stubs, tmp_path):
         run_study(study(10), tmp_path, means=Means(jobs=2, work=partial(stubs.dies_on, 1005)))
 
 
-def test_a_unit_that_fails_elsewhere_is_tried_again_and_named(stubs, tmp_path):
+def test_a_unit_that_fails_elsewhere_is_named(stubs, tmp_path):
     from concurrent.futures import ThreadPoolExecutor
 
-    tried = []
-
-    def flaky(unit):
-        tried.append(unit)
-        return (stubs.fails if len(tried) < 3 else stubs.quick)(unit)
-
-    with ThreadPoolExecutor(1) as executor:
-        run_study(study(1), tmp_path / "1", Means(executor=executor, work=flaky))
-        assert complete(tmp_path / "1", 4) and len(tried) == 2 + 2
-        with pytest.raises(StudyError, match=r"3 attempts on fm_step-v1.*OSError: the network"):
-            run_study(study(1), tmp_path / "2", Means(executor=executor, work=stubs.fails))
+    with (
+        ThreadPoolExecutor(1) as executor,
+        pytest.raises(StudyError, match=r"given up on fm_step-v1.*OSError: the network"),
+    ):
+        run_study(study(1), tmp_path, Means(executor=executor, work=stubs.fails))
 
 
 def test_only_so_many_units_are_out_at_a_time(stubs, tmp_path):
@@ -259,6 +252,7 @@ import sys
 sys.path.insert(0, {here!r})
 import study_stubs
 from pathlib import Path
+from flexaxis.experiments.running import processes
 from flexaxis.experiments.running.engine import Means, run_study
 from flexaxis.experiments.studies.definition import study_from
 run_study(study_from({study!r} | {{"seeds": {seeds}}}), Path({folder!r}),

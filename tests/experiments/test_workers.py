@@ -1,16 +1,15 @@
 """Processes that are lent again and again: the same ones, until one of them is lost."""
 
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from flexaxis.experiments.running import processes
-from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.engine import Means
-from flexaxis.experiments.running.processes import Workers
+from flexaxis.experiments.running.processes import Workers, spread
 
 
 def alive(pid):
@@ -24,13 +23,11 @@ def alive(pid):
 def test_calls_share_a_pool_until_one_is_left(monkeypatch):
     pools = []
 
-    @contextmanager
-    def process_pool(jobs):
-        with ThreadPoolExecutor(jobs) as pool:
-            pools.append(pool)
-            yield pool
+    def started(jobs):
+        pools.append(ThreadPoolExecutor(jobs))
+        return pools[-1], threading.Event()
 
-    monkeypatch.setattr(processes, "process_pool", process_pool)
+    monkeypatch.setattr(processes, "_started", started)
     with Workers(2) as workers:
         for _ in range(2):
             assert sorted(spread([-1, -2], abs, jobs=2, workers=workers)) == [1, 2]

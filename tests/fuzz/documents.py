@@ -11,7 +11,8 @@ import h5py
 import numpy as np
 from scipy.io import savemat
 
-from flexaxis.experiments.running.store import row_files, rows_in
+from flexaxis.experiments.storage.schema import row_files
+from flexaxis.experiments.storage.store import rows_in
 
 ROOT = Path(__file__).parents[2]
 

@@ -17,10 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from flexaxis.experiments.catalogue.find import find_scenario
-from flexaxis.experiments.running.store import Store
-from flexaxis.experiments.running.units import varied
+from flexaxis.experiments.running.study import varied
 from flexaxis.experiments.running.work import made_with
 from flexaxis.experiments.scoring.table import SCORES, undefined
+from flexaxis.experiments.storage.store import Store
 
 BASE, METHODS, NAMES = "fm_step-v1", ("rpem-forgetting", "glr"), ("k_T", "1/J_a", "f_m")
 AXES = {"fault[0].factor": (1.1, 1.5, 2.0, 3.0, 4.0), "start": (1.0, 1.1, 1.2, 1.3)}
@@ -103,7 +103,7 @@ def _scores(name, finds, rng):
 
 WHAT = {
     "open": "Results.load(folder)",
-    "columns": "results.table",
+    "columns": "len(results)",
     "report": "write_report(results)",
     "summary": "results.pooled()",
     "csv": "export_csv(results, folder / 'out.csv')",
@@ -124,7 +124,7 @@ took = time.perf_counter() - before
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(took, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 if sys.argv[2] != "open":
-    assert len(results.table) % 6 == 0 < len(results.table), "no rows were read"
+    assert len(results) % 6 == 0 < len(results), "no rows were read"
 """
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.results.pooled import _load_curves
-from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim import hdf5_apart
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.hdf5_apart import gone_through

@@ -17,12 +17,12 @@ from flexaxis.experiments.reporting.run import first, measures, over_time, singl
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.pooled import Pooled
 from flexaxis.experiments.results.results import Results, Rows
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.names import SUMMARY
 from flexaxis.experiments.scoring import mismatch, ranking
 from flexaxis.experiments.scoring.curves import Curve
 from flexaxis.experiments.scoring.described import known_structure
 from flexaxis.experiments.scoring.tracks import track_of
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.names import SUMMARY
 from flexaxis.sim.scenario import Scenario, stored_scenario
 
 TEMPLATE = "reporting/templates/run.html"

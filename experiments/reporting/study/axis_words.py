@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from flexaxis.experiments.running.axes import ALL
+from flexaxis.experiments.running.study import ALL
 from flexaxis.sim.law_parameters import LAW_UNITS
 from flexaxis.sim.parameters import PARAMETER_UNITS
 

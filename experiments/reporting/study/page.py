@@ -20,9 +20,9 @@ from flexaxis.experiments.reporting.study.words import finding
 from flexaxis.experiments.reporting.terminal import failures_in_words
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.columns import axis_kind
-from flexaxis.experiments.running.files import write_text
-from flexaxis.experiments.running.names import REPORT
+from flexaxis.experiments.storage.columns import axis_kind
+from flexaxis.experiments.storage.files import write_text
+from flexaxis.experiments.storage.names import REPORT
 
 BINS = 8  # of an axis with too many values to draw each
 MANY = 24  # values of an axis that are drawn each

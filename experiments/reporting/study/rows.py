@@ -8,7 +8,7 @@ from typing import Any
 from flexaxis.experiments.reporting.study.charts import short
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
-from flexaxis.experiments.running.axes import applies, is_option
+from flexaxis.experiments.running.study import applies, is_option
 
 FEW = 9  # that a chart tells apart: as many as there are colours
 

@@ -54,7 +54,7 @@ def scores_tables(results: Results, bins: Bins) -> list[Table]:
         *(Column(axis_words(axis, results.study)) for axis in axes),
         Column("parameter", kind="text"),
     ]
-    rows = groups.first(LINES).pooled(SHOWN, results.scenario)
+    rows = groups.first(LINES).pooled(SHOWN)
     left = len(groups) - LINES
     words = (f"{left} more lines are left out. " if left > 0 else "") + WORDS
     still = [column.heading not in NEED_A_CHANGE for column in SCORES]

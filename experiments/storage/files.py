@@ -1,10 +1,14 @@
-"""Files that are written whole or not at all, and said in one line where they cannot be."""
+"""Files that are written whole or not at all, never over what they are made of.
+
+Where they cannot be, one line says so.
+"""
 
 from __future__ import annotations
 
 import errno
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,6 +16,8 @@ from typing import Any
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
 from flexaxis.sim.reading import Refusal, json_value, read_text
+
+Given = str | os.PathLike[str] | None
 
 
 class OutputError(FlexaxisError):
@@ -99,3 +105,36 @@ def as_written(folder: Path) -> Iterator[None]:
             f"{folder}: its files are damaged, changed by hand, or of another version: {error!r}. "
             "Make the result again"
         ) from error
+
+
+def spare(inputs: Iterable[Given], *outputs: Given) -> None:
+    """Refuse to write over an input; to be called before anything is computed.
+
+    Parameters
+    ----------
+    inputs : iterable of path or str
+        What the command reads. None is allowed, and so is what is not there, such as the name of
+        a scenario, for that cannot be lost.
+    *outputs : path or None
+        What it will write.
+
+    Raises
+    ------
+    OutputError
+        If an output is one of the inputs, by whatever path, link or name it is called.
+    """
+    read = [Path(given) for given in inputs if given and os.path.exists(given)]
+    for output in (Path(given) for given in outputs if given):
+        if any(same(output, given) for given in read):
+            raise OutputError(
+                f"{output} is read by this command and would be overwritten: choose another place "
+                "with -o"
+            )
+
+
+def same(one: Path, other: Path) -> bool:
+    """Whether two paths are one file or folder, also where a part of a path is not there yet."""
+    try:
+        return os.path.samefile(one, other)
+    except OSError:  # at least one does not exist
+        return one.resolve() == other.resolve()

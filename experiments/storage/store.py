@@ -17,24 +17,21 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.columns import KEY, flat, nested
-from flexaxis.experiments.running.files import dumps
-from flexaxis.experiments.running.schema import (
+from flexaxis.experiments.storage.columns import KEY, flat, nested
+from flexaxis.experiments.storage.files import dumps
+from flexaxis.experiments.storage.schema import (
     CASE,
     ROW,
     STORED,
     TEXTS,
     connect,
-    file_of,
     quoted,
-    row_files,
     said,
     tables,
 )
 
 Row = dict[str, Any]
 _MARKS = ", ".join("?" * len(STORED))
-__all__ = ["CASE", "STORED", "TEXTS", "Lines", "Store", "connect", "file_of", "row_files", "said"]
 
 
 class Store:
@@ -56,17 +53,17 @@ class Store:
     def __init__(self, path: Path | None, axes: Sequence[str] = ()) -> None:
         self._path, self._ids = path, dict[str | None, int]()
         with self._said():
-            self._db = connect(path, write=True)
+            self.db = connect(path, write=True)
             with self._transaction():
-                if not self._db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone():
+                if not self.db.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone():
                     for line in tables(axes):
-                        self._db.execute(line)
+                        self.db.execute(line)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._db.close()
+        self.db.close()
 
     def add(self, rows: Sequence[Row], traces: Sequence[tuple[Row, bytes]] = ()) -> None:
         """Add rows, all or none of them; what is there already stays as it is.
@@ -79,29 +76,29 @@ class Store:
             What figures are drawn from, each with a row of its case.
         """
         with self._said(), self._transaction():
-            self._db.executemany(f"INSERT OR IGNORE INTO cells VALUES ({_MARKS})",
+            self.db.executemany(f"INSERT OR IGNORE INTO cells VALUES ({_MARKS})",
                                  [self._stored(row) for row in rows])  # fmt: skip
-            self._db.executemany("INSERT OR IGNORE INTO traces VALUES (?, ?, ?, ?, ?)",
+            self.db.executemany("INSERT OR IGNORE INTO traces VALUES (?, ?, ?, ?, ?)",
                                  [(*self._key(row), trace) for row, trace in traces])  # fmt: skip
 
     def rows(self, scenario_hash: str, estimator: str, code: str | None) -> list[Row]:
         """Return the rows of an estimator on a scenario, in the order in which they came."""
         with self._said():
-            return list(_read(self._db, OF_CASES, (estimator, code, scenario_hash)))
+            return list(_read(self.db, OF_CASES, (estimator, code, scenario_hash)))
 
     def done(self, codes: Mapping[str, str | None]) -> NDArray[np.uint64]:
         """Return the cases of some estimators, by their text, with some code; sorted."""
         with self._said():
-            return done_in(self._db, codes)
+            return done_in(self.db, codes)
 
     def take(self, other: Path) -> int:
         """Add the rows of another file; return how many cases it has."""
         with self._said():
-            self._db.execute("ATTACH ? AS other", (other.resolve().as_uri() + "?mode=ro",))
+            self.db.execute("ATTACH ? AS other", (other.resolve().as_uri() + "?mode=ro",))
             with self._transaction():
                 for line in _TAKE:
-                    self._db.execute(line)
-            self._db.execute("DETACH other")
+                    self.db.execute(line)
+            self.db.execute("DETACH other")
         with closing(connect(other)) as db:
             return cases_in(db)
 
@@ -109,7 +106,7 @@ class Store:
     def cases(self) -> int:
         """How many it has."""
         with self._said():
-            return cases_in(self._db)
+            return cases_in(self.db)
 
     def _stored(self, row: Row) -> list[Any]:
         line = flat(row)
@@ -125,8 +122,8 @@ class Store:
         if text is None:
             return 0
         if text not in self._ids:
-            self._db.execute("INSERT OR IGNORE INTO texts (text) VALUES (?)", (text,))
-            found = self._db.execute("SELECT id FROM texts WHERE text = ?", (text,)).fetchone()
+            self.db.execute("INSERT OR IGNORE INTO texts (text) VALUES (?)", (text,))
+            found = self.db.execute("SELECT id FROM texts WHERE text = ?", (text,)).fetchone()
             self._ids[text] = int(found[0])
         return self._ids[text]
 
@@ -135,14 +132,14 @@ class Store:
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
-        self._db.execute("BEGIN IMMEDIATE")
+        self.db.execute("BEGIN IMMEDIATE")
         try:
             yield
-            self._db.execute("COMMIT")
+            self.db.execute("COMMIT")
         except BaseException:  # Ctrl-C too
             self._ids.clear()
-            if self._db.in_transaction:  # a full disk has ended it already
-                self._db.execute("ROLLBACK")
+            if self.db.in_transaction:  # a full disk has ended it already
+                self.db.execute("ROLLBACK")
             raise
 
 
@@ -163,24 +160,24 @@ class Lines:
     def __init__(self, path: Path) -> None:
         self._path = path
         with said(path):
-            self._db = connect(path, write=True)
-            self._db.execute("CREATE TABLE IF NOT EXISTS lines (key TEXT PRIMARY KEY, line TEXT)")
+            self.db = connect(path, write=True)
+            self.db.execute("CREATE TABLE IF NOT EXISTS lines (key TEXT PRIMARY KEY, line TEXT)")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._db.close()
+        self.db.close()
 
     def all(self) -> dict[str, Row]:
         """Return all of them, by their keys."""
         with said(self._path):
-            return {k: json.loads(v) for k, v in self._db.execute("SELECT key, line FROM lines")}
+            return {k: json.loads(v) for k, v in self.db.execute("SELECT key, line FROM lines")}
 
     def put(self, key: str, line: Row) -> None:
         """Keep one, in the place of what has this key."""
         with said(self._path):
-            self._db.execute("INSERT OR REPLACE INTO lines VALUES (?, ?)", (key, dumps(line)))
+            self.db.execute("INSERT OR REPLACE INTO lines VALUES (?, ?)", (key, dumps(line)))
 
 
 _TAKEN = ", ".join(

@@ -8,8 +8,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.errors import StudyError
-from flexaxis.experiments.running.files import dumps, new_file
+from flexaxis.experiments.storage.errors import StudyError
+from flexaxis.experiments.storage.files import dumps, new_file
 from flexaxis.sim.reading import json_value
 
 _NAME = re.compile(r"(?:scores|rows)(?:-\d+-of-\d+)?\.jsonl")  # called rows once

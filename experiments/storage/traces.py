@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.running.files import OutputError
-from flexaxis.experiments.running.store import OF_CASES, connect, row_files, said
 from flexaxis.experiments.scoring.curves import Detail
+from flexaxis.experiments.storage.files import OutputError
+from flexaxis.experiments.storage.schema import connect, row_files, said
+from flexaxis.experiments.storage.store import OF_CASES
 
 Array = NDArray[np.float32]
 

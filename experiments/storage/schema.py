@@ -11,9 +11,9 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from flexaxis.experiments.running.columns import COLUMNS, KEY
-from flexaxis.experiments.running.errors import NotRun, StudyError
-from flexaxis.experiments.running.files import OutputError
+from flexaxis.experiments.storage.columns import COLUMNS, KEY
+from flexaxis.experiments.storage.errors import NotRun, StudyError
+from flexaxis.experiments.storage.files import OutputError
 
 PATIENCE = 600.0  # s for which another process may write
 CASE = "case"  # 64 bits
@@ -70,6 +70,12 @@ def shown(name: str) -> str:
 ROW = ", ".join(map(shown, STORED))
 
 
+def of_axis(axis: str, text: str) -> str:
+    """Return what gives the value on an axis, from the text of all axes."""
+    path = '$."' + axis.replace("'", "''") + '"'
+    return f"json_extract({text}, '{path}')"
+
+
 def tables(axes: Sequence[str]) -> Iterator[str]:
     """Yield what makes the tables of a new file, and the view for everybody."""
     yield "CREATE TABLE texts (id INTEGER PRIMARY KEY, text TEXT UNIQUE)"
@@ -82,9 +88,7 @@ def tables(axes: Sequence[str]) -> Iterator[str]:
         "trace BLOB, PRIMARY KEY (estimator, code, hash, seed))"
     )
     columns_shown = [f"{shown(name)} AS {quoted(name)}" for name in COLUMNS]
-    for axis in axes:
-        path = '$."' + axis.replace("'", "''") + '"'
-        columns_shown.append(f"json_extract({shown('axes')}, '{path}') AS {quoted(axis)}")
+    columns_shown += [f"{of_axis(axis, shown('axes'))} AS {quoted(axis)}" for axis in axes]
     yield f"CREATE VIEW scores AS SELECT {', '.join(columns_shown)} FROM cells"
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from flexaxis.experiments.running.names import STUDY
+from flexaxis.experiments.storage.names import STUDY
 from flexaxis.sim.errors import FlexaxisError
 
 
@@ -23,3 +25,17 @@ def no_study(folder: Path, reason: Exception | None = None) -> StudyError:
         f"{folder} is not the folder of a run or a study ({why}). "
         "Make one with `flexaxis run … -o FOLDER` or `flexaxis study FILE.toml -o FOLDER`"
     )
+
+
+def needed(package: str) -> Any:
+    """Return an optional package, or say how to install it.
+
+    Raises
+    ------
+    StudyError
+        If it is not installed.
+    """
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise StudyError(f"this needs {package}: python -m pip install {package}") from error
