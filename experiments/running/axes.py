@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 ALL = "estimator"  # before the name of an option: that of every estimator
+SIZE = re.compile(r"fault\[(\d+)\]\.factor")  # the size of a fault
 
 
 def applies(key: str, estimator: str) -> bool:
