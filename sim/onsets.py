@@ -24,6 +24,11 @@ def drawn(scenario: Scenario, seed: int) -> Scenario:
     return known[seed]
 
 
+def first_onset(scenario: Scenario) -> int:
+    """Return the sample of the first fault; one of no size (factor 1) has an onset as well."""
+    return min(scenario.grid.index(fault.at) for fault in scenario.fault)
+
+
 def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
     """Return the keys of a scenario that are other in the run of a seed, with their values.
 
@@ -42,8 +47,8 @@ def _moved(scenario: Scenario, seed: int) -> dict[str, Any]:
     period, most = scenario.period, sample_index(scenario.onset_spread, scenario.period)
     allowed = np.arange(-most, most + 1)
     pauses = getattr(scenario.excitation, "pause", ())
-    if scenario.events() and not pauses:  # else the pauses come along
-        first, moves = scenario.events()[0].index, scenario.excited()
+    if scenario.fault and not pauses:  # else the pauses come along
+        first, moves = first_onset(scenario), scenario.excited()
         allowed = allowed[moves[first + allowed] == moves[first]]
     by = int(stream(scenario.key, seed, "onset").choice(allowed))
 

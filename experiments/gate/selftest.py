@@ -22,8 +22,8 @@ from flexaxis.experiments.gate.pairs import pair
 from flexaxis.experiments.gate.trials import NONE, SURE, Promise, Trial, trials
 from flexaxis.experiments.running.bench import Bench
 from flexaxis.experiments.running.engine import Means
+from flexaxis.experiments.scoring.intervals import share_interval
 from flexaxis.experiments.scoring.ranking import REFERENCE
-from flexaxis.experiments.scoring.statistics import rate_interval
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.scenario import Scenario
 
@@ -68,9 +68,9 @@ class Rate:
         return self.count / self.comparisons
 
     @property
-    def interval(self) -> tuple[float, float]:
+    def interval(self) -> list[float]:
         """Exact 95 % interval of the rate."""
-        return rate_interval(self.count, self.comparisons)
+        return share_interval(np.arange(self.comparisons) < self.count)
 
     @property
     def kept(self) -> bool:

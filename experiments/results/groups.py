@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flexaxis.experiments.scoring import pooling
+from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.theta import physical
 from flexaxis.experiments.storage.schema import CASE
 from flexaxis.sim.parameters import PARAMETER_NAMES
@@ -140,12 +141,19 @@ class _Columns(Mapping[str, Array]):
 
 
 def _alarms(columns: Mapping[str, Array], pooled: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how long the axis moved, and how many false alarms that is in an hour."""
+    """Return how long the axis moved, and how many false alarms an hour without a fault has."""
     hours = float(np.nansum(columns["seconds"]) / 3600)
-    if not pooled.get("detection") or not hours:
-        return {"false_alarms_per_hour": None, "hours": hours}
-    alarms = float(np.nansum(columns["detection.false_alarms"]))
-    return {"false_alarms_per_hour": alarms / hours, "hours": hours}
+    found = {"false_alarms_per_hour": None, "false_alarms_per_hour_interval": None, "hours": hours}
+    # Rows that were made before it was kept have all of the time.
+    calm = float(np.nansum(columns["detection.calm"])) / 3600 or hours
+    if not pooled.get("detection") or not calm:
+        return found
+    counts = np.nan_to_num(columns["detection.false_alarms"])
+    within = rate_interval(counts, calm, columns["seed"])
+    return found | {
+        "false_alarms_per_hour": float(counts.sum()) / calm,
+        "false_alarms_per_hour_interval": within,
+    }
 
 
 def grouped(

@@ -20,6 +20,7 @@ from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.pooling import Case, scored
 from flexaxis.experiments.scoring.theta import known_names
 from flexaxis.experiments.scoring.windows import claimed_at
+from flexaxis.sim.onsets import first_onset
 from flexaxis.sim.record import Record
 from flexaxis.sim.scenario import Scenario
 from flexaxis.sim.timing import sample_index
@@ -73,7 +74,7 @@ def identity_of(scenario: Scenario, estimator: str, seed: int | None) -> dict[st
     }
     if scenario.onset_spread is None:
         return found
-    return found | {"onset": scenario.drawn(seed or 0).events()[0].index * scenario.period}
+    return found | {"onset": first_onset(scenario.drawn(seed or 0)) * scenario.period}
 
 
 def run_case(

@@ -6,6 +6,7 @@ A run is a study without axes: its points are one, at which nothing is changed.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,6 +18,7 @@ from flexaxis.sim.scenario import Scenario
 Point = dict[str, Any]
 """Values by dotted key, one for each axis."""
 ALL = "estimator"  # before the name of an option: that of every estimator
+SIZE = re.compile(r"fault\[(\d+)\]\.factor")  # the size of a fault
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri, stdtrit
+from scipy.special import betaincinv, chdtri, stdtrit
 from scipy.stats import binom
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def median_interval(
     """Return the interval of the median by order statistics; an end at infinity is None.
 
     Where seeds come more than once, of as many independent values as would leave the share of
-    those below the median as uncertain as it is (L. Kish, *Survey Sampling*, 1965, section 8.2).
+    those below the median as uncertain as it is (`_independent`).
 
     Parameters
     ----------
@@ -119,17 +119,74 @@ def median_interval(
     """
     x = np.sort(np.asarray(values, float))
     n = m = len(x)
-    if seeds is not None and points is not None and (m := _numbered(seeds)[1]) < n:
+    if seeds is not None and points is not None and _numbered(seeds)[1] < n:
         middle, each = x[[(n - 1) // 2, n // 2]], np.asarray(values, float)
         below = ((each <= middle[0]) * 1.0 - (each >= middle[1])) / 2
-        variance = float(by_seed(below, seeds, points).var(ddof=1)) / m if m > 1 else 0.0
-        m = int(np.clip(0.25 / variance, m, n)) if variance > 0 else n
+        m = int(_independent(below, 0.25, seeds, points))
     if m < LEAST:
         return None
     rank = int(binom.ppf(MISS / 2, m, 0.5)) * n // m
     if rank < 1:  # six values are the fewest that hold the median so surely
         return None
     return [float(v) if np.isfinite(v) else None for v in (x[rank - 1], x[n - rank])]
+
+
+def _independent(values: Array, variance: float, seeds: ArrayLike, points: ArrayLike) -> float:
+    """Return of how many independent values with a variance the mean would be as uncertain.
+
+    L. Kish, *Survey Sampling*, 1965, section 8.2; as many as there are seeds at least.
+    """
+    n, m = len(values), _numbered(seeds)[1]
+    of_mean = float(by_seed(values, seeds, points).var(ddof=1)) / m if m > 1 else 0.0
+    return float(np.clip(variance / of_mean, m, n)) if of_mean > 0 else n
+
+
+def share_interval(
+    yes: ArrayLike, seeds: ArrayLike | None = None, points: ArrayLike | None = None
+) -> Interval:
+    """Return the interval of a share of runs (C. J. Clopper and E. S. Pearson, 1934).
+
+    Where seeds come more than once, of as many independent runs as are as uncertain; a share of
+    none or all tells nothing of that, and then each seed counts once.
+
+    Parameters
+    ----------
+    yes : (n,) array_like of bool
+    seeds, points : (n,) array_like, optional
+        As for `by_seed`; without, each run is of a seed of its own.
+    """
+    x = np.asarray(yes, float)
+    share, n = float(x.mean()), float(len(x))
+    if seeds is not None and points is not None and (m := _numbered(seeds)[1]) < n:
+        n = _independent(x, share * (1 - share), seeds, points) if 0 < share < 1 else m
+    k = share * n
+    low = float(betaincinv(k, n - k + 1, MISS / 2)) if k > 0 else 0.0
+    return [low, float(betaincinv(k + 1, n - k, 1 - MISS / 2)) if k < n else 1.0]
+
+
+def rate_interval(counts: ArrayLike, exposure: float, seeds: ArrayLike) -> Interval:
+    """Return the interval of a rate of events, over the unit of the exposure.
+
+    The exact one of a Poisson process (F. Garwood, Biometrika 28, 1936, 437–442); of no event the
+    one-sided limit, 3.0 over the exposure. Where events come in storms, each counts for less, by
+    the dispersion of the counts of seeds.
+
+    Parameters
+    ----------
+    counts : (n,) array_like
+        Of the runs.
+    exposure : float
+        Of all of them together.
+    seeds : (n,) array_like
+        Of the runs.
+    """
+    place, m = _numbered(seeds)
+    each = np.bincount(place, weights=np.asarray(counts, float), minlength=m)
+    total = float(each.sum())
+    storm = max(1.0, float(each.var(ddof=1)) / each.mean()) if m > 1 and total else 1.0
+    k, miss = total / storm, MISS / 2 if total else MISS
+    low = float(chdtri(2 * k, 1 - miss)) / 2 if total else 0.0
+    return [storm * end / exposure for end in (low, float(chdtri(2 * k + 2, miss)) / 2)]
 
 
 def spread_interval(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.scoring.intervals import rate_interval
 from flexaxis.experiments.scoring.ranking import CONTROLS, REFERENCE, leaders
 from flexaxis.experiments.scoring.theta import known_names, nominal_theta, theta_over_time
 from flexaxis.sim.scenario import Scenario
@@ -106,16 +107,23 @@ def mismatch_in_words(
             ". Not ranked where the bias before a fault is more than half of its size, for the "
             f"estimate was wrong already: {', '.join(passed)}"
         )
-    alarms: dict[str, list[float]] = {}
+    return f"{text}{_false_alarms([row for row in rows if row['scenario'] in names])}."
+
+
+def _false_alarms(rows: Sequence[Row]) -> str:
+    """Return how many false alarms each has raised, in how long, and what that allows."""
+    cases: dict[str, dict[str, Row]] = {}
     for row in rows:
-        if row["scenario"] in names and row.get("detection"):
-            rate = row["detection"]["false_alarms_per_1000_s"]
-            alarms.setdefault(row["estimator"], []).append(rate)
-    if alarms:
-        text += ". False alarms in 1000 s: " + ", ".join(
-            f"{estimator} {np.mean(counts):.2g}" for estimator, counts in alarms.items()
-        )
-    return text + "."
+        if (row.get("detection") or {}).get("calm"):
+            cases.setdefault(row["estimator"], {})[row["scenario"]] = row
+    said = []
+    for estimator, each in cases.items():
+        counts = [row["detection"]["false_alarms"] * row["runs"] for row in each.values()]
+        hours = sum(row["detection"]["calm"] for row in each.values()) / 3600
+        low, high = rate_interval(counts, hours, range(len(counts)))
+        within = f"{low:.2g} to {high:.2g}" if low else f"at most {high:.2g}"
+        said.append(f"{estimator} {sum(counts):.0f} in {hours:.2g} h ({within} an hour)")
+    return f". False alarms: {', '.join(said)}" if said else ""
 
 
 def _key(row: Row) -> tuple[str, str, str]:

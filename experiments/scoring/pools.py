@@ -22,6 +22,7 @@ from flexaxis.experiments.scoring.intervals import (
     by_seed,
     mean_interval,
     median_interval,
+    rate_interval,
     spread_interval,
     t_interval,
 )
@@ -146,7 +147,8 @@ def parts(names: Sequence[str], statistic: Callable[[Array], float]) -> Pool:
 def found(names: Sequence[str]) -> Pool:
     """Return the pool of what findings are worth: the mean of each part, missed of all faults.
 
-    A run that failed had the faults of the others, and missed them.
+    A run that failed had the faults of the others, and missed them. ``calm`` is all the time in
+    which an alarm is a false one, and ``false_alarms_interval`` how many it allows in 1000 s.
     """
 
     def pooled(columns: Columns, name: str) -> Pooled:
@@ -156,9 +158,21 @@ def found(names: Sequence[str]) -> Pool:
         means = {key: finite(float(x.mean())) if x.size else None for key, x in part.items()}
         failed = float(np.sum(columns["failed"] > 0)) * float(part["faults"].mean())
         faults, missed = part["faults"].sum() + failed, part["missed"].sum() + failed
-        return {name: means | {"missed": float(missed / faults) if faults else 0.0}}
+        more = {"missed": float(missed / faults) if faults else 0.0}
+        return {name: means | more | _false_alarms(columns, name)}
 
     return pooled
+
+
+def _false_alarms(columns: Columns, name: str) -> Pooled:
+    """Return the exposure of the runs [s], and the interval of their rate of false alarms."""
+    calm = columns[f"{name}.calm"]
+    here = ~np.isnan(calm)
+    if not here.any():  # rows that were made before it was kept
+        return {"calm": None, "false_alarms_interval": None}
+    total, counts = float(calm[here].sum()), columns[f"{name}.false_alarms"][here]
+    within = rate_interval(counts, total / 1000, columns["seed"][here])
+    return {"calm": total, "false_alarms_interval": within}
 
 
 def spread(std: ArrayLike, bias: ArrayLike) -> float:

@@ -203,11 +203,3 @@ def first_above(decided: Callable[[int], bool], start: int) -> int | None:
         middle = (low + high) // 2
         low, high = (low, middle) if decided(middle) else (middle, high)
     return high if high <= MOST_SEEDS else None
-
-
-def rate_interval(count: int, total: int) -> tuple[float, float]:
-    """Return the exact 95 % interval of a rate (Clopper and Pearson)."""
-    from scipy.stats import binomtest
-
-    found = binomtest(count, total).proportion_ci(0.95, method="exact")
-    return float(found.low), float(found.high)

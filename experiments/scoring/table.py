@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from flexaxis.experiments.scoring import case, excess, innovations, limits, pools, theory
+from flexaxis.experiments.scoring import case, detection, excess, innovations, limits, pools, theory
 from flexaxis.experiments.scoring.case import Track
 from flexaxis.experiments.scoring.score import Kind, Score
 
@@ -219,15 +219,29 @@ SCORES: Mapping[str, Score] = {
         ),
         Score(
             "detection",
-            theory.detection_of,
+            detection.detection_of,
             "Changes that the estimator says it found: alarms and false ones a run, false ones in "
             "1000 s, delay, share of the faults missed, share of the found ones named rightly.",
-            pool=pools.found(theory.ALARMS),
-            parts=dict.fromkeys(theory.ALARMS, "")
-            | {"delay": "s", "false_alarms_per_1000_s": "1/(1000 s)"},
+            pool=pools.found(detection.ALARMS),
+            parts=dict.fromkeys(detection.ALARMS, "")
+            | {"delay": "s", "false_alarms_per_1000_s": "1/(1000 s)", "calm": "s"},
         ),
         Score(
-            "isolation", theory.isolation_of, "What each fault was taken for.", kind="text"
+            "find",
+            detection.find_of,
+            "The first finding after a fault in this parameter, or where the twin without it would "
+            "have it: how soon, and whether it names this parameter and no other.",
+            parts={"after": "s", "named": ""},
+        ),
+        Score(
+            "moved",
+            detection.moved_of,
+            "How far the estimate moves within 1 s at most: by seconds after a fault in it, or "
+            "where the twin would have it; and in the calm seconds that were watched.",
+            parts=dict.fromkeys(map(str, detection.WITHIN), "%") | {"calm": "%", "watched": "s"},
+        ),
+        Score(
+            "isolation", detection.isolation_of, "What each fault was taken for.", kind="text"
         ),
     )
 }  # fmt: skip

@@ -197,7 +197,7 @@ def _with_trajectories(
     return found, curves
 
 
-OF_A_STUDY = ("base", "method", "hours", "false_alarms_per_hour")
+OF_A_STUDY = ("base", "method", "hours", "false_alarms_per_hour", "false_alarms_per_hour_interval")
 FAILURE = ("scenario", "estimator", "seed", "error")
 
 

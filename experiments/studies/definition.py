@@ -17,7 +17,7 @@ from flexaxis.experiments.building import specs
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.running.seeds import END, parse_seeds
-from flexaxis.experiments.running.study import ALL, Point, Study, is_option
+from flexaxis.experiments.running.study import ALL, SIZE, Point, Study, is_option
 from flexaxis.experiments.storage.errors import StudyError
 from flexaxis.experiments.studies.design import MOST, Span, listed, product, sobol
 from flexaxis.sim.config import Config, Word
@@ -84,6 +84,7 @@ class StudyFile(Config):
     samples: Annotated[int, Field(ge=1, le=MOST)] | None = None
     design_seed: Annotated[int, Field(ge=0, lt=END)] = 0
     streams: Literal["common", "own"] = "common"
+    twins: bool = True
 
 
 def load_study(path: str | os.PathLike[str]) -> Study:
@@ -137,7 +138,7 @@ def study_from(
         estimators=tuple(dict.fromkeys(file.estimators)),
         seeds=file.seeds,
         axes=tuple(file.sweep),
-        points=tuple(_points(file)),
+        points=tuple([*_points(file), *_twins(file)]),
         streams=file.streams,
     )
 
@@ -152,6 +153,21 @@ def _points(file: StudyFile) -> list[Point]:
         spans = {key: Span.model_validate(value) for key, value in file.sweep.items()}
         return sobol(spans, file.samples or 1, file.design_seed)
     return (product if file.design == "product" else listed)(file.sweep) or [{}]
+
+
+def _twins(file: StudyFile) -> Iterator[Point]:
+    """Yield the points of a product with a fault of no size (factor 1) in its place, each once.
+
+    On the same streams they are the twins without it: what is found there is found by chance.
+    """
+    for size in filter(SIZE.fullmatch, file.sweep):
+        if (
+            file.twins
+            and file.streams == "common"
+            and file.design == "product"
+            and 1.0 not in file.sweep[size]
+        ):
+            yield from product({**file.sweep, size: [1.0]})
 
 
 def _design_problems(file: StudyFile) -> Iterator[Problem]:

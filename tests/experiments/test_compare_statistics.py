@@ -12,7 +12,6 @@ from flexaxis.experiments.scoring.statistics import (
     half_width,
     holm_levels,
     paired,
-    rate_interval,
     seeds_for_ratio,
     seeds_for_unseen,
     sign_p,
@@ -143,8 +142,3 @@ def test_the_number_of_seeds_is_the_first_that_decides(mean, sd):
 
 def test_seeds_that_no_one_has():
     assert seeds_for_ratio(LogRatios(8, 0.02, 0.5), 0.001, 0.02) is None
-
-
-def test_the_interval_of_a_rate():
-    """The upper end for 0 of n is 1 − .025^(1/n)."""
-    assert rate_interval(0, 1000) == pytest.approx((0, 1 - 0.025 ** (1 / 1000)))

@@ -50,7 +50,8 @@ def stubs(monkeypatch):
 
 
 def sweep_of(short_toml, **keys):
-    content = {"name": "s", "scenario": str(short_toml), "estimators": ["frozen"], "seeds": 3}
+    content = {"name": "s", "scenario": str(short_toml), "estimators": ["frozen"], "seeds": 3,
+               "twins": False}  # fmt: skip
     return study_from(content | keys)
 
 

@@ -248,11 +248,14 @@ def at_one_setting(name, lag, *, std=1.0, parameter="f_m", **options):
 def test_the_mismatch_track_in_words():
     names = ["coulomb_fm_step-v1", "fm_step-v1"]
     assert mismatched({name: find_scenario(name) for name in names}) == names[:1]
-    alarms = {"false_alarms_per_1000_s": 2.5}
-    rows = [row("m", "a", 4.0), row("m", "b", 2.0, detection=alarms), row("m", "c", 2.2)]
+    alarms = {"false_alarms": 0.5, "calm": 3600.0}
+    rows = [row("m", "a", 4.0), row("m", "b", 2.0, detection=alarms, runs=4), row("m", "c", 2.2)]
     tied = [at_one_setting("a", 4.0), at_one_setting("b", 2.0), at_one_setting("c", 2.01, own=0.3)]
     text = mismatch_in_words(rows, tied, ["m"])
-    assert "b in 1 of 1, c in 1 of 1" in text and "False alarms in 1000 s: b 2.5." in text
+    assert (
+        "b in 1 of 1, c in 1 of 1" in text
+        and "False alarms: b 2 in 1 h (0.24 to 7.2 an hour)." in text
+    )
     assert ": b in 1 of 1." in mismatch_in_words(
         [], [at_one_setting("a", 4.0), at_one_setting("b", 2.0)], ["m"]
     )

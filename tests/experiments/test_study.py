@@ -24,6 +24,7 @@ FILE = """\
 scenario = "short.toml"
 estimators = ["rpem-forgetting", "frozen"]
 seeds = 2
+twins = false
 [override]
 duration = 4.0
 "fault[0].at" = 2.5
@@ -151,7 +152,7 @@ def test_an_option_of_one_estimator_does_not_multiply_the_others():
 
 
 def test_points_that_define_the_same_run_are_one():
-    assert len(plan({"fault[0].factor": [1.5, 2.0, 1.5]}).variants) == 2
+    assert len(plan({"fault[0].factor": [1.5, 2.0, 1.5]}).variants) == 3  # and the twin
 
 
 def test_quotes_around_dotted_keys_are_optional(tmp_path):

@@ -26,7 +26,7 @@ from flexaxis.experiments.studies.definition import study_from
 from tests.experiments.kept_rows import cases_of, change, lines_of, scores_of
 
 HERE = Path(__file__).parent
-STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"],
+STUDY = {"name": "s", "scenario": "fm_step-v1", "estimators": ["frozen", "ekf"], "twins": False,
          "sweep": {"fault[0].factor": [1.5, 2.0]}}  # fmt: skip
 
 

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.catalogue.find import find_scenario
+from flexaxis.experiments.scoring import detection as findings
 from flexaxis.experiments.scoring import theory
 from flexaxis.experiments.scoring.bounds import jump_bound
 from flexaxis.experiments.scoring.case import Track
+from flexaxis.experiments.scoring.detection import detection
 from flexaxis.experiments.scoring.limits import Limits, bounded, limits, record_limits, score
 from flexaxis.experiments.scoring.table import rows
-from flexaxis.experiments.scoring.theory import detection, nees
+from flexaxis.experiments.scoring.theory import nees
 from flexaxis.experiments.scoring.theta import started_nominal, true_theta
 from flexaxis.sim.simulate import simulate
 
@@ -140,13 +142,19 @@ def test_what_all_parameters_share_is_made_once_and_is_its_own(torque, monkeypat
     truth = true_theta(NAMES, scenario.true_parameters())
     given = {"torque": torque, "claimed": np.eye(3), "findings": [Finding(2010, ("k_T",))]}
     shared = ("record_limits", "nees", "detection", "isolation")
+
+    def where(name):
+        return findings if name in {"detection", "isolation"} else theory
+
     single = [np.zeros(3), np.eye(3)], *[[scenario, NAMES, given["findings"]]] * 2
-    alone = [getattr(theory, name)(*each) for name, each in zip(shared[1:], single, strict=True)]
+    alone = [
+        getattr(where(name), name)(*each) for name, each in zip(shared[1:], single, strict=True)
+    ]
     made = []
     for name in shared:
-        make = getattr(theory, name)
+        make = getattr(where(name), name)
         monkeypatch.setattr(
-            theory, name, lambda *each, name=name, make=make: made.append(name) or make(*each)
+            where(name), name, lambda *each, name=name, make=make: made.append(name) or make(*each)
         )
     found = rows(Track(scenario, NAMES, truth, scenario.true_parameters(), **given))
     assert sorted(made) == sorted(shared)
@@ -171,4 +179,4 @@ def test_what_counts_as_an_alarm():
     nothing = detection(scenario, NAMES, [])
     assert nothing.missed == 2 and nothing.delay is None and nothing.isolated is None
     assert detection(scenario, NAMES, None) is None
-    assert theory.detection(scenario, NAMES, [Finding(2210, ("1/J_a",))]).isolated == 1.0
+    assert detection(scenario, NAMES, [Finding(2210, ("1/J_a",))]).isolated == 1.0

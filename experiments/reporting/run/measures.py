@@ -78,6 +78,14 @@ def _within(table: str, name: str) -> Callable[[Pooled], Cell]:
     return lambda row: scored((row.get(table) or {}).get(name), digits=2)
 
 
+def _false_alarms(row: Pooled) -> Cell:
+    """Return the rate of false alarms, with what the time in which they were counted allows."""
+    found = row.get("detection") or {}
+    ends, rate = found.get("false_alarms_interval"), found.get("false_alarms_per_1000_s")
+    within = f"{pair(ends)} in {found['calm'] / 3600:.2g} h" if ends else ""
+    return scored(rate, within=within, digits=2)
+
+
 _FURTHER: Mapping[str, Measure] = {
     "alarms": Measure(
         "alarms", "alarms", _within("detection", "alarms"),
@@ -88,7 +96,7 @@ _FURTHER: Mapping[str, Measure] = {
         "From the fault to the first alarm in its window."),
     "over_bound": Measure("× bound", "× bound", over_bound, TERMS["× bound"]),
     "false_alarms": Measure(
-        "false alarms", "false alarms / 1000 s", _within("detection", "false_alarms_per_1000_s"),
+        "false alarms", "false alarms / 1000 s", _false_alarms,
         TERMS["false alarms"]),
     "efficiency": Measure(
         "error over bound", "error after 200 samples / bound", _within("efficiency", "200"),

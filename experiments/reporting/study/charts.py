@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
 from flexaxis.experiments.reporting.study.findings import MISSED, SEVERAL, UNMODELLED, Alarms
+from flexaxis.experiments.results.finds import Finds
 
 Row = Mapping[str, Any]
 Array = NDArray[np.float64]
@@ -106,6 +107,30 @@ def _root_mean_squares(rows: Sequence[Row], axis: str) -> list[dict[str, Any]]:
         rms = float(np.sqrt(np.average(values, weights=weights)))
         found.append({"who": who, axis: value, "rms": rms})
     return found
+
+
+def finds(found: Sequence[Finds], *, label: str, words: str) -> Chart:
+    """Return the share of faults found over their size, a panel a scenario and parameter.
+
+    Parameters
+    ----------
+    found : sequence of Finds
+        From `flexaxis.experiments.results.finds.finds`, of one axis.
+    label : str
+        What the size is called.
+    words : str
+    """
+    panels = []
+    for base, parameter in dict.fromkeys((each.base, each.parameter) for each in found):
+        mine = [each for each in found if (each.base, each.parameter) == (base, parameter)]
+        rows = [
+            {"who": each.estimator, "size": each.size, "share": 100 * each.share,
+             "share_interval": [100 * end for end in each.share_interval]}
+            for each in mine
+        ]  # fmt: skip
+        lines = _lines(rows, "size", "share")
+        panels.append(Panel(y=f"{base}: {parameter} found [%]", lines=lines, y_range=(-3, 103)))
+    return Chart(title="Faults found", words=words, x=label, panels=panels, name="finds")
 
 
 def detection(found: Sequence[Alarms], *, words: str) -> Chart:

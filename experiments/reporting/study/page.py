@@ -18,6 +18,7 @@ from flexaxis.experiments.reporting.study.findings import alarms, confusion
 from flexaxis.experiments.reporting.study.tables import scores_tables
 from flexaxis.experiments.reporting.study.words import finding
 from flexaxis.experiments.reporting.terminal import failures_in_words
+from flexaxis.experiments.results.finds import PER_HOUR, Finds, finds
 from flexaxis.experiments.results.groups import Bins
 from flexaxis.experiments.results.results import Results
 from flexaxis.experiments.storage.columns import axis_kind
@@ -39,6 +40,10 @@ DETECTION = (
     "how many it misses, against how often it finds one where there is none."
 )
 ISOLATION = "What was named (columns) where something changed (rows)."
+FINDS = (
+    "Share of the faults found within 1 s. A find names what changed, or is one that the same run "
+    "without the fault, its twin, does not show; at 1 stands what is found in twins, by chance. "
+)
 HEAT = "Lag after the fault, geometric mean. Empty: not run, or never in range. "
 WHISKERS = (
     " Whiskers are 95 % intervals over the seeds behind a point, where values of other keys are "
@@ -75,6 +80,27 @@ def render(results: Results) -> str:
         "charts": page.charted(chart for each in CHARTS for chart in each(results, bins)),
     }
     return page.render("reporting/templates/study.html", content)
+
+
+def what_is_found(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
+    """Yield the share of faults found over their size, where there are twins."""
+    del bins
+    found = finds(results)
+    for axis in dict.fromkeys(each.axis for each in found):
+        mine = [each for each in found if each.axis == axis]
+        told = {(each.base, each.estimator): _false_alarms(each) for each in mine}
+        words = FINDS + _averaged(results, [axis]) + " False alarms in the twins: "
+        yield charts.finds(
+            mine, label=_words(results, axis), words=f"{words}{'; '.join(told.values())}."
+        )
+
+
+def _false_alarms(each: Finds) -> str:
+    """Return the rate of false alarms of an estimator, with exposure and limits."""
+    low, high = each.per_hour_interval
+    within = f"{low:.3g} … {high:.3g}" if each.alarms else f"at most {high:.3g}"
+    how = "" if each.threshold is None else f", a threshold on its estimates for {PER_HOUR:g}"
+    return f"{each.estimator} {each.alarms} in {each.hours:.2g} h ({within} an hour{how})"
 
 
 def over_each_axis(results: Results, bins: Bins) -> Iterator[Chart | Heat]:
@@ -137,6 +163,7 @@ def _is_number(values: Sequence[Any]) -> bool:
 
 
 CHARTS: Sequence[Callable[[Results, Bins], Iterator[Chart | Heat]]] = (
+    what_is_found,
     over_each_axis,
     over_pairs_of_axes,
     what_was_found,

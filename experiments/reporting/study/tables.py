@@ -95,6 +95,7 @@ def _scores(row: Mapping[str, Any]) -> list[Cell]:
     over = row["lag"] / row["lag_bound"] if row["lag"] is not None and row["lag_bound"] else None
     lag, t10 = scored(row["lag"], within=pair(row["lag_interval"])), row["t10"]
     settled_ = Cell(settled(t10, row["changed"]), "" if t10 is None else t10)
-    names = ("std", "bias", "score", "diverged", "failed", "runs", "lag_bound", "never_settled",
-             "false_alarms_per_hour")  # fmt: skip
-    return [lag, scored(over), settled_, *(scored(row[name]) for name in names)]
+    names = ("std", "bias", "score", "diverged", "failed", "runs", "lag_bound", "never_settled")
+    alarms = pair(row["false_alarms_per_hour_interval"])
+    false = scored(row["false_alarms_per_hour"], within=alarms)
+    return [lag, scored(over), settled_, *(scored(row[name]) for name in names), false]
