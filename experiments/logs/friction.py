@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import coherence, welch
 
 from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.models.model import Model
@@ -15,6 +14,7 @@ from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
 from flexaxis.experiments.logs.attempt import Attempt, columns_beside
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -119,16 +119,12 @@ def guessed_level(u: Array, v: Array, *, period: float) -> float:
     period : float
         [s].
     """
-    segment = min(len(u) // 6, round(4 / period))
-    scale = float(np.std(u))
-    direction = smooth_sign(v, period)
-    _, power = welch(v, fs=1 / period, nperseg=segment, detrend="linear")
-    moving = power > MOVING * power.max()
+    scale, direction = float(np.std(u)), smooth_sign(v, period)
     best, least = 0.0, np.inf
     for level in LEVELS * scale:
-        rest = u - friction(u, direction, level)
-        _, share = coherence(rest, v, fs=1 / period, nperseg=segment, detrend="linear")
-        unlikely = float(np.mean(np.log(1 - np.minimum(share[moving], 1 - 1e-9))))
+        rest = spectra(u - friction(u, direction, level), v, period, pieces=6, trend=True)
+        moving = rest.motion > MOVING * rest.motion.max()
+        unlikely = float(np.mean(np.log(1 - np.minimum(rest.coherence[moving], 1 - 1e-9))))
         if unlikely < least - 1e-3:
             best, least = float(level), unlikely
     return best

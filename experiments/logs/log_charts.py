@@ -6,24 +6,20 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
-from flexaxis.experiments.logs.doubts.sketch import LOG, line, panel, points
+from flexaxis.experiments.logs.curves import LOG, gaps, line, means, panel, points, thinned
 from flexaxis.experiments.logs.friction import linear_part
 from flexaxis.experiments.logs.identify import Identification
+from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.logs.validate import Validation, liveliest
 from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
-from flexaxis.experiments.reporting.thinning import extremes
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
-
-BINS, FEW = 60, 5  # bins of a map, and samples that one holds at the least
-GAPS = 200  # that are shaded: more are a pattern, and seen as one
 
 
 def log_chart(record: Record) -> Chart:
@@ -41,21 +37,10 @@ def log_chart(record: Record) -> Chart:
     )
 
 
-def thinned(time: Array) -> str:
-    """Return what there is to know of a curve that is thinned, empty for one that is not."""
-    kept = len(extremes(time, np.zeros(len(time))))
-    return "" if kept == len(time) else (
-        f" Of {len(time)} samples the least and the greatest of each column of the screen are "
-        "drawn, so that no spike is lost."
-    )  # fmt: skip
-
-
 def spectrum_chart(record: Record) -> Chart:
     """Return the spectrum of the torque."""
-    rate = 1 / record.period
-    segment = min(len(record.torque) // 2, round(4 * rate))
-    frequency, power = welch(record.torque, fs=rate, nperseg=segment)
-    density = line(frequency[1:], np.sqrt(power[1:]), log=True)
+    seen = spectra(record.torque, record.torque, record.period)
+    density = line(seen.frequency[1:], np.sqrt(seen.torque[1:]), log=True)
     return Chart(
         title="What the torque excites",
         words="Amplitude spectral density of the torque, over segments of 4 s.",
@@ -146,16 +131,37 @@ def simulation_chart(found: Identification, period: float) -> Chart:
     simulated = log.y - found.residual
     time = period * np.arange(float(len(log.y)))
     piece = liveliest(time, log.y, simulated, log.ok)
-    shown = Line(x=time[piece], y=log.y[piece], role="truth", label="log")
     return Chart(
         title="Measured and simulated",
         words="The liveliest piece of the log, simulated from the torque alone.",
         x="time [s]",
-        panels=[
-            panel("speed [rad/s]", shown, line(time[piece], simulated[piece], "simulation")),
-            panel("error [rad/s]", line(time[piece], (log.y - simulated)[piece], "simulation")),
-        ],
+        panels=_compared(time, log.y, {"simulation": simulated}, piece),
     )
+
+
+def validation_chart(found: Validation) -> Chart:
+    """Return the liveliest piece of a log with simulation and prediction over it, and errors."""
+    piece = liveliest(found.time, found.measured, found.predicted, found.ok)
+    sides = {
+        f"simulation from the torque alone, fit {found.simulation:.1f} %": found.simulated,
+        f"prediction over one sample, fit {found.prediction:.1f} %": found.predicted,
+    }
+    return Chart(
+        title="On another log",
+        words="The liveliest piece of the log that was not used. The simulation is given the "
+        "torque alone, the prediction the motion up to the sample before as well.",
+        x="time [s]",
+        panels=_compared(found.time, found.measured, sides, piece),
+    )
+
+
+def _compared(time: Array, y: Array, sides: Mapping[str, Array], piece: slice) -> list[Panel]:
+    """Return panels of a measured piece with others over it, and of how far they are off."""
+    t, log = time[piece], Line(x=time[piece], y=y[piece], role="truth", label="log")
+    return [
+        panel("speed [rad/s]", log, *(line(t, x[piece], who) for who, x in sides.items())),
+        panel("error [rad/s]", *(line(t, (y - x)[piece], who) for who, x in sides.items())),
+    ]
 
 
 def map_charts(found: Identification) -> list[Chart]:
@@ -165,81 +171,33 @@ def map_charts(found: Identification) -> list[Chart]:
     moved, value = motion.used, mapped.value
     law = value["viscous"] * motion.columns["viscous"] + value["dry"] * motion.columns["dry"]
     words = "Points: means of the log as a rigid axis, and 10 … 90 % of it"
-    return [
-        Chart(
-            title="Friction over the speed",
-            words=f"{words}; the line is f_c sgn v + f_m v. Where points leave it near standstill "
+    speed, angle, law, rest = (x[moved] for x in (motion.speed, motion.angle, law, mapped.rest))
+    line_of = means(speed, law, "f_c sgn v + f_m v", band=False)
+    shown = (
+        (
+            "Friction over the speed",
+            f"{words}; the line is f_c sgn v + f_m v. Where points leave it near standstill "
             "friction has a hump, and where they differ by direction it has two sides.",
-            x="speed [rad/s]",
-            panels=[
-                panel(
-                    "torque without inertia [as logged]",
-                    _means(motion.speed[moved], (mapped.rest + law)[moved], "log"),
-                    _means(motion.speed[moved], law[moved], "f_c sgn v + f_m v", band=False),
-                )
-            ],
+            "speed [rad/s]",
+            "torque without inertia [as logged]",
+            (means(speed, rest + law), line_of),
         ),
-        Chart(
-            title="What is left over the angle",
-            words=f"{words}. What repeats itself here is gravity, ripple or cogging.",
-            x="angle of the load [rad]",
-            panels=[
-                panel("torque left [as logged]", _means(motion.angle[moved], mapped.rest[moved],
-                                                        "log"))
-            ],
+        (
+            "What is left over the angle",
+            f"{words}. What repeats itself here is gravity, ripple or cogging.",
+            "angle of the load [rad]",
+            "torque left [as logged]",
+            (means(angle, rest),),
         ),
-        Chart(
-            title="What is left over the speed",
-            words=f"{words}.",
-            x="speed [rad/s]",
-            panels=[
-                panel("torque left [as logged]", _means(motion.speed[moved], mapped.rest[moved],
-                                                        "log"))
-            ],
+        (
+            "What is left over the speed",
+            f"{words}.",
+            "speed [rad/s]",
+            "torque left [as logged]",
+            (means(speed, rest),),
         ),
-    ]  # fmt: skip
-
-
-def _means(x: Array, y: Array, who: str, *, band: bool = True) -> Line:
-    """Return means of y in `BINS` bins of x that hold as much each, with 10 … 90 % of it."""
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
-    held = [place == k for k in range(len(edges) - 1) if np.sum(place == k) > FEW]
-    across, mean = (np.array([values[k].mean() for k in held]) for values in (x, y))
-    if not band:
-        return Line(who=who, x=across, y=mean)
-    low, high = np.array([np.percentile(y[k], (10, 90)) for k in held]).reshape(-1, 2).T
-    return Line(who=who, kind="points", x=across, y=mean, low=low, high=high)
-
-
-def validation_chart(found: Validation) -> Chart:
-    """Return the liveliest piece of a log with simulation and prediction over it, and errors."""
-    piece = liveliest(found.time, found.measured, found.predicted, found.ok)
-    time, measured = found.time[piece], found.measured[piece]
-    sides = {
-        f"simulation from the torque alone, fit {found.simulation:.1f} %": found.simulated[piece],
-        f"prediction over one sample, fit {found.prediction:.1f} %": found.predicted[piece],
-    }
-    log = Line(x=time, y=measured, role="truth", label="log")
-    return Chart(
-        title="On another log",
-        words="The liveliest piece of the log that was not used. The simulation is given the "
-        "torque alone, the prediction the motion up to the sample before as well.",
-        x="time [s]",
-        panels=[
-            panel(
-                "speed [rad/s]", log, *(line(time, values, who) for who, values in sides.items())
-            ),
-            panel(
-                "error [rad/s]",
-                *(line(time, measured - values, who) for who, values in sides.items()),
-            ),
-        ],
     )
-
-
-def gaps(time: Array, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
-    """Return what is to be shaded: where samples do not count."""
-    edges = np.flatnonzero(np.diff(np.r_[1, ok, 1]))
-    pairs = list(zip(edges[::2], edges[1::2], strict=True))[:GAPS]
-    return [(float(time[begin]), float(time[end - 1]), "") for begin, end in pairs]
+    return [
+        Chart(title=title, words=told, x=x, panels=[panel(y, *lines)])
+        for title, told, x, y, lines in shown
+    ]

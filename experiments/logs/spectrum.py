@@ -8,21 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import csd, welch
 
 from flexaxis.estimators.models.axes import MODELS, Traits
 from flexaxis.estimators.models.model import Model, increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.spectra import spectra
 
 Array = NDArray[np.float64]
 
-SEGMENT = 4.0  # s that are averaged over
+PIECES = 6  # of a short log, of which spectra are averages
 COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
 SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
 LATEST = 4.0  # samples, of a delay that is looked for
 STRONG = 0.01  # of the torque's power, of the band that excitation is in
-EDGE = 0.01  # of the power of the torque that lies below its band
 SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
 
 
@@ -62,13 +61,8 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
     LogError
         If the torque explains the output at fewer than ten frequencies.
     """
-    segment = min(len(u) // 6, round(SEGMENT / period))
-    options = {"fs": 1 / period, "nperseg": segment, "detrend": "linear"}
-    frequency, power = welch(u, **options)
-    _, output = welch(y, **options)
-    _, cross = csd(u, y, **options)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        coherence = np.nan_to_num(abs(cross) ** 2 / (power * output))
+    s = spectra(u, y, period, pieces=PIECES, trend=True)
+    frequency, power, coherence = s.frequency, s.torque, s.coherence
     order = np.argsort(power)[::-1]
     middle = power[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
     seen = (frequency > 0) & (coherence > COHERENT) & (power >= floor * middle)
@@ -77,7 +71,7 @@ def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) 
             f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
             "shifted columns, or an excitation too small for its noise"
         )
-    return Response(2 * np.pi * frequency[seen], (cross / power)[seen], coherence[seen])
+    return Response(2 * np.pi * frequency[seen], (s.cross / power)[seen], coherence[seen])
 
 
 def corner_below(u: Array, *, period: float) -> float | None:
@@ -85,8 +79,7 @@ def corner_below(u: Array, *, period: float) -> float | None:
 
     A filter of fourth order at .4 of a frequency changes it by less than .1 %.
     """
-    frequency, power = welch(u, fs=1 / period, nperseg=min(len(u) // 6, round(SEGMENT / period)))
-    low = float(np.interp(EDGE, np.cumsum(power) / max(power.sum(), 1e-300), frequency))
+    low, _ = spectra(u, u, period, pieces=PIECES).band
     corner = float(f"{0.4 * low:.0e}")
     return corner if corner > 2 / (len(u) * period) else None
 

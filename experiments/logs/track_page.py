@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.doubts.sketch import line
-from flexaxis.experiments.logs.log_charts import gaps, thinned
+from flexaxis.experiments.logs.curves import gaps, line, thinned
 from flexaxis.experiments.logs.log_page import LogPage, Remark, capital
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel

@@ -12,7 +12,7 @@ from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import information
 from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
-from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
+from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.moved import reversals_of
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
@@ -75,7 +75,7 @@ def visible(record: Record, axis: Axis) -> dict[str, Seen]:
     names = [name for name in linear.parameters if linear.nominal[name]]
     model = increment(linear, period) if output == "increment" else linear
     chosen = model.parametrize(names)
-    evidence = of_record(record)
+    evidence = Evidence(record)
     spectra = evidence.spectra
     lines = (spectra.torque > 1e-9 * spectra.torque.max()) & (spectra.frequency > 0)
     omega = 2 * np.pi * spectra.frequency[lines]
@@ -134,7 +134,7 @@ def _law_names(axis: Axis) -> list[str]:
 
 def _of_law(record: Record) -> Seen:
     """Return what reversals say of the parameters of a law."""
-    count, span = reversals_of(of_record(record))
+    count, span = reversals_of(Evidence(record))
     if count >= CROSSINGS:
         words = f"to be seen at {count} reversals, over speeds of 1 : {span:.2g}"
         return Seen(None, None, "", words)
@@ -148,8 +148,8 @@ def _noise(e: Evidence) -> float:
     The median over the band: at single frequencies the averages of spectra explain less of a
     steep response than there is.
     """
-    s, (low, high) = e.spectra, e.band
+    s, (low, high) = e.spectra, e.spectra.band
     band = (s.frequency >= low) & (s.frequency <= high)
-    rest = s.speed * (1 - s.coherence)
-    least = QUIETEST * float(s.speed[band].mean())
+    rest = s.motion * (1 - s.coherence)
+    least = QUIETEST * float(s.motion[band].mean())
     return max(float(np.median(rest[band])), least) / (2 * e.period)

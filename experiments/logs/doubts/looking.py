@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from flexaxis.experiments.logs.doubts import moved, sampled, torque_kind
-from flexaxis.experiments.logs.doubts.evidence import Evidence, of_record
+from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.sim.record import Record
 
@@ -29,7 +29,7 @@ def doubts_of(record: Record) -> tuple[Finding, ...]:
     --------
     >>> problems = [d for d in doubts_of(record) if d.kind == "problem"]  # doctest: +SKIP
     """
-    return examine(of_record(record))
+    return examine(Evidence(record))
 
 
 def examine(evidence: Evidence) -> tuple[Finding, ...]:
