@@ -93,8 +93,11 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identify import identify
-    from flexaxis.experiments.logs.identify_page import identification_page
-    from flexaxis.experiments.logs.identify_words import content, print_identification
+    from flexaxis.experiments.logs.identify_page import (
+        content,
+        identification_page,
+        print_identification,
+    )
     from flexaxis.experiments.logs.log_page import write_page
     from flexaxis.experiments.logs.own import require_suffix, spare_foreign
     from flexaxis.experiments.logs.validate import validate

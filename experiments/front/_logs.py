@@ -114,13 +114,13 @@ def identify(log: Log, model: Any = "two_mass", **options: Any) -> LogResult:
     """
     from flexaxis.experiments.logs.identify import identify as fitted
     from flexaxis.experiments.logs.identify_page import identification_charts
-    from flexaxis.experiments.logs.identify_words import rows
 
     record, axis = _record(log), _axis(model)
     start = options.pop("start", {})
     axis = replace(axis.having(start), known=True) if start else axis
     found = fitted(record, axis, **options)
-    lines = [{"parameter": name, "value": value, "sd": sd} for name, value, sd in rows(found)]
+    told = found.estimates.items()
+    lines = [{"parameter": name, "value": value, "sd": sd} for name, (value, sd) in told]
     charts = identification_charts(found, record.period)
     return LogResult(lines, found, charts, record=record, axis=found.axis)
 
@@ -190,7 +190,7 @@ def trend(
     """
     from flexaxis.experiments.logs.over_logs import trend_of
     from flexaxis.experiments.logs.trend import Source
-    from flexaxis.experiments.logs.trend_charts import overview_chart
+    from flexaxis.experiments.logs.trend_page import overview_chart
     from flexaxis.experiments.logs.trend_words import summary
 
     treated = {name: options.pop(name, None) for name in ("resample", "highpass", "burn_in")}
@@ -200,11 +200,8 @@ def trend(
         [Path(each) for each in many], known, source, Path(folder), free=free, jobs=jobs,
         covariates=covariates, false_alarms=false_alarms, smallest=smallest,
     )  # fmt: skip
-    lines = [
-        {"parameter": one.name} | summary(one, found.clock, [*found.covariates])
-        for one in found.verdicts
-    ]
-    charts = [overview_chart(found.verdicts, found.clock, found.first)]
+    lines = [{"parameter": one.name} | summary(one, found) for one in found.verdicts]
+    charts = [overview_chart(found)]
     return LogResult(lines, found, charts, axis=known)
 
 

@@ -121,8 +121,12 @@ def rests(y: Array) -> bool:
 
 
 def noise_of(y: Array) -> float:
-    """Return the standard deviation of what changes from sample to sample at random."""
-    return 1.4826 * float(np.median(abs(np.diff(y)))) / np.sqrt(2)
+    """Return the standard deviation of what changes from sample to sample at random.
+
+    By differences over two samples, as increments of an angle share the noise of one.
+    """
+    change = y[2:] - y[:-2]
+    return 1.4826 * float(np.median(abs(change - np.median(change)))) / np.sqrt(2)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.thinning import extremes
+
+Array = NDArray[np.float64]
 
 LOG = "log"  # what a line of the log is called, on every page of one
 ROOM = 0.05  # above and below what is drawn
@@ -67,6 +70,18 @@ def means(x: ArrayLike, y: ArrayLike, who: str = LOG, *, band: bool = True) -> L
         return Line(who=who, x=across, y=mean)
     low, high = np.array([np.percentile(y[k], (10, 90)) for k in held]).reshape(-1, 2).T
     return Line(who=who, kind="points", x=across, y=mean, low=low, high=high)
+
+
+def compared(
+    time: Array, y: Array, sides: Mapping[str, Array], piece: slice, label: str = "speed [rad/s]"
+) -> list[Panel]:
+    """Return panels of a measured piece with others over it, and of how far they are off."""
+    t, log = time[piece], Line(x=time[piece], y=y[piece], role="truth", label="log")
+    unit = label[label.index("[") :]
+    return [
+        panel(label, log, *(line(t, x[piece], who) for who, x in sides.items())),
+        panel(f"error {unit}", *(line(t, (y - x)[piece], who) for who, x in sides.items())),
+    ]
 
 
 def thinned(time: ArrayLike) -> str:

@@ -44,24 +44,18 @@ class Identification:
     ----------
     axis : Axis
         With the new nominal values, laws, delay, offset, whitening filter and noise.
-    names : tuple of str
-        The identified parameters, then the gains of what acts beside the torque.
-    theta, deviations : ndarray (p,)
-        Estimates and their standard deviations, widened to what fits differ by.
-    delay, delay_deviation : float
-        By which the torque acts late [s]; the deviation is zero if it was given, or came to
-        the least that is possible.
-    offset, offset_deviation : float
-        What acts besides the logged torque, in its unit.
+    sd : ndarray (q,)
+        Standard deviations of all unknowns of the fit that was taken, widened to what fits differ
+        by: parameters, gains of what acts beside the torque, the state, the offset and the delay.
+    ways : tuple of Way
+        All fits, the one that simulates best first.
+    best : Way
+        That was taken.
     fit : float
         100 (1 − |y − ŷ|/|y − mean y|) of a simulation of pieces that it was not fitted to, from the
         torque alone.
     whole : Fit
         Of a simulation of the whole log.
-    best : Way
-        That was taken.
-    ways : tuple of Way
-        All fits, the one that simulates best first.
     response : Response or None
         What the log shows without a model, but for the dry friction that was found; None where it
         was not asked.
@@ -72,25 +66,49 @@ class Identification:
     tried : tuple of Tried
         What else was tried, and how it simulates.
     findings : tuple of Finding
+    torque_unit : str
+        As the log has it; empty where nobody said it.
     """
 
     axis: Axis
-    names: tuple[str, ...]
-    theta: Array
-    deviations: Array
-    delay: float
-    delay_deviation: float
-    offset: float
-    offset_deviation: float
+    sd: Array
+    ways: tuple[Way, ...]
+    best: Way
     fit: float
     whole: Fit
-    best: Way
-    ways: tuple[Way, ...]
     response: Response | None
     map: Inverse | None
     friction: str
     tried: tuple[Tried, ...]
     findings: tuple[Finding, ...]
+    torque_unit: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The identified parameters, then the gains of what acts beside the torque."""
+        return self.best.names
+
+    @property
+    def theta(self) -> Array:
+        """Their estimates (p,)."""
+        return self.best.fitted.z[: len(self.names)]
+
+    @property
+    def deviations(self) -> Array:
+        """Their standard deviations (p,)."""
+        return self.sd[: len(self.names)]
+
+    @property
+    def estimates(self) -> dict[str, tuple[float, float]]:
+        """Value and standard deviation by name, with ``delay`` [s] and ``offset``.
+
+        The offset is in the unit of the torque. The deviation of a delay is 0 if it was given, or
+        came to the least that is possible.
+        """
+        z, sd = self.best.fitted.z.tolist(), self.sd.tolist()
+        found = dict(zip(self.names, zip(z, sd, strict=True), strict=False))
+        told = self.best.attempt.delay is not None or z[-1] <= self.best.attempt.earliest
+        return found | {"delay": (z[-1], 0.0 if told else sd[-1]), "offset": (z[-2], sd[-2])}
 
     @property
     def warnings(self) -> list[str]:
@@ -193,47 +211,39 @@ def _found(
             "no start could be simulated over the log: give nominal values of the right size, "
             "with --start NAME=VALUE"
         )
-    best, deviations, _ = answer(ways)
+    best, deviations = answer(ways)
     attempt, fitted, log = best.attempt, best.fitted, best.attempt.log
-    own = fit_of(log.y, fitted.residual, attempt.counted, fitted.colour)
-    fit = 100 * (1 - best.error / own.size)
-    p = len(attempt.names) + len(attempt.beside)
-    names = (*attempt.names, *attempt.beside)
-    least = attempt.delay is not None or fitted.z[-1] <= attempt.earliest
-    values = dict(zip(names, fitted.z[:p].tolist(), strict=True))
-    lawful = list(names_of(attempt.model))
+    whole = fit_of(log.y, fitted.residual, attempt.counted, fitted.colour)
+    fit = 100 * (1 - best.error / whole.size)
+    values, lag = dict(zip(best.names, fitted.z.tolist(), strict=False)), float(fitted.z[-1])
+    found = replace(
+        axis,
+        model=attempt.having({n: values[n] for n in attempt.names}).model,
+        known=True,
+        delay=lag,
+        whitening=tuple(fitted.colour.inverse.tolist()),
+        noise=float(np.sqrt(fitted.square)),
+        error=best.error,
+        offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * deviations[-2] else 0.0,
+        beside={n: values[n] for n in attempt.beside},
+        highpass=attempt.highpass,
+        rate=1 / log.period,
+        torque_is="smooth" if log.smooth and not is_smooth(record) else axis.torque_is,
+        deviation=dict(zip(best.names, deviations.tolist(), strict=False)),
+    )
     return Identification(
-        axis=replace(
-            axis,
-            model=attempt.having({n: values[n] for n in attempt.names}).model,
-            known=True,
-            delay=float(fitted.z[-1]),
-            whitening=tuple(fitted.colour.inverse.tolist()),
-            noise=float(np.sqrt(fitted.square)),
-            error=best.error,
-            offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * deviations[-2] else 0.0,
-            beside={n: values[n] for n in attempt.beside},
-            highpass=attempt.highpass,
-            rate=1 / log.period,
-            torque_is="smooth" if log.smooth and not is_smooth(record) else axis.torque_is,
-            deviation=dict(zip(names, deviations[:p].tolist(), strict=True)),
-        ),
-        names=names,
-        theta=fitted.z[:p],
-        deviations=deviations[:p],
-        delay=float(fitted.z[-1]),
-        delay_deviation=0.0 if least else float(deviations[-1]),
-        offset=float(fitted.z[-2]),
-        offset_deviation=float(deviations[-2]),
-        fit=fit,
-        whole=own,
-        best=best,
-        ways=tuple(ways),
+        found,
+        deviations,
+        tuple(ways),
+        best,
+        fit,
+        whole,
         response=starts.seen_by(attempt, fitted),
-        map=explain(log, float(fitted.z[-1]), LINEAR),
-        friction=_word(asked.friction, axis.model, lawful),
+        map=explain(log, lag, LINEAR),
+        friction=_word(asked.friction, axis.model, names_of(attempt.model)),
         tried=taken.tried,
         findings=tuple(judged(taken, best, deviations, ways=ways, fit=fit, asked=asked)),
+        torque_unit=record.versions.get("torque_unit", ""),
     )
 
 

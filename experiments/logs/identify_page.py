@@ -1,31 +1,95 @@
-"""The page of an identification: estimates, the frequency response, another log."""
+"""What is said of an identification: as text, as JSON, and as a page."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
-from flexaxis.experiments.logs.findings import texts_of
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as Printed
+
+from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
 from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.identify_words import UNITS, facts, findings, rows
 from flexaxis.experiments.logs.log_charts import (
     bode_chart,
     map_charts,
     simulation_chart,
     validation_chart,
 )
-from flexaxis.experiments.logs.log_page import LogPage, Remark
+from flexaxis.experiments.logs.log_page import LogPage
 from flexaxis.experiments.logs.validate import Validation
 from flexaxis.experiments.logs.ways import Way
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
 TOLD = 3  # estimates in the sentence that the page begins with
-COLUMNS = (
-    Column("parameter", kind="text"),
-    Column("estimate [SI]"),
-    Column("standard deviation [SI]"),
-    Column("of the value [%]"),
-)
+UNITS = {"delay": " [s]"} | dict.fromkeys(("offset", "g_sin", "g_cos"), " [as the torque]")
+
+
+def findings(found: Identification, tried: Validation | None) -> list[Finding]:
+    """Return what was found on both logs, the gravest first."""
+    unlike = "" if tried is None else tried.unlike
+    other = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
+    return ordered([*other, *found.findings])
+
+
+def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    every = findings(found, tried)
+    told: dict[str, Any] = {
+        "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in found.estimates.items()},
+        "fit": found.fit,
+        "friction": found.friction,
+        "compared": [vars(each) for each in found.tried],
+        "fits": {
+            way.name: {"error": way.error, "taken": way is found.best}
+            | dict(zip(found.names, way.fitted.z.tolist(), strict=False))
+            for way in found.ways
+        },
+        "residual": {
+            "std": found.axis.noise,
+            "correlation": found.correlation,
+            "noise_order": len(found.axis.whitening) - 1,
+        },
+        "warnings": texts_of(every, "problem"),
+        "remarks": texts_of(every, "note", "ok"),
+    }
+    if tried is not None:
+        told["validation"] = {"simulation": tried.simulation, "prediction": tried.prediction}
+    return told
+
+
+def facts(found: Identification, tried: Validation | None) -> list[tuple[str, str]]:
+    """Return how far to trust it: names and what they are here."""
+    facts = [
+        ("law of friction", found.friction),
+        ("fit", found.best.name),
+        ("simulation of held-out pieces from the torque alone", f"{found.fit:.1f} %"),
+        ("simulation of the whole log", f"{found.whole.percent:.1f} %"),
+        ("correlation of white residuals", f"{found.correlation:.3f}"),
+    ]
+    if tried is not None:
+        facts += [
+            ("on the other log, fit of a simulation", f"{tried.simulation:.1f} %"),
+            ("on the other log, fit of a prediction over one sample", f"{tried.prediction:.1f} %"),
+        ]
+    return facts
+
+
+def print_identification(found: Identification, tried: Validation | None) -> None:
+    """Print it."""
+    table = Printed("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
+    for each, known in found.estimates.items():
+        name, *cells = (cell.text.replace("–", "") for cell in _row(each, *known).cells)
+        table.add_row(escape(name), *cells)
+    console = Console()
+    console.print(table)
+    for what, text in facts(found, tried):
+        print(f"{what}: {text}")
+    for said in findings(found, tried):
+        style = "yellow" if said.kind == "problem" else None
+        console.print(f"{MARKS[said.kind]} {said.text}", style=style, markup=False, soft_wrap=True)
 
 
 def identification_page(
@@ -37,18 +101,17 @@ def identification_page(
     every = findings(found, tried)
     names = [f"{name}{UNITS.get(name, '')}" for name in found.names]
     fits = [(way.name, _of_way(way, names)) for way in found.ways]
-    return LogPage(
-        title=title,
-        command=command,
-        finding=_finding(found, texts_of(every, "problem")),
-        remarks=[(each.kind, each.text) for each in every],
-        charts=charts,
-        tables=[
-            Table("Estimates", COLUMNS, [_row(*row) for row in rows(found)]),
-            texts("Three fits, one answer", ("fit", "its estimates"), fits),
-            texts("How far to trust them", ("what", "here"), facts(found, tried)),
-        ],
-    )
+    unit = found.torque_unit
+    system = f"SI, the torque in {unit}" if unit not in {"", "Nm", "N"} else "SI"
+    columns = ("parameter", f"estimate [{system}]", "standard deviation", "of the value [%]")
+    heads = [Column(name, kind="number" if i else "text") for i, name in enumerate(columns)]
+    tables = [
+        Table("Estimates", heads, [_row(name, *told) for name, told in found.estimates.items()]),
+        texts("Three fits, one answer", ("fit", "its estimates"), fits),
+        texts("How far to trust them", ("what", "here"), facts(found, tried)),
+    ]
+    told = _finding(found, texts_of(every, "problem"))
+    return LogPage(title, command, told, every, charts, tables)
 
 
 def identification_charts(found: Identification, period: float) -> list[Chart]:
@@ -64,12 +127,12 @@ def _of_way(way: Way, names: Sequence[str]) -> str:
     return f"{values}; error of a simulation of held-out pieces {way.error:.4g}"
 
 
-def _finding(found: Identification, against: Sequence[str]) -> Remark:
+def _finding(found: Identification, against: Sequence[str]) -> Finding:
     """Return what was identified, how well, and how many doubts there are, in a sentence."""
     sure = [
         (sd / abs(value), f"{name} = {value:.4g} ± {sd:.1g}")
-        for name, value, sd in rows(found)
-        if sd and name in found.names and value
+        for name, value, sd in zip(found.names, found.theta, found.deviations, strict=True)
+        if value
     ]
     best = [text for _, text in sorted(sure)]
     told = ", ".join(best[:TOLD]) + (f" and {len(best) - TOLD} more" if len(best) > TOLD else "")
@@ -80,12 +143,13 @@ def _finding(found: Identification, against: Sequence[str]) -> Remark:
     )
     if against:
         count = "One thing speaks" if len(against) == 1 else f"{len(against)} things speak"
-        return "problem", f"{text} {count} against it, first: {against[0].rstrip('.')}."
-    return "ok", text
+        text = f"{text} {count} against it, first: {against[0].rstrip('.')}."
+    return Finding("problem" if against else "ok", text)
 
 
 def _row(name: str, value: float, sd: float) -> Row:
-    share = 100 * sd / abs(value) if abs(value) > sd else None
+    """Return the cells of an estimate; of what stands at a bound, or was told, no deviation."""
+    share = 100 * sd / abs(value) if abs(value) > sd else 0.0
     return Row([
         Cell(name + UNITS.get(name, ""), name),
         Cell(f"{value:.5g}", value),

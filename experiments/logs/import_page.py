@@ -9,7 +9,7 @@ from pathlib import Path
 from flexaxis.experiments.logs.findings import Finding, ordered
 from flexaxis.experiments.logs.importing import Imported
 from flexaxis.experiments.logs.log_charts import log_chart, spectrum_chart, visibility_map
-from flexaxis.experiments.logs.log_page import LogPage, Remark
+from flexaxis.experiments.logs.log_page import LogPage
 from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
@@ -36,30 +36,20 @@ def import_page(found: Imported, seen: Mapping[str, Seen], log: Path, command: s
         That made it.
     """
     doubts = ordered(found.checks)
-    return LogPage(
-        title=f"Import of {log.name}",
-        command=command,
-        finding=_finding(doubts),
-        remarks=[(c.kind, _remark(c)) for c in doubts if c.kind != "ok"],
-        charts=list(_charts(found, doubts, seen)),
-        tables=_tables(doubts, seen),
-    )
+    said = [replace(c, text=f"{c.name}: {c.sentence}") for c in doubts if c.kind != "ok"]
+    charts, title = list(_charts(found, doubts, seen)), f"Import of {log.name}"
+    return LogPage(title, command, _finding(doubts), said, charts, _tables(doubts, seen))
 
 
-def _finding(doubts: Sequence[Finding]) -> Remark:
+def _finding(doubts: Sequence[Finding]) -> Finding:
     """Return what comes of all looks, in a sentence."""
-    bad, known = (
-        [doubt.name for doubt in doubts if doubt.kind == verdict] for verdict in ("problem", "note")
-    )
+    kinds = ("problem", "note")
+    bad, known = (", ".join(d.name for d in doubts if d.kind == kind) for kind in kinds)
     if bad:
-        return "problem", f"As it is, this log spoils estimates: {', '.join(bad)}."
+        return Finding("problem", f"As it is, this log spoils estimates: {bad}.")
     if known:
-        return "note", f"Nothing spoils estimates from this log; to be known: {', '.join(known)}."
-    return "ok", f"Nothing speaks against this log, in {len(doubts)} looks at it."
-
-
-def _remark(doubt: Finding) -> str:
-    return f"{doubt.name}: {doubt.sentence}"
+        return Finding("note", f"Nothing spoils estimates from this log; to be known: {known}.")
+    return Finding("ok", f"Nothing speaks against this log, in {len(doubts)} looks at it.")
 
 
 def _tables(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> list[Table]:

@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
-from flexaxis.experiments.logs.curves import LOG, gaps, line, means, panel, points, thinned
+from flexaxis.experiments.logs.curves import (
+    LOG,
+    compared,
+    gaps,
+    line,
+    means,
+    panel,
+    points,
+    thinned,
+)
 from flexaxis.experiments.logs.friction import linear_part
 from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.spectra import spectra
@@ -85,7 +94,7 @@ def bode_chart(found: Identification, period: float) -> Chart:
     seen = found.response.omega
     fine = np.geomspace(seen.min(), seen.max(), 800)  # resonances are narrower than steps of lines
     gain = frequency_response(chosen, chosen.theta, fine, period=period)[0]
-    gain = gain * np.exp(-1j * fine * found.delay)
+    gain = gain * np.exp(-1j * fine * found.axis.delay)
     sides = {"log": (seen, found.response.gain), "identified model": (fine, gain)}
     shown = {name: (omega / (2 * np.pi), values) for name, (omega, values) in sides.items()}
     return Chart(
@@ -135,7 +144,7 @@ def simulation_chart(found: Identification, period: float) -> Chart:
         title="Measured and simulated",
         words="The liveliest piece of the log, simulated from the torque alone.",
         x="time [s]",
-        panels=_compared(time, log.y, {"simulation": simulated}, piece),
+        panels=compared(time, log.y, {"simulation": simulated}, piece),
     )
 
 
@@ -151,17 +160,8 @@ def validation_chart(found: Validation) -> Chart:
         words="The liveliest piece of the log that was not used. The simulation is given the "
         "torque alone, the prediction the motion up to the sample before as well.",
         x="time [s]",
-        panels=_compared(found.time, found.measured, sides, piece),
+        panels=compared(found.time, found.measured, sides, piece),
     )
-
-
-def _compared(time: Array, y: Array, sides: Mapping[str, Array], piece: slice) -> list[Panel]:
-    """Return panels of a measured piece with others over it, and of how far they are off."""
-    t, log = time[piece], Line(x=time[piece], y=y[piece], role="truth", label="log")
-    return [
-        panel("speed [rad/s]", log, *(line(t, x[piece], who) for who, x in sides.items())),
-        panel("error [rad/s]", *(line(t, (y - x)[piece], who) for who, x in sides.items())),
-    ]
 
 
 def map_charts(found: Identification) -> list[Chart]:

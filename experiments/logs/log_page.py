@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.page import charted, render
 from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.running.files import write_text
-
-Remark = tuple[str, str]
 
 
 @dataclass(frozen=True)
@@ -22,9 +21,9 @@ class LogPage:
     Attributes
     ----------
     title, command : str
-    finding : (kind, sentence)
-        What comes of it, in one sentence; the kind is ``"ok"``, ``"note"`` or ``"problem"``.
-    remarks : sequence of (kind, text)
+    finding : Finding
+        What comes of it, in one sentence.
+    remarks : sequence of Finding
         What there is to say besides.
     charts : sequence of Chart or Heat
         The first one stands with the finding, the others behind the tables.
@@ -33,23 +32,15 @@ class LogPage:
 
     title: str
     command: str
-    finding: Remark
-    remarks: Sequence[Remark]
+    finding: Finding
+    remarks: Sequence[Finding]
     charts: Sequence[Chart | Heat]
     tables: Sequence[Table]
 
 
 def write_page(page: LogPage, path: Path) -> None:
     """Write a page as one HTML file that needs no network."""
-    content = {
-        "title": page.title,
-        "command": page.command,
-        "version": version("flexaxis"),
-        "finding": page.finding,
-        "remarks": page.remarks,
-        "tables": page.tables,
-        "charts": charted(page.charts),
-    }
+    content = vars(page) | {"version": version("flexaxis"), "charts": charted(page.charts)}
     write_text(path, render("logs/templates/log.html", content))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from flexaxis.experiments.logs.covariates import Clock, clock, covariates_of
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.own import find_logs
 from flexaxis.experiments.logs.trend import Source, check_folder, estimate_all, plan_for, tasks
-from flexaxis.experiments.logs.wear import Verdict, fewest_logs, verdicts
+from flexaxis.experiments.logs.wear import CHANGED, OPEN, Verdict, fewest_logs, verdicts
 from flexaxis.experiments.running.progress import progress
 
 
@@ -35,6 +35,8 @@ class Trend:
         Empty where there are too few logs.
     why : str
         Why there are no verdicts.
+    false_alarms : float
+        Probability that any parameter of an axis that does not change is said to.
     """
 
     rows: list[dict[str, Any]]
@@ -42,6 +44,7 @@ class Trend:
     covariates: Mapping[str, NDArray[np.float64]]
     verdicts: list[Verdict]
     why: str = ""
+    false_alarms: float = 0.01
 
     @property
     def good(self) -> list[dict[str, Any]]:
@@ -50,9 +53,15 @@ class Trend:
         return [good[i] for i in self.clock.order]
 
     @property
-    def first(self) -> datetime | None:
-        """When the first of them was, where all have a date."""
-        return datetime.fromisoformat(self.good[0]["date"]) if self.clock.dated else None
+    def first(self) -> str:
+        """When the first of them was by ISO 8601, where all have a date; else empty."""
+        begun = datetime.fromisoformat(self.good[0]["date"]) if self.clock.dated else None
+        return "" if begun is None else begun.replace(tzinfo=None).isoformat(timespec="seconds")
+
+    @property
+    def changed(self) -> bool:
+        """Whether a parameter changed."""
+        return any(one.kind in {CHANGED, OPEN} for one in self.verdicts)
 
 
 def trend_of(
@@ -105,8 +114,9 @@ def trend_of(
     when = clock(good)
     ordered = [good[i] for i in when.order]
     columns = covariates_of(ordered, covariates)
-    options = {"false_alarms": false_alarms, "smallest": smallest}
+    found = Trend(rows, when, columns, [], false_alarms=false_alarms)
     try:
-        return Trend(rows, when, columns, verdicts(ordered, when.time, columns, **options))
+        options = {"false_alarms": false_alarms, "smallest": smallest}
+        return replace(found, verdicts=verdicts(ordered, when.time, columns, **options))
     except LogError as error:
-        return Trend(rows, when, columns, [], str(error))
+        return replace(found, why=str(error))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.curves import gaps, line, thinned
-from flexaxis.experiments.logs.log_page import LogPage, Remark, capital
+from flexaxis.experiments.logs.curves import compared, gaps, thinned
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.judging import MATCHED
+from flexaxis.experiments.logs.log_page import LogPage, capital
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
@@ -27,12 +30,52 @@ COLUMNS = (
 )
 
 
+def findings(found: Tracked) -> list[Finding]:
+    """Return what was found, the most important first."""
+    lines = [Finding("problem", text) for text in found.doubts]
+    lines += [
+        Finding(
+            "note",
+            f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
+            f"({c.scatters:.0f} times its scatter)",
+        )
+        for c in found.changes
+    ]
+    if not lines:
+        lines.append(Finding("ok", "no parameter changed"))
+    if not found.doubts:
+        told = f"fit of a simulation from the torque alone: {found.fit:.1f} %"
+        lines.append(Finding("ok", told))
+    text = f"residual: correlates with its past by {found.correlation:.3f}, "
+    text += "white" if found.white else "so the estimates explain not all there is"
+    lines.append(Finding("ok" if found.white else "note", text))
+    if found.load is not None:
+        text = f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %"
+        lines.append(Finding("ok" if found.load.fit > MATCHED else "note", text))
+    if len(found.alarms):
+        lines.append(Finding("note", f"alarms of the estimator: {len(found.alarms)}"))
+    return lines
+
+
+def content(found: Tracked) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    return {
+        "last": dict(zip(found.names, found.last.tolist(), strict=True)),
+        "nominal": dict(zip(found.names, found.nominal.tolist(), strict=True)),
+        "fit": found.fit,
+        "fit_load": None if found.load is None else found.load.fit,
+        "residual": {"correlation": found.correlation, "white": found.white},
+        "alarms": found.alarms.tolist(),
+        "changes": [vars(change) for change in found.changes],
+        "doubts": found.doubts,
+    }
+
+
 def track_page(
     found: Tracked,
     period: float,
     estimator: str,
     *,
-    remarks: Sequence[Remark],
     problems: Sequence[str],
     log: str,
     command: str,
@@ -46,45 +89,47 @@ def track_page(
         [s].
     estimator : str
         As typed.
-    remarks : sequence of (kind, text)
-        What was found, the most important first.
     problems : sequence of str
         What spoils estimates from this log.
     log, command : str
         Name of the log, and the line that makes this again.
     """
-    said = [*(("problem", f"the log: {text}") for text in problems), *remarks]
-    rows = [
-        Row([Cell(name), *(Cell(f"{v:.5g}", v) for v in (last, nominal, last / nominal))])
-        for name, last, nominal in zip(
-            found.names, found.last.tolist(), found.nominal.tolist(), strict=True
-        )
-    ]
+    said = findings(found)
     charts = [estimates_chart(found, estimator), residual_chart(found, period)]
     charts += [load_chart(found)] if found.load is not None else []
-    return LogPage(
-        title=f"{estimator} on {log}",
-        command=command,
-        finding=_finding(found, remarks, problems),
-        remarks=said,
-        charts=charts,
-        tables=[Table("Last estimates", COLUMNS, rows, "Median of the last fifth of the log.")],
-    )
+    words = "Median of the last fifth of the log."
+    table = Table("Last estimates", COLUMNS, estimates_of(found), words)
+    told = _finding(found, said, problems)
+    said = [*(Finding("problem", f"the log: {text}") for text in problems), *said]
+    return LogPage(f"{estimator} on {log}", command, told, said, charts, [table])
 
 
-def _finding(found: Tracked, said: Sequence[Remark], problems: Sequence[str]) -> Remark:
+def estimates_of(found: Tracked) -> list[Row]:
+    """Return name, last estimate, nominal value and their ratio, a row each."""
+    values = zip(found.names, found.last.tolist(), found.nominal.tolist(), strict=True)
+    return [
+        Row([
+            Cell(name),
+            *(Cell(f"{v:.5g}", v) for v in (last, nominal)),
+            Cell(f"{last / nominal:.4f}", last / nominal),
+        ])
+        for name, last, nominal in values
+    ]  # fmt: skip
+
+
+def _finding(found: Tracked, said: Sequence[Finding], problems: Sequence[str]) -> Finding:
     """Return the worst of what was found, all changes where several parameters changed."""
-    kind = next((kind for kind in ("problem", "note") if said[0][0] == kind), "ok")
-    changes = [text for each, text in said if each == kind and " changed by " in text]
-    text = "; ".join(changes) if changes else said[0][1]
+    kind = said[0].kind
+    changes = [each.text for each in said if each.kind == kind and " changed by " in each.text]
+    text = "; ".join(changes) if changes else said[0].text
     if kind == "ok":
         over = zip(found.names, found.last / found.nominal, strict=True)
         text += f"; last over nominal: {', '.join(f'{n} {v:.3f}' for n, v in over)}"
         text += _off(found)
     text = capital(text)
     if problems:
-        return "problem", f"{text} But the log itself spoils estimates, see below."
-    return kind, text
+        return Finding("problem", f"{text} But the log itself spoils estimates, see below.")
+    return Finding(kind, text)
 
 
 def _off(found: Tracked) -> str:
@@ -177,22 +222,11 @@ def load_chart(found: Tracked, seconds: float = 0.5) -> Chart:
     assert found.load is not None
     good = np.flatnonzero(found.usable)
     start = found.time[good[len(good) // 2]]
-    piece = (found.time >= start) & (found.time < start + seconds)
-    time, measured, predicted = (
-        side[piece] for side in (found.time, found.load.measured, found.load.predicted)
-    )
+    piece = slice(*np.searchsorted(found.time, [start, start + seconds]))
+    sides = {"from motor angle and model": found.load.predicted}
     return Chart(
         title="Load angle",
         words="Half a second from the middle of the log; the load encoder was hidden.",
         x="time [s]",
-        panels=[
-            Panel(
-                y="load angle [rad]",
-                lines=[
-                    Line(x=time, y=measured, role="truth", label="load encoder, hidden"),
-                    line(time, predicted, "from motor angle and model"),
-                ],
-            ),
-            Panel(y="error [rad]", lines=[line(time, measured - predicted, "difference")]),
-        ],
+        panels=compared(found.time, found.load.measured, sides, piece, "load angle [rad]"),
     )

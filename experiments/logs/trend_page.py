@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.logs.covariates import Clock
+from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.log_health import ailments
-from flexaxis.experiments.logs.log_page import LogPage, Remark, capital, write_page
-from flexaxis.experiments.logs.trend_charts import logs_chart, overview_chart, parameter_charts
+from flexaxis.experiments.logs.log_page import LogPage, capital
+from flexaxis.experiments.logs.over_logs import Trend
 from flexaxis.experiments.logs.trend_words import log_remarks, remarks, sentences
 from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
-from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
 Array = NDArray[np.float64]
@@ -28,175 +26,211 @@ WORDS = {
     UNTOLD: "cannot be told",
     STEADY: "did not change",
 }
+ESTIMATE = "estimate of a log, ±2σ"
 
 
-def write_trend(
-    path: Path,
-    found: Sequence[Verdict],
-    clock: Clock,
-    covariates: Mapping[str, Array],
-    rows: Sequence[Mapping[str, Any]],
-    *,
-    command: str,
-    title: str,
-    false_alarms: float,
-) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    path : Path
-    found : sequence of Verdict
-    clock : Clock
-    covariates : mapping of str to ndarray (n,)
-        In the order of the clock.
-    rows : sequence of mapping
-        Of all logs, also of those that could not be used.
-    command, title : str
-    false_alarms : float
-    """
-    good = [row for row in rows if not row["problem"]]
-    first = datetime.fromisoformat(good[clock.order[0]]["date"]) if clock.dated else None
-    said = remarks(found, clock, [*covariates], rows, false_alarms)
-    page = LogPage(
-        title=title,
-        command=command,
-        finding=_finding(found, clock, [*covariates], rows),
-        remarks=said,
-        charts=list(_charts(found, clock, covariates, good, first)),
-        tables=[_parameters(found, good, covariates), *_of_logs(rows)],
-    )
-    write_page(page, path)
+def trend_page(trend: Trend, *, title: str, command: str) -> LogPage:
+    """Return the page; of too few logs the estimates alone, and why there are no verdicts."""
+    if trend.why:
+        told, said = Finding("problem", capital(trend.why)), log_remarks(trend.rows)
+        charts, table = [], _estimates(trend)
+    else:
+        told, said = _finding(trend), remarks(trend)
+        charts, table = [*_charts(trend)], _parameters(trend)
+    tables = [table, *_of_logs(trend.rows)]
+    return LogPage(title, command, told, said, charts, tables)
 
 
-def _finding(
-    found: Sequence[Verdict], clock: Clock, covariates: Sequence[str], rows: Sequence[Any]
-) -> Remark:
+def _finding(trend: Trend) -> Finding:
     """Return what changed, and how many logs are unlike the others, in a sentence."""
-    changed = [v for v in found if v.kind in {CHANGED, OPEN}]
-    told = "; ".join(sentences(v, clock, covariates)[0] for v in changed)
-    if changed:
-        return "problem", capital(told)
-    explained = [v for v in found if v.kind == EXPLAINED]
-    text = "; ".join(sentences(v, clock, covariates)[0] for v in explained)
-    text = capital(text or "no parameter changed")
-    return (
-        ("problem", f"{text} But not all logs are alike, see below.")
-        if ailments(rows)
-        else ("ok", text)
+
+    def told(*kinds: str) -> str:
+        return "; ".join(sentences(v, trend)[0] for v in trend.verdicts if v.kind in kinds)
+
+    if trend.changed:
+        return Finding("problem", capital(told(CHANGED, OPEN)))
+    text = capital(told(EXPLAINED) or "no parameter changed")
+    if ailments(trend.rows):
+        return Finding("problem", f"{text} But not all logs are alike, see below.")
+    return Finding("ok", text)
+
+
+def _charts(trend: Trend) -> Iterator[Chart]:
+    loud = (v for v in trend.verdicts if v.kind != STEADY)
+    for one in sorted(loud, key=lambda v: [*WORDS].index(v.kind)):
+        yield _over_time(one, trend)
+        for name, values in trend.covariates.items():
+            yield _over_covariate(one, name, values)
+    yield overview_chart(trend)
+    yield logs_chart(trend)
+
+
+def _over_time(found: Verdict, trend: Trend) -> Chart:
+    """Return a parameter over time with what was found in it."""
+    times, changes = trend.clock.time[found.logs], found.found.changes
+    words = ". ".join(sentences(found, trend)) + "."
+    shape = {"step": "step", "ramp": "from here on"}
+    causes = " and ".join(trend.covariates)
+    panels = [_panel(found, trend, f"less what {causes} explains" if causes else "")]
+    if causes:
+        panels.insert(0, _panel(found, trend, "as estimated", raw=True))
+    return Chart(
+        title=f"{found.name}: {WORDS[found.kind]}",
+        words=f"{words} Shaded: where the change can have begun, at 95 %." if changes else words,
+        **_across(trend),
+        panels=panels,
+        marks=[(float(times[c.place]), shape.get(c.shape, c.shape)) for c in changes],
+        spans=[
+            (float(times[c.earliest]), float(times[c.latest]), "")
+            for c in changes
+            if c.latest > c.earliest
+        ],
     )
 
 
-def _charts(
-    found: Sequence[Verdict],
-    clock: Clock,
-    covariates: Mapping[str, Array],
-    good: Sequence[Mapping[str, Any]],
-    first: datetime | None,
-) -> Iterator[Chart]:
-    loud = sorted((v for v in found if v.kind != STEADY), key=lambda v: [*WORDS].index(v.kind))
-    for one in loud:
-        words = ". ".join(sentences(one, clock, [*covariates])) + "."
-        yield from parameter_charts(one, clock, covariates, first, title=_heading(one), words=words)
-    yield overview_chart(found, clock, first)
-    yield logs_chart([good[i] for i in clock.order], clock, first)
+def overview_chart(trend: Trend) -> Chart:
+    """Return all parameters over time."""
+    return Chart(
+        title="All parameters",
+        words="Over the value at the start and the mean of the covariates; bars are ±2σ of a log.",
+        **_across(trend),
+        panels=[_panel(one, trend) for one in trend.verdicts],
+    )
 
 
-def write_values(
-    path: Path, rows: Sequence[Mapping[str, Any]], *, command: str, title: str, why: str
-) -> None:
-    """Write a page of the estimates alone, and `why` there are no verdicts."""
-    good = [row for row in rows if not row["problem"]]
-    names = list(good[0]["estimates"])
+def logs_chart(trend: Trend) -> Chart:
+    """Return fit, delay, constant torque and colour of the residual of each log."""
+    rows, time = trend.good, trend.clock.time
+    periods = np.array([row["period"] for row in rows])
+
+    def barred(name: str, scale: Array | float) -> Line:
+        value, sd = (scale * np.array([row[name][key] for row in rows]) for key in ("value", "sd"))
+        return _points(time, value, 2 * sd)
+
+    panels = {
+        "fit [%]": _points(time, [row["fit"] for row in rows]),
+        "torque late [samples]": barred("late", 1 / periods),
+        "constant torque [as logged]": barred("offset", 1.0),
+        "residual predicted [%]": _points(time, [100 * row["colour"] for row in rows]),
+    }
+    return Chart(
+        title="The logs",
+        words="How well a simulation from the torque alone fits each, how late its torque acts, "
+        "what constant torque acts besides, and how much of what is left its own past predicts: 0 "
+        "if it is white noise, and more where the model leaves something out. Bars are ±2σ.",
+        **_across(trend),
+        panels=[Panel(y=label, lines=[line]) for label, line in panels.items()],
+    )
+
+
+def _across(trend: Trend) -> dict[str, Any]:
+    """Return what a chart over time has across: dates, or numbers of logs."""
+    return {"x": "date" if trend.first else "log", "x_from": trend.first}
+
+
+def _points(x: ArrayLike, y: ArrayLike, bars: Array | None = None, who: str = ESTIMATE) -> Line:
+    """Return points, with bars of a half length."""
+    at, up = np.asarray(x, float), np.asarray(y, float)
+    low, high = (None, None) if bars is None else (up - bars, up + bars)
+    return Line(who=who, kind="points", x=at, y=up, low=low, high=high)
+
+
+def _panel(found: Verdict, trend: Trend, title: str = "", *, raw: bool = False) -> Panel:
+    """Return a parameter over time, without what the covariates explain unless it is `raw`."""
+    times, warm = trend.clock.time[found.logs], found.found.of_covariates
+    level = found.found.level + (0.0 if raw else warm)
+    percent = found.percent(found.series.value - level)
+    lines = [_points(times, percent, 200 * found.series.deviation)]
+    if raw:
+        explained = f"what {' and '.join(trend.covariates)} explains"
+        lines.append(Line(who=explained, x=times, y=found.percent(warm)))
+    who = "with the change found" if found.found.changes else "fitted"
+    lines.append(Line(who=who, x=times, y=found.percent(found.found.fitted - level)))
+    out = [outlier.place for outlier in found.found.outliers]
+    if out:
+        lines.append(_points(times[out], percent[out], who="out of line"))
+    return Panel(y=f"{found.name} [%]", title=title, lines=lines)
+
+
+def _over_covariate(found: Verdict, name: str, values: Array) -> Chart:
+    """Return the estimates over a covariate, those before a change apart from those after it."""
+    x = values[found.logs]
+    y = found.percent(found.series.value - found.found.level)
+    changes = found.found.changes
+    turn = changes[0].place if changes else len(x) // 2
+    words = ("before the change", "after it") if changes else ("first half", "second half")
+    order = np.argsort(x)
+    explained = found.percent(found.found.of_covariates)[order]
     lines = [
-        Row([
-            Cell(str(row["log"])),
-            Cell(f"{row['fit']:.3g}", row["fit"]),
-            *(_estimate(row["estimates"][name]) for name in names),
-        ])
-        for row in good
-    ]  # fmt: skip
-    columns = [Column("log", kind="text"), Column("fit [%]"), *map(Column, names)]
-    page = LogPage(
-        title=title,
-        command=command,
-        finding=("problem", capital(why)),
-        remarks=log_remarks(rows),
-        charts=[],
-        tables=[Table("Estimates [SI]", columns, lines), *_of_logs(rows)],
+        _points(x[part], y[part], who=f"logs, {word}")
+        for part, word in zip((slice(turn), slice(turn, None)), words, strict=True)
+        if len(x[part])
+    ]
+    lines.append(Line(who=f"what {name} explains", x=x[order], y=explained))
+    return Chart(
+        title=f"{found.name} over {name}",
+        words=f"What {name} explains, and what it does not.",
+        x=f"{name} [its unit]",
+        panels=[Panel(y=f"{found.name} [%]", lines=lines)],
     )
-    write_page(page, path)
 
 
-def _estimate(told: Mapping[str, float]) -> Cell:
-    return Cell(f"{told['value']:.5g} ± {told['sd']:.1g}", told["value"])
+def _estimates(trend: Trend) -> Table:
+    """Return the estimates of each log."""
+    names = list(trend.good[0]["estimates"])
+    lines = []
+    for row in trend.good:
+        each = [row["estimates"][name] for name in names]
+        cells = [Cell(f"{e['value']:.5g} ± {e['sd']:.1g}", e["value"]) for e in each]
+        lines.append(Row([Cell(str(row["log"])), Cell(f"{row['fit']:.3g}", row["fit"]), *cells]))
+    columns = [Column("log", kind="text"), Column("fit [%]"), *map(Column, names)]
+    return Table("Estimates [SI]", columns, lines)
 
 
 def _of_logs(rows: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Return tables of the logs with which something is wrong."""
-    ill = ailments(rows)
-    strange = [(log, ", and ".join(said)) for log, said in ill.items()]
-    bad = [
-        (str(row["log"]), str(row["problem"]))
-        for row in rows
-        if row["problem"] and not row.get("unlike")
-    ]
-    tables = []
-    if strange:
-        tables.append(texts("Logs that are not like the others", ("log", "what"), strange))
-    if bad:
-        tables.append(texts("Logs that could not be used", ("log", "why"), bad))
-    return tables
+    tables = {
+        ("Logs that are not like the others", "what"): [
+            (log, ", and ".join(said)) for log, said in ailments(rows).items()
+        ],
+        ("Logs that could not be used", "why"): [
+            (str(row["log"]), str(row["problem"]))
+            for row in rows
+            if row["problem"] and not row.get("unlike")
+        ],
+    }
+    return [texts(head, ("log", word), lines) for (head, word), lines in tables.items() if lines]
 
 
-def _heading(found: Verdict) -> str:
-    return f"{found.name}: {WORDS[found.kind]}"
-
-
-def _parameters(
-    found: Sequence[Verdict],
-    rows: Sequence[Mapping[str, Any]],
-    covariates: Mapping[str, Array],
-) -> Table:
+def _parameters(trend: Trend) -> Table:
     columns = [
         Column("parameter", kind="text"),
         Column("verdict", kind="text"),
         Column("change [%]"),
-        *(Column(f"{name} [%/unit]") for name in covariates),
+        *(Column(f"{name} [%/unit]") for name in trend.covariates),
         Column("median [SI]"),
         Column("± of a log [%]"),
         Column("scatter between logs [%]"),
     ]
-    lines = [_line(one, rows) for one in found]
-    return Table("Parameters", columns, lines)
+    return Table("Parameters", columns, [_line(one, trend) for one in trend.verdicts])
 
 
-def _line(found: Verdict, rows: Sequence[Mapping[str, Any]]) -> Row:
-    median = float(np.median([row["estimates"][found.name]["value"] for row in rows]))
+def _line(found: Verdict, trend: Trend) -> Row:
+    median = float(np.median([row["estimates"][found.name]["value"] for row in trend.good]))
     deviation, scatter = 100 * float(np.median(found.series.deviation)), 100 * found.found.scatter
-    slopes = zip(
-        (100 * found.found.slopes).tolist(),
-        (100 * found.found.slope_deviations).tolist(),
-        strict=True,
-    )
+    slopes = 100 * np.stack([found.found.slopes, found.found.slope_deviations], axis=1)
+    sizes = [
+        (float(found.percent(c.size)), found.percent_deviation(c)) for c in found.found.changes
+    ]
+    changes = ", ".join(f"{size:+.3g} ± {sd:.1g}" for size, sd in sizes)
+    largest = max((size for size, _ in sizes), key=abs, default="")
     cells = [
         Cell(found.name),
         Cell(WORDS[found.kind]),
-        _changes(found),
-        *(Cell(f"{slope:+.3g} ± {sd:.1g}", slope) for slope, sd in slopes),
+        Cell(changes or "–", largest),
+        *(Cell(f"{slope:+.3g} ± {sd:.1g}", slope) for slope, sd in slopes.tolist()),
         Cell(f"{median:.5g}", median),
         Cell(f"{deviation:.2g}", deviation),
         Cell(f"{scatter:.2g}", scatter),
     ]
     return Row(cells, kind="changed" if found.kind in {CHANGED, OPEN} else "")
-
-
-def _changes(found: Verdict) -> Cell:
-    """Return the sizes of all changes, to be sorted by the largest."""
-    sizes = [
-        (float(found.percent(c.size)), found.percent_deviation(c)) for c in found.found.changes
-    ]
-    if not sizes:
-        return Cell("–", "")
-    text = ", ".join(f"{size:+.3g} ± {sd:.1g}" for size, sd in sizes)
-    return Cell(text, max((size for size, _ in sizes), key=abs))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flexaxis.experiments.logs.change_points import Change
 from flexaxis.experiments.logs.covariates import Clock
+from flexaxis.experiments.logs.findings import Finding, Kind
 from flexaxis.experiments.logs.log_health import ailments, common
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, UNTOLD, Verdict
+from flexaxis.experiments.logs.over_logs import Trend
+from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
 
 SIGN = 3.0  # standard deviations of a slope whose sign is believed
 QUIET = "did not change"
@@ -18,21 +20,22 @@ TOLD = 3  # logs of which it is told above all else what is wrong with them
 COLOURED = 0.4  # memory of the scatter from log to log that is worth a word
 
 
-def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[str]:
+def sentences(found: Verdict, trend: Trend) -> list[str]:
     """Return what became of a parameter."""
+    names, clock = [*trend.covariates], trend.clock
+    causes, changes = " and ".join(names), found.found.changes
     if found.kind == CHANGED:
-        lines = [_change(found, change, clock) for change in found.found.changes]
-        lines += [f"beside that, {text}" for text in _slopes(found, covariates)]
-        if not covariates:
+        lines = [_change(found, change, clock) for change in changes]
+        lines += [f"beside that, {text}" for text in _slopes(found, names)]
+        if not names:
             lines.append("whether it is worn or warm cannot be told without --covariate")
     elif found.kind == EXPLAINED:
-        largest = max(found.bare.changes, key=lambda c: abs(c.size))
-        moved = float(found.percent(largest.size))
+        moved = float(found.percent(max(found.bare.changes, key=lambda c: abs(c.size)).size))
         lines = [
-            f"moved by {moved:+.2g} %, as {' and '.join(covariates)} did, and not besides: "
-            f"{', '.join(_slopes(found, covariates))}"
+            f"moved by {moved:+.2g} %, as {causes} did, and not besides: "
+            f"{', '.join(_slopes(found, names))}",
+            *_asked(found, names),
         ]
-        lines += _asked(found, covariates)
     elif found.kind == UNTOLD:
         lines = [
             "cannot be told: logs repeat so poorly that a change of less than "
@@ -40,23 +43,26 @@ def sentences(found: Verdict, clock: Clock, covariates: Sequence[str]) -> list[s
         ]
     elif found.kind == OPEN:
         assert found.change is not None
-        size = float(found.percent(found.change.size))
         lines = [
-            f"and {' and '.join(covariates)} changed at the same time: beside it, "
-            f"{size:+.2g} ± {found.percent_deviation(found.change):.2g} %. Worn and warm cannot be "
-            "told apart on these logs; add some of worn and cold, or new and warm"
+            f"and {causes} changed at the same time: beside it, {_size(found, found.change)}. "
+            "Worn and warm cannot be told apart on these logs; add some of worn and cold, or new "
+            "and warm"
         ]
-    elif found.found.changes:
-        sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in found.found.changes)
+    elif changes:
+        sizes = ", ".join(f"{found.percent(c.size):+.2g} %" for c in changes)
         lines = [f"changed by {sizes} only, which is less than {100 * found.smallest:g} %"]
     else:
-        slopes = [text for text in _slopes(found, covariates) if "no effect" not in text]
+        slopes = [text for text in _slopes(found, names) if "no effect" not in text]
         lines = [", ".join([QUIET, *slopes])]
     for outlier in found.found.outliers:
-        size = float(found.percent(outlier.size))
         label = clock.labels[int(found.logs[outlier.place])]
+        size = float(found.percent(outlier.size))
         lines.append(f"the log of {label} is out of line by {size:+.2g} %")
     return [f"{found.name} {lines[0]}", *(f"{found.name}: {line}" for line in lines[1:])]
+
+
+def _size(found: Verdict, change: Change) -> str:
+    return f"{found.percent(change.size):+.2g} ± {found.percent_deviation(change):.2g} %"
 
 
 def _change(found: Verdict, change: Change, clock: Clock) -> str:
@@ -104,84 +110,76 @@ def _slopes(found: Verdict, covariates: Sequence[str]) -> list[str]:
     return lines
 
 
-def remarks(
-    found: Sequence[Verdict],
-    clock: Clock,
-    covariates: Sequence[str],
-    rows: Sequence[Mapping[str, Any]],
-    false_alarms: float,
-) -> list[tuple[str, str]]:
-    """Return the remarks of a page, kind and text, what changed first."""
-    kinds = {CHANGED: "problem", OPEN: "problem", EXPLAINED: "note", UNTOLD: "note"}
-    order = sorted(found, key=lambda v: [*kinds].index(v.kind)
-                   if v.kind in kinds else len(kinds))  # fmt: skip
-    quiet = [v for v in order if sentences(v, clock, covariates) == [f"{v.name} {QUIET}"]]
-    lines = log_remarks(rows)
-    lines += [
-        (kinds.get(v.kind, "ok") if i == 0 else "note", text)
+def remarks(trend: Trend) -> list[Finding]:
+    """Return all that there is to say, what changed first."""
+    weights: dict[str, Kind] = dict.fromkeys((CHANGED, OPEN), "problem")
+    weights |= {EXPLAINED: "note", UNTOLD: "note", STEADY: "ok"}
+    order = sorted(trend.verdicts, key=lambda v: [*weights].index(v.kind))
+    said = {v.name: sentences(v, trend) for v in order}
+    quiet = [name for name, lines in said.items() if lines == [f"{name} {QUIET}"]]
+    found = log_remarks(trend.rows)
+    found += [
+        Finding(weights[v.kind] if i == 0 else "note", text)
         for v in order
-        if all(v is not other for other in quiet)
-        for i, text in enumerate(sentences(v, clock, covariates))
+        if v.name not in quiet
+        for i, text in enumerate(said[v.name])
     ]
     if quiet:
-        lines.append(("ok", f"{', '.join(v.name for v in quiet)} {QUIET}"))
-    if not covariates:
-        lines.append(
-            ("note", "without a covariate, warm and worn cannot be told apart: --covariate temp, "
-             "a column of the logs, or a CSV with the name of each log and its value")
-        )  # fmt: skip
+        found.append(Finding("ok", f"{', '.join(quiet)} {QUIET}"))
+    return found + [Finding("note", text) for text in _to_know(trend)] + [
+        Finding("ok", dates_remark(trend)),
+        Finding("ok", f"one page in {1 / trend.false_alarms:.0f} of an axis that does not change "
+                "says that it does (each time that it is made)"),
+    ]  # fmt: skip
+
+
+def _to_know(trend: Trend) -> Iterator[str]:
+    """Yield what is to be known of the logs together, in sentences."""
+    if not trend.covariates:
+        yield ("without a covariate, warm and worn cannot be told apart: --covariate temp, a "
+               "column of the logs, or a CSV with the name of each log and its value")  # fmt: skip
     memory = [
         v.name
-        for v in found
+        for v in trend.verdicts
         if v.found.correlation >= COLOURED and v.found.scatter > 0.5 * np.median(v.series.deviation)
     ]
     if memory:
-        lines.append(
-            ("note", f"{', '.join(memory)}: what differs from log to log is alike from one to the "
-             "next, so something moves it that is not among the covariates; changes are judged "
-             "the more carefully")
-        )  # fmt: skip
-    bad = [row for row in rows if row["problem"]]
+        yield (f"{', '.join(memory)}: what differs from log to log is alike from one to the next, "
+               "so something moves it that is not among the covariates; changes are judged the "
+               "more carefully")  # fmt: skip
+    bad = [row for row in trend.rows if row["problem"]]
     if bad:
-        lines.append(("note", f"{len(bad)} of {len(rows)} logs could not be used; see below"))
-    copies = [f"{copy} is {row['log']}" for row in rows for copy in row.get("copies", [])]
+        yield f"{len(bad)} of {len(trend.rows)} logs could not be used; see below"
+    copies = [f"{copy} is {row['log']}" for row in trend.rows for copy in row.get("copies", [])]
     if copies:
         more = f" and {len(copies) - TOLD} more" if len(copies) > TOLD else ""
-        lines.append(("note", f"copies count once: {', '.join(copies[:TOLD])}{more}"))
-    lines.append(("ok", dates_remark([row for row in rows if not row["problem"]], clock)))
-    lines.append(
-        ("ok", f"one page in {1 / false_alarms:.0f} of an axis that does not change says that it "
-         "does (each time that it is made)")
-    )  # fmt: skip
-    return lines
+        yield f"copies count once: {', '.join(copies[:TOLD])}{more}"
 
 
-def log_remarks(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Return what is wrong with logs that could be read, kind and text."""
-    ill = ailments(rows)
-    good = [row for row in rows if not row["problem"]]
-    lines = [("problem", f"{log}: {', and '.join(said)}") for log, said in list(ill.items())[:TOLD]]
+def log_remarks(rows: Sequence[Mapping[str, Any]]) -> list[Finding]:
+    """Return what is wrong with logs that could be read."""
+    ill = [f"{log}: {', and '.join(said)}" for log, said in ailments(rows).items()]
     if len(ill) > TOLD:
-        lines.append(("problem", f"{len(ill) - TOLD} more of {len(rows)} logs; see below"))
-    return lines + [("note", text) for text in common(good)]
+        ill[TOLD:] = [f"{len(ill) - TOLD} more of {len(rows)} logs; see below"]
+    together = common([row for row in rows if not row["problem"]])
+    return [*(Finding("problem", t) for t in ill), *(Finding("note", t) for t in together)]
 
 
-def dates_remark(good: Sequence[Mapping[str, Any]], clock: Clock) -> str:
+def dates_remark(trend: Trend) -> str:
     """Return where the dates come from."""
-    if not clock.dated:
-        undated = sum(row["date"] is None for row in good)
+    if not trend.clock.dated:
+        undated = sum(row["date"] is None for row in trend.good)
         why = f"{undated} have no date" if undated else "all have the same date"
-        may = next((f": {row['unclear']} of {row['log']} may be one of two days, write it as "
-                    "2026-12-31" for row in good if row.get("unclear")), "")  # fmt: skip
-        return f"the logs are numbered in the order given, as {why}{may}"
+        return f"the logs are numbered in the order given, as {why} such as 2026-12-31"
     words = {"file": "the logs themselves", "name": "their names", "folder": "their folders"}
-    counts = {source: sum(row["dated"] == source for row in good) for source in words}
+    counts = {source: sum(row["dated"] == source for row in trend.good) for source in words}
     parts = [f"{counts[source]} of {text}" for source, text in words.items() if counts[source]]
     return f"dates: {' and '.join(parts)}"
 
 
-def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str, Any]:
+def summary(found: Verdict, trend: Trend) -> dict[str, Any]:
     """Return what became of a parameter, for JSON; sizes as parts, not per cent."""
+    clock = trend.clock
 
     def told(change: Change) -> dict[str, Any]:
         at = int(found.logs[change.place])
@@ -195,7 +193,7 @@ def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str
             "chance": change.chance,
         }
 
-    slopes = zip(covariates, found.found.slopes, found.found.slope_deviations, strict=True)
+    slopes = zip(trend.covariates, found.found.slopes, found.found.slope_deviations, strict=True)
     last = found.series.value - found.found.fitted
     return {
         "verdict": found.kind,
@@ -206,5 +204,5 @@ def summary(found: Verdict, clock: Clock, covariates: Sequence[str]) -> dict[str
         "scatter": found.found.scatter,
         "correlation": found.found.correlation,
         "residual": float(np.std(last)),
-        "words": sentences(found, clock, covariates),
+        "words": sentences(found, trend),
     }

@@ -12,7 +12,7 @@ from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.friction import names_of
 from flexaxis.experiments.logs.laws import Chosen, Tried
-from flexaxis.experiments.logs.ways import INVERSE, Way
+from flexaxis.experiments.logs.ways import Way
 
 Array = NDArray[np.float64]
 
@@ -212,17 +212,15 @@ def _laws(tried: Sequence[Tried], asked: Asked) -> Iterator[Finding]:
 
 def _differing(best: Way, ways: Sequence[Way], deviations: Array) -> Iterator[Finding]:
     """Yield in one sentence which fits there are, and what their difference means."""
-    names = (*best.attempt.names, *best.attempt.beside)
-    wider = deviations[: len(names)] > best.deviations[: len(names)] * (1 + 1e-9)
     errors = "; ".join(f"{way.name} {way.error:.4g}" for way in ways)
     text = f"errors of a simulation of held-out pieces: {errors}. Taken: {best.name}"
-    if not wider.any():
-        yield Finding("ok", text)
-        return
-    others = ", ".join(name for name, wide in zip(names, wider, strict=True) if wide)
-    yield Finding(
-        "note",
-        f"{text}. The fits differ by more than they claim in {others}, whose deviations were "
-        "widened to that: something acts that the model has not, look at the friction map"
-        + ("" if best.name == INVERSE else " and at the residual"),
-    )
+    if best.lacks:
+        text += (
+            ", as more than noise is left: something acts that the model has not, and whitened "
+            "errors, which take it for noise, are not believed; look at the friction map"
+        )
+    wide = deviations > 1.1 * best.deviations
+    wider = [name for name, is_wide in zip(best.names, wide, strict=False) if is_wide]
+    if wider:
+        text += f". Deviations of {', '.join(wider)} were widened to what the fits differ by"
+    yield Finding("note" if best.lacks or wider else "ok", text)

@@ -1,9 +1,10 @@
-"""Three fits of a log and one answer: the one that best simulates pieces it was not fitted to.
+"""Three fits of a log and one answer, by how they simulate pieces they were not fitted to.
 
-Whitened prediction errors are the most certain where the model is right; where it is not, a rich
-model of the noise hides that. White ones fit the motion as it is. The inverse dynamics of a rigid
-axis ask for no motion to be simulated at all. So none is believed by itself: all are made, and
-where they differ by more than they claim, deviations are widened to that.
+Whitened prediction errors are the most certain where the model is right, and what a simulation
+leaves is noise. Where it leaves more, a rich model of the noise hides that, and reversals are
+fitted in place of motion: then white errors are believed, and for a rigid axis its inverse
+dynamics, which ask for no motion to be simulated and leave out the slow one, in which friction has
+its hump. Deviations are widened to what fits differ by.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from flexaxis.estimators.offline.inverse import (
     pieces,
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
-from flexaxis.experiments.logs.attempt import Attempt, Log
+from flexaxis.experiments.logs.attempt import Attempt, Log, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -36,7 +37,8 @@ PARTS = 10  # of a held-out piece, over which errors are compared
 BEYOND_CHANCE = 2.0  # standard deviations of their difference
 LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
 CLAIMED = 2.0  # standard deviations by which fits may differ
-ALIKE = 1.02  # times the least error of a simulation: another fit that is as good
+RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
+ALIKE, SIMILAR = 1.02, 1.5  # times the least error: as good, where it is right, and where not
 RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
 BESIDE = {"g_sin": "sine", "g_cos": "cosine", "f_sided": "sided"}
 
@@ -62,6 +64,17 @@ class Way:
     fitted: Fitted
     deviations: Array
     errors: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters, then the gains of what acts beside the torque."""
+        return (*self.attempt.names, *self.attempt.beside)
+
+    @property
+    def lacks(self) -> bool:
+        """Whether it leaves more than noise: the model has not all that acts."""
+        noise = noise_of(self.fitted.residual[self.attempt.counted])
+        return bool(self.error > RIGHT * noise)
 
     @property
     def error(self) -> float:
@@ -219,41 +232,33 @@ def inverse_values(attempt: Attempt) -> Array | None:
     return None if found is None else np.array([found.value[RIGID[n]] for n in attempt.names])
 
 
-def answer(ways: Sequence[Way]) -> tuple[Way, Array, list[str]]:
-    """Return the way that is taken, its deviations (q,), and what differs by more than is claimed.
+def answer(ways: Sequence[Way]) -> tuple[Way, Array]:
+    """Return the way that is taken, and its deviations (q,).
 
-    Of ways that simulate alike the most certain one is taken. Another way says how far off the
-    answer may be where it simulates what was held out about as well; less, the worse it does.
+    Of ways that simulate alike the most certain one is taken. Where the model lacks something no
+    simulation tells which of them is right, and what whitened errors claim is not believed: then
+    deviations have half of what the others differ by, less for those that simulate worse. Where it
+    lacks nothing, they have all of it if that is more than both claim; but inverse dynamics, a sum
+    that is rougher than a simulation, say nothing against it.
     """
     ways = [way for way in ways if np.isfinite(way.fitted.square)]
     inside = [way for way in ways if not way.stuck] or ways  # at a bound of the search is no answer
-    alike = [way for way in inside if way.error <= ALIKE * inside[0].error]
-    best = min(alike, key=_claim)
-    deviations, differing = best.deviations.copy(), []
-    p = len(best.attempt.names) + len(best.attempt.beside)
-    settled = best.name != INVERSE and _agree(ways, p)
+    lacks, unbelieved = inside[0].lacks, WHITENED if inside[0].lacks else INVERSE
+    believed = [way for way in inside if not lacks or way.name != WHITENED] or inside
+    most = (SIMILAR if lacks else ALIKE) * believed[0].error
+    best = min((way for way in believed if way.error <= most), key=_claim)
+    deviations = best.deviations
     for other in ways:
-        if settled and other.name == INVERSE:
-            continue  # a model by which noise is no matter is right, and a sum is rougher than it
-        off, apart = _apart(best, other)
-        weight = min(1.0, best.error / other.error) ** 2 * (0.5 if other.stuck else 1.0)
-        deviations = np.where(apart, np.maximum(deviations, weight * off), deviations)
-        if apart[:p].any():
-            differing.append(other.name)
-    return best, deviations, differing
-
-
-def _apart(one: Way, other: Way) -> tuple[Array, Flags]:
-    """Return by how much unknowns (q,) differ, and whether by more than is claimed."""
-    off = abs(other.fitted.z - one.fitted.z)
-    return off, off > CLAIMED * np.hypot(one.deviations, other.deviations)
-
-
-def _agree(ways: Sequence[Way], p: int) -> bool:
-    """Return whether fits to white and to whitened errors give the same parameters (p,)."""
-    found = {way.name: way for way in ways}
-    both = {WHITE, WHITENED} <= found.keys()
-    return both and not _apart(found[WHITE], found[WHITENED])[1][:p].any()
+        if other.name == unbelieved and len(ways) > 2:
+            continue
+        off = abs(other.fitted.z - best.fitted.z)
+        off *= min(1.0, best.error / other.error) ** 2 * (0.5 if other.stuck else 1.0)
+        if lacks:
+            deviations = np.hypot(deviations, off / 2)
+        else:
+            apart = off > CLAIMED * np.hypot(best.deviations, other.deviations)
+            deviations = np.where(apart, np.maximum(deviations, off), deviations)
+    return best, deviations
 
 
 def _claim(way: Way) -> float:

@@ -1,7 +1,7 @@
 """
 Print what `identify` makes of simulated drives with dry friction, and of the real bench.
 
-``python tests/experiments/identify_tables.py [TABLE …] [--seeds A:B]``; the tables are the functions below
+``python tests/experiments/identify_tables.py [TABLE …] [--seeds A:B]``; tables are functions below
 that take seeds.
 
 Errors are of the estimate, in per cent of the truth, with the standard deviation that is said.
@@ -145,7 +145,7 @@ def bench(seeds, seconds):
 
 
 def rails(seeds, seconds):
-    """Drives that no law describes: all three fits, and how many intervals of 95 % hold the truth."""
+    """Drives that no law describes: all three fits, and how many intervals hold the truth."""
     truth = RAIL | {"f_c": RAIL_COULOMB}
     rows = [_ways(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
     _covered(rows)
@@ -181,17 +181,21 @@ def _ways(title, record, model, truth, *, ways=True):
         for name, value, sd in zip(found.names, found.theta, found.deviations, strict=True)
         if name in truth
     }
-    cells = "; ".join(f"{n} {100 * e / truth[n]:+.2f} ± {100 * sd / truth[n]:.2f} % (z {e / sd:+.1f})"
-                      for n, (e, sd) in errors.items() if truth[n])  # fmt: skip
-    told = f"delay {1e3 * found.delay:.3f} ms, held-out fit {found.fit:.1f} %, {found.best.name}"
+    cells = "; ".join(_cell(n, e, sd, truth[n]) for n, (e, sd) in errors.items() if truth[n])
+    told = f"{1e3 * found.axis.delay:.3f} ms late, held-out fit {found.fit:.1f} %"
+    told += f", {found.best.name}"
     print(f"{title:28} {found.friction:8} {status} {spent:4.0f} s  {cells}; {told}", flush=True)
     for way in found.ways if ways else ():
-        off = (f"{n} {100 * (z / truth[n] - 1):+.2f} ± {100 * sd / truth[n]:.2f}"
-               for n, z, sd in zip(found.names, way.fitted.z, way.deviations, strict=False) if truth.get(n))  # fmt: skip
-        print(f"{'':30}{way.name:26} error {way.error:.4g}  {'; '.join(off)}", flush=True)
+        each = zip(found.names, way.fitted.z, way.deviations, strict=False)
+        off = "; ".join(_cell(n, z - truth[n], sd, truth[n]) for n, z, sd in each if truth.get(n))
+        print(f"{'':30}{way.name:26} error {way.error:.4g}  {off}", flush=True)
     for text in found.warnings:
         print(f"{'':30}! {text}", flush=True)
     return status, errors
+
+
+def _cell(name, error, sd, of):
+    return f"{name} {100 * error / of:+.2f} ± {100 * sd / of:.2f} % (z {error / sd:+.1f})"
 
 
 def _covered(rows):

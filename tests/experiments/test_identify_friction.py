@@ -86,8 +86,8 @@ def test_a_constant_torque_is_an_estimate_and_no_friction():
         find_axis("one_mass"),
         friction="coulomb",
     )
-    assert found.offset == pytest.approx(0.02, rel=0.05)
-    assert found.axis.offset == found.offset
+    assert found.axis.offset == pytest.approx(0.02, rel=0.05)
+    assert found.axis.offset == found.estimates["offset"][0]
     values = dict(zip(found.names, found.theta, strict=True))
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 

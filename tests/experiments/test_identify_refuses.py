@@ -60,7 +60,7 @@ def test_a_start_that_cannot_be_computed_with_is_refused(record, values):
 
 def test_the_least_delay_is_no_estimate(record):
     found = identify(record, find_axis("one_mass").having(ONE), friction="none")
-    assert found.delay == 0.0 and found.delay_deviation == 0.0
+    assert found.estimates["delay"] == (0.0, 0.0)
     assert any("least that a held torque can have" in each.text for each in found.findings)
 
 

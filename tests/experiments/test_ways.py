@@ -47,22 +47,25 @@ def ways():
     return ways_of(attempt, tried(attempt, z, held), held)
 
 
-def test_the_way_that_simulates_best_is_within_its_deviations(ways):
+def test_where_the_model_lacks_something_whitened_errors_are_not_believed(ways):
     assert {way.name for way in ways} == {WHITE, WHITENED, INVERSE}
-    best, deviations, _ = answer(ways)
-    assert best.error <= 1.02 * min(way.error for way in ways)
+    best, deviations = answer(ways)
+    assert best.lacks and best.name != WHITENED
+    assert best.error <= 1.5 * min(way.error for way in ways if way.name != WHITENED)
     truth = np.array([TRUTH[name] for name in best.attempt.names])
     assert np.all(abs(best.fitted.z[:3] - truth) < 3 * deviations[:3])
 
 
-def test_deviations_are_widened_to_what_fits_differ_by(ways):
-    best, deviations, differing = answer(ways)
+@pytest.mark.parametrize("lacks", [True, False])
+def test_deviations_are_widened_to_what_fits_differ_by(ways, lacks):
+    (best,) = (way for way in ways if way.name == WHITE)
+    best = best if lacks else replace(best, errors=0 * best.errors + 1e-12)
+    assert best.lacks is lacks
+    np.testing.assert_array_equal(answer([best])[1], best.deviations)
     off = replace(best, name="another", fitted=replace(best.fitted, z=2 * best.fitted.z))
-    assert answer([best])[2] == []
-    _, wider, said = answer([best, off])
-    # both simulate alike, so that either may be taken: off by as much as they differ
-    assert len(said) == 1 and np.all(wider[:3] >= 0.99 * best.fitted.z[:3])
-    assert np.all(deviations >= best.deviations) and best.name not in differing
+    # both simulate alike, so that either may be taken: off by as much as they differ, or half of it
+    _, wider = answer([best, off])
+    assert np.all(wider[:3] >= (0.5 if lacks else 0.99) * best.fitted.z[:3])
 
 
 def test_errors_are_those_of_what_was_held_out(ways):
@@ -108,7 +111,7 @@ def test_a_hanging_arm_has_gravity_and_friction():
 def test_a_loop_without_friction_gets_no_law_no_delay_and_keeps_what_was_stated(bits):
     found = identify(loop(1, bits, 0, 0), find_axis("one_mass"))
     assert found.friction == "none" and found.axis.torque_is is None and not found.warnings
-    assert found.delay < 0.02e-3
+    assert found.axis.delay < 0.02e-3
     truth = np.array([VALUES[1][name] for name in found.names])
     assert np.all(abs(found.theta - truth) < 4 * found.deviations)
 

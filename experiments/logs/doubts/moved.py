@@ -303,7 +303,7 @@ def _stands(e: Evidence) -> float:
 
 
 def _rubs(e: Evidence, piece: slice) -> Chart:
-    """Return torque less the part for acceleration over speed: its mean, and where most of it is."""
+    """Return torque less the part for acceleration over speed, with where most of it is."""
     u, v = e.torque[piece], e.step_speed[piece]
     a = np.gradient(v, e.period)
     rest = u - a * float(a @ (u - u.mean()) / (a @ a))
