@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +15,85 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.reading import hdf5_file, mat_file
 from flexaxis.sim.errors import did_you_mean
 
 Array = NDArray[np.float64]
+
+KEYS = ("date", "datum", "created", "start", "start_time", "timestamp")  # attributes, variables
+HEAD = 4096  # bytes of a text in which a date is looked for
+CENTURY = (datetime(2000, 1, 1), datetime(2100, 1, 1))  # in which a number is a time
+
+_KEY = re.compile(rf"\W*(?:{'|'.join(KEYS)})\s*[:=]\s*(.+)", re.IGNORECASE)
+_DATES = [
+    re.compile(
+        rf"(?<!\d)((?:19|20)\d\d)({mark})(0[1-9]|1[0-2])\2(0[1-9]|[12]\d|3[01])"
+        r"(?:[T _-]?([01]\d|2[0-3])[:hH_.-]?([0-5]\d)(?:[:_.-]?([0-5]\d))?(?:\.\d+)?)?(?!\d)"
+    )
+    for mark in ("[-_./]", "")
+]
+
+
+def found_in(text: str) -> datetime | None:
+    """Return the first date in a text by ISO 8601, as ``2026-03-01T06:30`` or ``20260301_0630``.
+
+    One that is written in parts goes before a mere number, which may be that of a machine.
+
+    Examples
+    --------
+    >>> found_in("axis3_20260301_0630.csv")
+    datetime.datetime(2026, 3, 1, 6, 30)
+    >>> found_in("sn20190101_2026-03-01")
+    datetime.datetime(2026, 3, 1, 0, 0)
+    >>> found_in("02/05/2026") is None
+    True
+    """
+    for match in (match for pattern in _DATES for match in pattern.finditer(text)):
+        year, _, *others = match.groups()
+        with suppress(ValueError):  # such as the 31st of February
+            return datetime(int(year), *(int(part or 0) for part in others))
+    return None
+
+
+def begun(path: Path) -> datetime | None:
+    """Return when a log began, by what stands in it; None if nothing does.
+
+    It takes a process for some formats.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD)
+    texts: Iterable[str] = ()
+    with suppress(LogError):  # the reader says what is wrong with it
+        if b"\x89HDF\r\n\x1a\n" in head[:8] + head[512:520]:
+            texts = hdf5_file.texts_of(path, KEYS)
+        elif head.startswith(b"MATLAB"):
+            texts = mat_file.texts_of(path, KEYS)
+        elif b"\0" not in head:
+            # any other date in a comment may be that of a calibration or of a program
+            lines = head.decode("utf-8", errors="replace").splitlines()
+            told = (_KEY.match(line) for line in lines if line[:1] in "#%;/" and line)
+            texts = [match[1] for match in told if match]
+    return next((date for text in texts if (date := found_in(text) or _by_number(text))), None)
+
+
+def dated(path: Path, known: datetime | None) -> tuple[datetime, str] | None:
+    """Return when a log began and what says so; None if nothing does.
+
+    That is "file", if it is `known` from there, else "name", or "folder" if its name is a date.
+    """
+    told = {"file": known, "name": found_in(path.stem)}
+    told["folder"] = found_in(path.absolute().parent.name)
+    return next(((date, source) for source, date in told.items() if date), None)
+
+
+def _by_number(text: str) -> datetime | None:
+    """Return the time of a number of seconds since 1970, or of ms, µs or ns."""
+    if re.fullmatch(r"\s*\d{9,19}(\.\d*)?\s*", text):
+        for unit in (1.0, 1e-3, 1e-6, 1e-9):
+            date = datetime(1970, 1, 1) + timedelta(seconds=min(int(float(text) * unit), 10**10))
+            if CENTURY[0] <= date < CENTURY[1]:
+                return date
+    return None
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.dates import dated, texts_in, unclear
+from flexaxis.experiments.logs.covariates import begun, dated
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
@@ -30,9 +31,8 @@ from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.record import Record
 
 ROWS, RESULT = "rows.sqlite", "trend.json"
-TEXTS = "texts"  # of a row: what in its log may be dates; names are read anew, they may change
 TRIES = 5  # logs from which it is seen what they can tell
-METHOD = 5  # of the estimates; another number and all are made anew
+METHOD = 6  # of the estimates; another number and all are made anew
 
 
 @dataclass(frozen=True)
@@ -93,11 +93,10 @@ class Plan:
 
 @dataclass(frozen=True)
 class Task:
-    """A log to be estimated from, the identity of what comes of it, and a row without `TEXTS`."""
+    """A log to be estimated from, and the identity of what comes of it."""
 
     path: Path
     case: str
-    known: Mapping[str, Any] | None = None
 
     def __str__(self) -> str:
         return str(self.path)
@@ -184,11 +183,7 @@ def estimate_all(
     make_folder(folder)
     with Lines(folder / ROWS) as rows:
         there = rows.all()
-        missing = {
-            task.case: replace(task, known=there.get(task.case))
-            for task in wanted
-            if TEXTS not in there.get(task.case, ())
-        }
+        missing = {task.case: task for task in wanted if task.case not in there}
         advance(len(wanted) - len(missing))
         for row in spread(missing.values(), partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
             rows.put(row["case"], row)
@@ -206,30 +201,25 @@ def estimate_all(
 
 
 def _date(path: Path, row: dict[str, Any]) -> dict[str, Any]:
-    """Return a row with when its log began, and what says so; or a date that may be one of two."""
-    texts = row.pop(TEXTS)
-    date, source = dated(path, texts) or (None, None)
-    told = {"date": date.isoformat() if date else None, "dated": source}
-    return row | told | {"unclear": None if date else unclear(path, texts)}
+    """Return a row with when its log began, and what says so; names may change."""
+    known = row.pop("begun")
+    date, source = dated(path, known and datetime.fromisoformat(known)) or (None, None)
+    return row | {"date": date.isoformat() if date else None, "dated": source}
 
 
 def row_of(plan: Plan, task: Task) -> dict[str, Any]:
-    """Return the row of a log: its estimates, or what is wrong with it, and its texts of dates."""
+    """Return the row of a log: its estimates, or what is wrong with it, and when it began."""
     row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
-    row |= {TEXTS: [], **(task.known or {})}
-    for found in (_texts,) if task.known else (partial(_estimated, plan), _texts):
-        try:
-            row |= found(task.path)
-        except (FlexaxisError, EstimatorError) as error:
-            row["problem"] = row["problem"] or " ".join(str(error).split())
-        except Exception as error:  # whatever a strange log leads to: the others go on
-            said = " ".join(str(error).split())
-            row["problem"] = row["problem"] or f"unexpected {type(error).__name__}: {said}"
+    row["begun"] = None
+    try:
+        date = begun(task.path)
+        row["begun"] = date.isoformat() if date else None
+        row |= _estimated(plan, task.path)
+    except (FlexaxisError, EstimatorError) as error:
+        row["problem"] = " ".join(str(error).split())
+    except Exception as error:  # whatever a strange log leads to: the others go on
+        row["problem"] = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
     return row
-
-
-def _texts(path: Path) -> dict[str, list[str]]:
-    return {TEXTS: texts_in(path)}
 
 
 def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
