@@ -60,19 +60,19 @@ def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
     from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
-    from flexaxis.experiments.logs.aloud import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.forgetting import with_forgetting
+    from flexaxis.experiments.logs.files import require_suffix, spare_foreign
+    from flexaxis.experiments.logs.findings import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
-    from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
+    from flexaxis.experiments.logs.options import with_forgetting
+    from flexaxis.experiments.logs.pages.page import write_page
+    from flexaxis.experiments.logs.pages.track_page import content, track_page
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
         track,
     )
-    from flexaxis.experiments.logs.track_page import content, track_page
     from flexaxis.experiments.running.outputs import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -125,7 +125,7 @@ def _print(found: Tracked) -> None:
     from rich.table import Table
 
     from flexaxis.experiments.logs.findings import MARKS
-    from flexaxis.experiments.logs.track_page import estimates_of, findings
+    from flexaxis.experiments.logs.pages.track_page import estimates_of, findings
 
     table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
     for row in estimates_of(found):

@@ -23,7 +23,7 @@ from flexaxis.experiments.logs.options import add_log_options, tables_of, treatm
 from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.logs.over_logs import Trend
+    from flexaxis.experiments.logs.trend.trend import Trend
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
 GROUP = "your own axis"
@@ -64,10 +64,9 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.findings import MARKS
-    from flexaxis.experiments.logs.log_health import ailments
-    from flexaxis.experiments.logs.over_logs import trend_of
-    from flexaxis.experiments.logs.trend import Source
-    from flexaxis.experiments.logs.trend_words import remarks
+    from flexaxis.experiments.logs.trend.estimates import Source
+    from flexaxis.experiments.logs.trend.trend import ailments, trend_of
+    from flexaxis.experiments.logs.trend.words import remarks
 
     if not 0 < args.false_alarms < 0.5:
         raise LogError(f"--false-alarms {args.false_alarms}: give a probability, such as 0.01")
@@ -99,8 +98,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _page(args: argparse.Namespace, found: Trend) -> Path:
     """Write the page; return where it is."""
-    from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.trend_page import trend_page
+    from flexaxis.experiments.logs.pages.page import write_page
+    from flexaxis.experiments.logs.pages.trend_page import trend_page
     from flexaxis.experiments.running.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -112,9 +111,9 @@ def _page(args: argparse.Namespace, found: Trend) -> Path:
 
 def _result(args: argparse.Namespace, found: Trend, report: Path) -> dict[str, Any]:
     """Write the result; return it."""
-    from flexaxis.experiments.logs.log_health import ailments
-    from flexaxis.experiments.logs.trend import RESULT
-    from flexaxis.experiments.logs.trend_words import summary
+    from flexaxis.experiments.logs.trend.estimates import RESULT
+    from flexaxis.experiments.logs.trend.trend import ailments
+    from flexaxis.experiments.logs.trend.words import summary
     from flexaxis.experiments.running.files import write_json
 
     content = {

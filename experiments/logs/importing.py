@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import sosfilt
 
+from flexaxis.experiments.logs.doubts import examine
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.looking import examine
 from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
 from flexaxis.experiments.logs.doubts.torque_kind import (
     AGAINST,
@@ -22,9 +22,9 @@ from flexaxis.experiments.logs.doubts.torque_kind import (
     torque_kind,
 )
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.files import is_record
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
-from flexaxis.experiments.logs.own import is_record
 from flexaxis.experiments.logs.prepare import (
     FEWEST,
     Prepared,

@@ -19,7 +19,7 @@ from identify_axes import NAMES, VALUES, log
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.importing import read_any
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.scenario import Scenario
@@ -147,7 +147,7 @@ def bench(seeds, seconds):
 def rails(seeds, seconds):
     """Drives that no law describes: all three fits, and how many intervals hold the truth."""
     truth = RAIL | {"f_c": RAIL_COULOMB}
-    rows = [_ways(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
+    rows = [_candidates(f"rail {s}", rail(s, seconds), "one_mass", truth) for s in seeds]
     _covered(rows)
 
 
@@ -161,17 +161,17 @@ def loops(seeds, seconds):
                     record = loop(masses, bits, ratio, seed, seconds=seconds)
                     truth = VALUES[masses] | {"f_c": ratio * VALUES[masses]["f_m"]}
                     title = f"{masses} masses, {bits} bits, {ratio} rad/s, {seed}"
-                    rows.append(_ways(title, record, NAMES[masses], truth, ways=False))
+                    rows.append(_candidates(title, record, NAMES[masses], truth, candidates=False))
     _covered(rows)
 
 
 def arms(seeds, seconds):
     """Hanging arms with dry friction."""
     truth = {"J_m": 0.01, "f_m": 0.05, "f_c": 0.1, "g_sin": 0.3}
-    _covered([_ways(f"arm {s}", arm(s, seconds=seconds), "one_mass", truth) for s in seeds])
+    _covered([_candidates(f"arm {s}", arm(s, seconds=seconds), "one_mass", truth) for s in seeds])
 
 
-def _ways(title, record, model, truth, *, ways=True):
+def _candidates(title, record, model, truth, *, candidates=True):
     """Print an identification and its fits; return status, and errors with deviations by name."""
     begun = time.process_time()
     found = identify(record, find_axis(model))
@@ -185,10 +185,10 @@ def _ways(title, record, model, truth, *, ways=True):
     told = f"{1e3 * found.axis.delay:.3f} ms late, held-out fit {found.fit:.1f} %"
     told += f", {found.best.name}"
     print(f"{title:28} {found.friction:8} {status} {spent:4.0f} s  {cells}; {told}", flush=True)
-    for way in found.ways if ways else ():
-        each = zip(found.names, way.fitted.z, way.deviations, strict=False)
+    for candidate in found.candidates if candidates else ():
+        each = zip(found.names, candidate.fitted.z, candidate.deviations, strict=False)
         off = "; ".join(_cell(n, z - truth[n], sd, truth[n]) for n, z, sd in each if truth.get(n))
-        print(f"{'':30}{way.name:26} error {way.error:.4g}  {off}", flush=True)
+        print(f"{'':30}{candidate.name:26} error {candidate.error:.4g}  {off}", flush=True)
     for text in found.warnings:
         print(f"{'':30}! {text}", flush=True)
     return status, errors

@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt
 
 from flexaxis.experiments.cli import main
+from flexaxis.experiments.logs.doubts import MOVED, SAMPLED, doubts_of
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.looking import MOVED, SAMPLED, doubts_of
 from flexaxis.experiments.logs.doubts.moved import in_loop, outliers
 from flexaxis.experiments.logs.doubts.sampled import updates_every
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind

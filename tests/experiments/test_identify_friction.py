@@ -12,14 +12,13 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.forgetting import with_forgetting
-from flexaxis.experiments.logs.friction import guessed_level
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.friction import guessed_level
+from flexaxis.experiments.logs.identification.identify import identify
+from flexaxis.experiments.logs.identification.validate import Fit, validate
+from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
 from flexaxis.experiments.logs.importing import _as_imported
-from flexaxis.experiments.logs.judging import Fit
+from flexaxis.experiments.logs.options import with_forgetting
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.logs.validate import validate
-from flexaxis.experiments.logs.verdict import _bounds, _restless
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES, log

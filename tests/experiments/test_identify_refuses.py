@@ -5,7 +5,7 @@ import pytest
 
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.sim.record import Record
 
 T, N, STEPS = 0.004, 2500, 40
@@ -66,7 +66,7 @@ def test_the_least_delay_is_no_estimate(record):
 
 def test_a_fit_that_went_astray_blames_no_rate():
     """At 250 Hz nothing is seen of a mode at 400 Hz: what ended there says so, and what to do."""
-    from flexaxis.experiments.logs.identify import _check_ended
+    from flexaxis.experiments.logs.identification.identify import _check_ended
 
     model = find_axis("two_mass").having(TWO).model
     _check_ended(model, T)

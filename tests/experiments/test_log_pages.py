@@ -9,11 +9,11 @@ import pytest
 
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.import_page import _finding as of_import
-from flexaxis.experiments.logs.log_charts import log_chart
-from flexaxis.experiments.logs.log_page import LogPage, capital, write_page
+from flexaxis.experiments.logs.pages.charts import log_chart
+from flexaxis.experiments.logs.pages.import_page import _finding as of_import
+from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
+from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.logs.track_page import track_page
 from flexaxis.experiments.reporting.thinning import COLUMNS, extremes
 from flexaxis.sim.record import Record
 

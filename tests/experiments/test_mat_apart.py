@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from flexaxis.experiments.logs.covariates import begun
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading import mat_file
+from flexaxis.experiments.logs.trend.covariates import begun
 
 
 @pytest.fixture

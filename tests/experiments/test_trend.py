@@ -15,13 +15,13 @@ from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs import trend
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
-from flexaxis.experiments.logs.covariates import begun, dated, found_in
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.log_health import ailments, common
-from flexaxis.experiments.logs.own import find_logs
-from flexaxis.experiments.logs.refit import _attempt, _other_delay, refit
+from flexaxis.experiments.logs.files import find_logs
+from flexaxis.experiments.logs.trend import estimates as trend
+from flexaxis.experiments.logs.trend.covariates import begun, dated, found_in
+from flexaxis.experiments.logs.trend.refit import _attempt, _other_delay, refit
+from flexaxis.experiments.logs.trend.trend import ailments, common
 from flexaxis.sim.record import Record
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import butter, sosfiltfilt
 
-from flexaxis.experiments.logs.curves import line, means, points, sketch
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.pages.page import line, means, points, sketch
 from flexaxis.experiments.logs.prepare import unwrapped
 from flexaxis.experiments.reporting.charts import Chart
 

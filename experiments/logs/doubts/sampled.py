@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.curves import LOG, line, points, sketch
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.nonsense import FAST, SI, other_units, usual_speed
 from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.pages.page import LOG, line, points, sketch
 from flexaxis.experiments.reporting.charts import Chart, Line
 
 Array = NDArray[np.float64]

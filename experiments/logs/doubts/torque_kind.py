@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import welch
 
-from flexaxis.experiments.logs.curves import line, sketch
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.findings import Kind as Weight
+from flexaxis.experiments.logs.pages.page import line, sketch
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.reporting.charts import Chart
 

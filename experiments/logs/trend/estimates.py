@@ -16,13 +16,13 @@ import numpy as np
 
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.covariates import begun, dated
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import GIVEN
+from flexaxis.experiments.logs.files import labels
+from flexaxis.experiments.logs.identification.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
-from flexaxis.experiments.logs.own import labels
 from flexaxis.experiments.logs.reading.reader import open_log
-from flexaxis.experiments.logs.refit import refit, seen
+from flexaxis.experiments.logs.trend.covariates import begun, dated
+from flexaxis.experiments.logs.trend.refit import refit, seen
 from flexaxis.experiments.running.dispatch import spread
 from flexaxis.experiments.running.files import make_folder
 from flexaxis.experiments.running.names import REPORT

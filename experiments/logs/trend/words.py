@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from flexaxis.experiments.logs.change_points import Change
-from flexaxis.experiments.logs.covariates import Clock
 from flexaxis.experiments.logs.findings import Finding, Kind
-from flexaxis.experiments.logs.log_health import ailments, common
-from flexaxis.experiments.logs.over_logs import Trend
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
+from flexaxis.experiments.logs.trend.change_points import Change
+from flexaxis.experiments.logs.trend.covariates import Clock
+from flexaxis.experiments.logs.trend.trend import Trend, ailments, common
+from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
 
 SIGN = 3.0  # standard deviations of a slope whose sign is believed
 QUIET = "did not change"

@@ -11,19 +11,24 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.inverse import Inverse
-from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis, is_smooth
 from flexaxis.experiments.logs.doubts.torque_kind import UNSEEN
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.findings import Finding, texts_of
-from flexaxis.experiments.logs.friction import KINDS, able, linear_part, names_of
-from flexaxis.experiments.logs.judging import Fit, correlation, fit_of
-from flexaxis.experiments.logs.laws import LINEAR, Chosen, Tried, check_given, chosen
+from flexaxis.experiments.logs.identification.candidates import (
+    Candidate,
+    answer,
+    candidates_of,
+    explain,
+)
+from flexaxis.experiments.logs.identification.friction import KINDS, able, linear_part, names_of
+from flexaxis.experiments.logs.identification.laws import LINEAR, Chosen, Tried, check_given, chosen
+from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.starts import Starts
+from flexaxis.experiments.logs.identification.validate import Fit, correlation, fit_of
+from flexaxis.experiments.logs.identification.verdict import Asked, judged
 from flexaxis.experiments.logs.prepare import highpass_filter
-from flexaxis.experiments.logs.spectrum import Response
-from flexaxis.experiments.logs.starts import Starts
-from flexaxis.experiments.logs.verdict import Asked, judged
-from flexaxis.experiments.logs.ways import Way, answer, explain, ways_of
+from flexaxis.experiments.logs.spectra import Response
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -47,9 +52,9 @@ class Identification:
     sd : ndarray (q,)
         Standard deviations of all unknowns of the fit that was taken, widened to what fits differ
         by: parameters, gains of what acts beside the torque, the state, the offset and the delay.
-    ways : tuple of Way
+    candidates : tuple of Candidate
         All fits, the one that simulates best first.
-    best : Way
+    best : Candidate
         That was taken.
     fit : float
         100 (1 − |y − ŷ|/|y − mean y|) of a simulation of pieces that it was not fitted to, from the
@@ -72,8 +77,8 @@ class Identification:
 
     axis: Axis
     sd: Array
-    ways: tuple[Way, ...]
-    best: Way
+    candidates: tuple[Candidate, ...]
+    best: Candidate
     fit: float
     whole: Fit
     response: Response | None
@@ -107,7 +112,7 @@ class Identification:
         """
         z, sd = self.best.fitted.z.tolist(), self.sd.tolist()
         found = dict(zip(self.names, zip(z, sd, strict=True), strict=False))
-        told = self.best.attempt.delay is not None or z[-1] <= self.best.attempt.earliest
+        told = self.best.setup.delay is not None or z[-1] <= self.best.setup.earliest
         return found | {"delay": (z[-1], 0.0 if told else sd[-1]), "offset": (z[-2], sd[-2])}
 
     @property
@@ -179,21 +184,21 @@ def identify(
     corner = axis.highpass if highpass is None else highpass
     if corner is not None:
         highpass_filter(corner, log.period)  # refuses what is none
-    attempt = Attempt(log, axis.model, names, delay=delay, highpass=corner)
-    _check_delay(attempt)
+    setup = Setup(log, axis.model, names, delay=delay, highpass=corner)
+    _check_delay(setup)
     if not whole and friction not in {"auto", "none"}:
         raise LogError(
             f"--friction {friction} needs the motion as it was, and slow motion was filtered away: "
             "leave --highpass out at the import; identify --highpass filters residuals alone"
         )
-    starts = Starts(attempt, known=axis.known, whole=whole)
+    starts = Starts(setup, known=axis.known, whole=whole)
     told = UNSEEN not in record.versions.get("torque_because", "")
     linear = record.versions.get("motion") == "linear" and gravity == "auto"
     asked = Asked(
         friction,
         highpass or axis.highpass,
         told,
-        whole is False and friction == "auto" and able(attempt.model),
+        whole is False and friction == "auto" and able(setup.model),
     )
     options = {"told": told, "free": free, "fix": fix, "given": given}
     taken = chosen(starts, friction, "none" if linear else gravity, **options)  # type: ignore[arg-type]
@@ -205,28 +210,28 @@ def identify(
 def _found(
     starts: Starts, axis: Axis, asked: Asked, taken: Chosen, record: Record
 ) -> Identification:
-    ways = ways_of(taken.attempt, taken.parts, taken.held)
-    if not ways or not np.isfinite(ways[0].error):
+    candidates = candidates_of(taken.setup, taken.parts, taken.held)
+    if not candidates or not np.isfinite(candidates[0].error):
         raise LogError(
             "no start could be simulated over the log: give nominal values of the right size, "
             "with --start NAME=VALUE"
         )
-    best, deviations = answer(ways)
-    attempt, fitted, log = best.attempt, best.fitted, best.attempt.log
-    whole = fit_of(log.y, fitted.residual, attempt.counted, fitted.colour)
+    best, deviations = answer(candidates)
+    setup, fitted, log = best.setup, best.fitted, best.setup.log
+    whole = fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
     fit = 100 * (1 - best.error / whole.size)
     values, lag = dict(zip(best.names, fitted.z.tolist(), strict=False)), float(fitted.z[-1])
     found = replace(
         axis,
-        model=attempt.having({n: values[n] for n in attempt.names}).model,
+        model=setup.having({n: values[n] for n in setup.names}).model,
         known=True,
         delay=lag,
         whitening=tuple(fitted.colour.inverse.tolist()),
         noise=float(np.sqrt(fitted.square)),
         error=best.error,
         offset=float(fitted.z[-2]) if abs(fitted.z[-2]) > 3 * deviations[-2] else 0.0,
-        beside={n: values[n] for n in attempt.beside},
-        highpass=attempt.highpass,
+        beside={n: values[n] for n in setup.beside},
+        highpass=setup.highpass,
         rate=1 / log.period,
         torque_is="smooth" if log.smooth and not is_smooth(record) else axis.torque_is,
         deviation=dict(zip(best.names, deviations.tolist(), strict=False)),
@@ -234,15 +239,17 @@ def _found(
     return Identification(
         found,
         deviations,
-        tuple(ways),
+        tuple(candidates),
         best,
         fit,
         whole,
-        response=starts.seen_by(attempt, fitted),
+        response=starts.seen_by(setup, fitted),
         map=explain(log, lag, LINEAR),
-        friction=_word(asked.friction, axis.model, names_of(attempt.model)),
+        friction=_word(asked.friction, axis.model, names_of(setup.model)),
         tried=taken.tried,
-        findings=tuple(judged(taken, best, deviations, ways=ways, fit=fit, asked=asked)),
+        findings=tuple(
+            judged(taken, best, deviations, candidates=candidates, fit=fit, asked=asked)
+        ),
         torque_unit=record.versions.get("torque_unit", ""),
     )
 
@@ -253,9 +260,9 @@ def _word(friction: str, model: Model, laws: Sequence[str]) -> str:
     return friction if friction in KINDS else "coulomb" if laws else "none"
 
 
-def _check_delay(attempt: Attempt) -> None:
+def _check_delay(setup: Setup) -> None:
     """Refuse a given delay that is none of those that are looked for."""
-    delay, least, most = attempt.delay, attempt.earliest, attempt.latest
+    delay, least, most = setup.delay, setup.earliest, setup.latest
     if delay is not None and not least <= delay <= most:
         raise LogError(
             f"--delay {delay:g}: the torque of this log acts {least:g} … {most:g} s after it is "

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.log_health import ailments
-from flexaxis.experiments.logs.log_page import LogPage, capital
-from flexaxis.experiments.logs.over_logs import Trend
-from flexaxis.experiments.logs.trend_words import log_remarks, remarks, sentences
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
+from flexaxis.experiments.logs.pages.page import LogPage, capital
+from flexaxis.experiments.logs.trend.trend import Trend, ailments
+from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, UNTOLD, Verdict
+from flexaxis.experiments.logs.trend.words import log_remarks, remarks, sentences
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 

@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, Log
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.friction import friction, guessed_level, smooth_sign
-from flexaxis.experiments.logs.spectrum import (
+from flexaxis.experiments.logs.identification.candidates import inverse_values
+from flexaxis.experiments.logs.identification.friction import friction, guessed_level, smooth_sign
+from flexaxis.experiments.logs.identification.setup import Log, Setup
+from flexaxis.experiments.logs.spectra import (
     STRONG,
     Response,
     fit_response,
     measured_response,
     rough_guess,
 )
-from flexaxis.experiments.logs.ways import inverse_values
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Starts:
 
     Attributes
     ----------
-    attempt : Attempt
+    setup : Setup
         As the axis was given.
     known : bool
         Whether its nominal values are somebody's, and not a rough guess of their size.
@@ -47,14 +47,14 @@ class Starts:
         Whether the signals are as they were, so that friction can be looked for: no high-pass.
     """
 
-    attempt: Attempt
+    setup: Setup
     known: bool
     whole: bool = True
 
     @property
     def log(self) -> Log:
         """The log."""
-        return self.attempt.log
+        return self.setup.log
 
     def level(self) -> float:
         """Return about how much dry friction there is, in units of the torque."""
@@ -69,18 +69,18 @@ class Starts:
             u = u - friction(u, smooth_sign(y, log.period), level)
         return measured_response(u, y, period=log.period, floor=floor)
 
-    def seen_by(self, attempt: Attempt, fitted: Fitted) -> Response | None:
+    def seen_by(self, setup: Setup, fitted: Fitted) -> Response | None:
         """Return the frequency response without the dry friction that was found."""
-        values = {"k_T": 1.0} | dict(attempt.model.nominal) | attempt.values(fitted)
-        level = values.get("f_c", 0.0) if attempt.model.laws else 0.0
+        values = {"k_T": 1.0} | dict(setup.model.nominal) | setup.values(fitted)
+        level = values.get("f_c", 0.0) if setup.model.laws else 0.0
         try:
             return self.response(level / values["k_T"])
         except LogError:
             return None
 
-    def search(self, attempt: Attempt, level: float = 0.0) -> Fitted:
+    def search(self, setup: Setup, level: float = 0.0) -> Fitted:
         """Fit from each start for two rounds."""
-        first = explored(attempt, self.places(attempt, level), self.ladder(attempt, level))
+        first = explored(setup, self.places(setup, level), self.ladder(setup, level))
         if not np.isfinite(first.square):
             raise LogError(
                 "no start could be simulated over the log: give nominal values of the right size, "
@@ -88,7 +88,7 @@ class Starts:
             )
         return first
 
-    def places(self, attempt: Attempt, level: float) -> list[Place]:
+    def places(self, setup: Setup, level: float) -> list[Place]:
         """Return parameters and delays [s] to start from."""
         found, problems = [], []
         for floor in (STRONG, 0.0):
@@ -97,39 +97,39 @@ class Starts:
             except LogError as error:
                 problems.append(error)
                 continue
-            found.append(self._place(attempt, seen))
+            found.append(self._place(setup, seen))
         if self.known:
-            theta = attempt.model.parametrize(attempt.names).theta
+            theta = setup.model.parametrize(setup.names).theta
             found.append((theta, 0.0))
-        rigid = inverse_values(attempt)
+        rigid = inverse_values(setup)
         if rigid is not None:
             found.append((rigid, 0.0))
         if not found:
             raise problems[0]
         return found
 
-    def ladder(self, attempt: Attempt, level: float) -> list[Place]:
+    def ladder(self, setup: Setup, level: float) -> list[Place]:
         """Return places with resonances up to the fastest that the log may show; none of a mass.
 
         Slow motion shows a spring below its resonance, where no peak says where to start.
         """
-        if self.known or attempt.model.name not in MODELS:
+        if self.known or setup.model.name not in MODELS:
             return []
         try:
             seen = self.response(level)
         except LogError:
             return []
-        linear = replace(attempt.model, laws=())
+        linear = replace(setup.model, laws=())
         rungs = np.geomspace(seen.omega[0], FASTEST / self.log.period, RUNGS)
         guesses = [rough_guess(linear, seen, rung) for rung in rungs]
         if guesses[0] == guesses[-1]:
             return []
-        values = [dict(attempt.model.nominal) | guess for guess in guesses]
-        return [(np.array([those[name] for name in attempt.names]), 0.0) for those in values]
+        values = [dict(setup.model.nominal) | guess for guess in guesses]
+        return [(np.array([those[name] for name in setup.names]), 0.0) for those in values]
 
-    def _place(self, attempt: Attempt, seen: Response) -> Place:
-        names = attempt.names
-        linear = replace(attempt.model, laws=())
+    def _place(self, setup: Setup, seen: Response) -> Place:
+        names = setup.names
+        linear = replace(setup.model, laws=())
         mine = tuple(name for name in names if name in linear.parameters)
         if not self.known and linear.name in MODELS:
             guess = rough_guess(linear, seen)
@@ -141,14 +141,14 @@ class Starts:
             identify=mine,
             period=self.log.period,
             output=self.log.output,
-            delay=attempt.delay,
-            earliest=attempt.earliest,
+            delay=setup.delay,
+            earliest=setup.earliest,
         )
-        values = dict(attempt.model.nominal) | dict(zip(mine, theta.tolist(), strict=True))
+        values = dict(setup.model.nominal) | dict(zip(mine, theta.tolist(), strict=True))
         return np.array([values[name] for name in names]), lag
 
 
-def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
+def explored(setup: Setup, places: Sequence[Place], rungs: Sequence[Place] = ()) -> Fitted:
     """Return the best of a few rounds from each place, on a part of the log that is enough for it.
 
     A rich model of the noise explains what a model that is far off leaves, and little leads away
@@ -157,20 +157,20 @@ def explored(attempt: Attempt, places: Sequence[Place], rungs: Sequence[Place] =
     speaks for, a short piece says which two are worth as much.
     """
     if rungs:
-        quick = attempt.part(QUICK)
+        quick = setup.part(QUICK)
         judged = [quick.solve(*rung, rounds=1, fine=False, plain=True).square for rung in rungs]
         places = [*places, *(rungs[i] for i in np.argsort(judged)[:2])]
-    short = attempt.part(ENOUGH)
-    starts = [(place, attempt.whiten) for place in places]
+    short = setup.part(ENOUGH)
+    starts = [(place, setup.whiten) for place in places]
     starts += [(place, False) for place in places[:LIKELY]]
     tried = [short.solve(*place, rounds=2, fine=False, plain=plain) for place, plain in starts]
     likely = sorted(tried, key=lambda fitted: fitted.square)[:LIKELY]
     found = best([*likely, *(short.solve(at.z, rounds=2, plain=True, fine=False) for at in likely)])
-    if short.log is attempt.log or not np.isfinite(found.square):
+    if short.log is setup.log or not np.isfinite(found.square):
         return found
     # a part has an initial state of its own, so that no more than parameters are taken from it
-    theta, lag = found.z[: len(attempt.names)], float(found.z[-1])
-    return attempt.solve(theta, lag, rounds=2, fine=False)
+    theta, lag = found.z[: len(setup.names)], float(found.z[-1])
+    return setup.solve(theta, lag, rounds=2, fine=False)
 
 
 def best(fits: Sequence[Fitted]) -> Fitted:

@@ -51,7 +51,8 @@ def found_in(text: str) -> datetime | None:
     for match in (match for pattern in _DATES for match in pattern.finditer(text)):
         year, _, *others = match.groups()
         with suppress(ValueError):  # such as the 31st of February
-            return datetime(int(year), *(int(part or 0) for part in others))
+            month, day, hour, minute, second = (int(part or 0) for part in others)
+            return datetime(int(year), month, day, hour, minute, second)
     return None
 
 

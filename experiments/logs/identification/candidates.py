@@ -26,7 +26,7 @@ from flexaxis.estimators.offline.inverse import (
     pieces,
 )
 from flexaxis.estimators.offline.prediction_error import Fitted, discretisation
-from flexaxis.experiments.logs.attempt import Attempt, Log, noise_of
+from flexaxis.experiments.logs.identification.setup import Log, Setup, noise_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -38,19 +38,20 @@ BEYOND_CHANCE = 2.0  # standard deviations of their difference
 LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
 CLAIMED = 2.0  # standard deviations by which fits may differ
 RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
+SURE = 3.0  # standard deviations of a delay, below which it is none
 ALIKE, SIMILAR = 1.02, 1.5  # times the least error: as good, where it is right, and where not
 RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
 BESIDE = {"g_sin": "sine", "g_cos": "cosine", "f_sided": "sided"}
 
 
 @dataclass(frozen=True)
-class Way:
+class Candidate:
     """A fit, and how it simulates what it was not fitted to.
 
     Attributes
     ----------
     name : str
-    attempt : Attempt
+    setup : Setup
     fitted : Fitted
         To the whole log.
     deviations : ndarray (q,)
@@ -60,7 +61,7 @@ class Way:
     """
 
     name: str
-    attempt: Attempt
+    setup: Setup
     fitted: Fitted
     deviations: Array
     errors: Array
@@ -68,12 +69,12 @@ class Way:
     @property
     def names(self) -> tuple[str, ...]:
         """Parameters, then the gains of what acts beside the torque."""
-        return (*self.attempt.names, *self.attempt.beside)
+        return (*self.setup.names, *self.setup.beside)
 
     @property
     def lacks(self) -> bool:
         """Whether it leaves more than noise: the model has not all that acts."""
-        noise = noise_of(self.fitted.residual[self.attempt.counted])
+        noise = noise_of(self.fitted.residual[self.setup.counted])
         return bool(self.error > RIGHT * noise)
 
     @property
@@ -84,9 +85,9 @@ class Way:
     @property
     def stuck(self) -> list[str]:
         """Parameters at the bound of the search."""
-        problem, z = self.attempt.problem(), self.fitted.z
+        problem, z = self.setup.problem(), self.fitted.z
         at = (z <= problem.lower * (1 + 1e-9)) | (z >= problem.upper * (1 - 1e-9))
-        names = self.attempt.names
+        names = self.setup.names
         return [name for name, side in zip(names, at[: len(names)], strict=True) if side]
 
 
@@ -95,15 +96,13 @@ def held_out(ok: Flags) -> Flags:
     return np.isin(pieces(ok), HELD_OUT)
 
 
-def errors_of(
-    attempt: Attempt, fitted: Fitted, held: Flags, highpass: float | None = None
-) -> Array:
+def errors_of(setup: Setup, fitted: Fitted, held: Flags, highpass: float | None = None) -> Array:
     """Return mean squares of the errors of a simulation, in parts of what was held out.
 
-    Above the corner of the attempt, or another one [Hz].
+    Above the corner of the setup, or another one [Hz].
     """
-    ok, corner = attempt.log.ok, attempt.highpass if highpass is None else highpass
-    colour = colourless(corner, attempt.log.period)
+    ok, corner = setup.log.ok, setup.highpass if highpass is None else highpass
+    colour = colourless(corner, setup.log.period)
     high = colour.high(colour.bridged(fitted.residual, ok))
     there = np.flatnonzero(held & ok)
     there = there[there >= colour.skip]
@@ -124,35 +123,44 @@ def better(before: Array, after: Array) -> bool:
     return bool(worth and gain.mean() > BEYOND_CHANCE * gain.std() / np.sqrt(len(gain)))
 
 
-def tried(attempt: Attempt, z: Array, held: Flags) -> dict[str, Fitted]:
+def tried(setup: Setup, z: Array, held: Flags) -> dict[str, Fitted]:
     """Return fits to what is not held out, from unknowns z (q,) on, by their names."""
     found = {
-        name: replace(attempt, whiten=name == WHITENED).solve(z, without=held, rounds=5, fine=False)
+        name: replace(setup, whiten=name == WHITENED).solve(z, without=held, rounds=5, fine=False)
         for name in (WHITE, WHITENED)
     }
-    rigid = by_inverse(attempt, z, held)
+    rigid = by_inverse(setup, z, held)
     return found if rigid is None else found | {INVERSE: rigid[0]}
 
 
-def ways_of(attempt: Attempt, parts: Mapping[str, Fitted], held: Flags) -> list[Way]:
-    """Return each way's fit to the whole log, the one that simulates best first."""
+def candidates_of(setup: Setup, parts: Mapping[str, Fitted], held: Flags) -> list[Candidate]:
+    """Return each candidate's fit to the whole log, the one that simulates best first."""
     found = []
     for name, part in parts.items():
-        own = replace(attempt, whiten=name == WHITENED)
-        errors = errors_of(attempt, part, held)
+        own = replace(setup, whiten=name == WHITENED)
+        errors = errors_of(setup, part, held)
         if name == INVERSE:
-            rigid = by_inverse(own, part.z, None)
+            rigid = by_inverse(own, _timed(own, part.z, found), None)
             if rigid is not None:
-                found.append(Way(name, own, *rigid, errors))
+                fitted, deviations = rigid
+                deviations[-1] = found[0].deviations[-1]
+                found.append(Candidate(name, own, fitted, deviations, errors))
             continue
         fitted = own.solve(part.z)
-        found.append(Way(name, own, fitted, deviations_of(own, fitted), errors))
-    return sorted(found, key=lambda way: way.error)
+        found.append(Candidate(name, own, fitted, deviations_of(own, fitted), errors))
+    return sorted(found, key=lambda candidate: candidate.error)
 
 
-def deviations_of(attempt: Attempt, fitted: Fitted) -> Array:
+def _timed(setup: Setup, z: Array, found: Sequence[Candidate]) -> Array:
+    """Return unknowns (q,) with the delay of a fit that has one, if it is sure of that."""
+    lag, sd = found[0].fitted.z[-1], found[0].deviations[-1]
+    sure = setup.delay is not None or lag - setup.earliest > SURE * sd
+    return np.append(z[:-1], lag if sure else setup.earliest)
+
+
+def deviations_of(setup: Setup, fitted: Fitted) -> Array:
     """Return standard deviations (q,): for white residuals or over pieces, and of solving laws."""
-    steps = discretisation(attempt.problem(), fitted)
+    steps = discretisation(setup.problem(), fitted)
     return np.hypot(np.maximum(fitted.deviations, over_pieces(fitted)), steps)
 
 
@@ -175,81 +183,81 @@ def motion(log: Log, delay: float = 0.0) -> Motion:
     return motion_of(torque, speed, angle, ok, log.period, held=not log.smooth)
 
 
-def is_rigid(attempt: Attempt) -> bool:
+def is_rigid(setup: Setup) -> bool:
     """Return whether a model is a mass with friction, whose torque is a sum."""
-    model = attempt.model
+    model = setup.model
     laws = {role for law in model.laws for role in law.parameters if law.kind == "bristle"}
     return (
         tuple(model.states) == ("speed_motor",)
-        and set(attempt.names) <= set(RIGID)
-        and "J_m" in attempt.names
+        and set(setup.names) <= set(RIGID)
+        and "J_m" in setup.names
         and all(law.kind == "bristle" for law in model.laws)
         and laws <= {"coulomb", "stiffness"}
     )
 
 
-def by_inverse(attempt: Attempt, z: Array, held: Flags | None) -> tuple[Fitted, Array] | None:
+def by_inverse(setup: Setup, z: Array, held: Flags | None) -> tuple[Fitted, Array] | None:
     """Return the simulation at what the inverse dynamics find, and deviations; None if they cannot.
 
     The delay is that of z, as a sum has none.
     """
-    found = _inverse(attempt, float(z[-1]), held)
+    found = _inverse(setup, float(z[-1]), held)
     if found is None:
         return None
-    k_T = float(attempt.model.nominal.get("k_T", 1.0))
-    p, m = len(attempt.names), len(attempt.beside)
+    k_T = float(setup.model.nominal.get("k_T", 1.0))
+    p, m = len(setup.names), len(setup.beside)
     at, deviations = z.copy(), np.zeros(len(z))
     for i, name in enumerate([*found.value][: p + m]):
         unit = 1.0 if i < p else 1.0 / k_T
         at[i], deviations[i] = unit * found.value[name], abs(unit) * found.deviation[name]
     at[-2], deviations[-2] = -found.value["constant"] / k_T, found.deviation["constant"] / abs(k_T)
-    problem = attempt.problem(held)
+    problem = setup.problem(held)
     if np.any(at < problem.lower) or np.any(at > problem.upper):
         return None
-    return attempt.at(at, held, fixed=p + m), deviations
+    return setup.at(at, held, fixed=p + m), deviations
 
 
-def _inverse(attempt: Attempt, delay: float, held: Flags | None) -> Inverse | None:
-    if not is_rigid(attempt):
+def _inverse(setup: Setup, delay: float, held: Flags | None) -> Inverse | None:
+    if not is_rigid(setup):
         return None
     known = {
         RIGID[name]: float(value)
-        for name, value in attempt.model.nominal.items()
-        if name in RIGID and name not in attempt.names
+        for name, value in setup.model.nominal.items()
+        if name in RIGID and name not in setup.names
     }
-    names = [RIGID[n] for n in attempt.names] + [BESIDE[n] for n in attempt.beside] + ["constant"]
-    moved = motion(attempt.log, delay)
-    moved = replace(moved, torque=float(attempt.model.nominal.get("k_T", 1.0)) * moved.torque)
+    names = [RIGID[n] for n in setup.names] + [BESIDE[n] for n in setup.beside] + ["constant"]
+    moved = motion(setup.log, delay)
+    moved = replace(moved, torque=float(setup.model.nominal.get("k_T", 1.0)) * moved.torque)
     try:
         return inverse_dynamics(moved, names, known=known, without=held)
     except EstimatorError:
         return None
 
 
-def inverse_values(attempt: Attempt) -> Array | None:
+def inverse_values(setup: Setup) -> Array | None:
     """Return the parameters (p,) that the inverse dynamics find; None if they cannot."""
-    found = _inverse(attempt, attempt.delay or 0.0, None)
-    return None if found is None else np.array([found.value[RIGID[n]] for n in attempt.names])
+    found = _inverse(setup, setup.delay or 0.0, None)
+    return None if found is None else np.array([found.value[RIGID[n]] for n in setup.names])
 
 
-def answer(ways: Sequence[Way]) -> tuple[Way, Array]:
-    """Return the way that is taken, and its deviations (q,).
+def answer(candidates: Sequence[Candidate]) -> tuple[Candidate, Array]:
+    """Return the candidate that is taken, and its deviations (q,).
 
-    Of ways that simulate alike the most certain one is taken. Where the model lacks something no
+    Of those that simulate alike the most certain one is taken. Where the model lacks something no
     simulation tells which of them is right, and what whitened errors claim is not believed: then
     deviations have half of what the others differ by, less for those that simulate worse. Where it
     lacks nothing, they have all of it if that is more than both claim; but inverse dynamics, a sum
     that is rougher than a simulation, say nothing against it.
     """
-    ways = [way for way in ways if np.isfinite(way.fitted.square)]
-    inside = [way for way in ways if not way.stuck] or ways  # at a bound of the search is no answer
+    candidates = [c for c in candidates if np.isfinite(c.fitted.square)]
+    inside = [c for c in candidates if not c.stuck] or candidates  # at a bound is no answer
     lacks, unbelieved = inside[0].lacks, WHITENED if inside[0].lacks else INVERSE
-    believed = [way for way in inside if not lacks or way.name != WHITENED] or inside
+    believed = [c for c in inside if not lacks or c.name != WHITENED] or inside
     most = (SIMILAR if lacks else ALIKE) * believed[0].error
-    best = min((way for way in believed if way.error <= most), key=_claim)
+    best = min((c for c in believed if c.error <= most), key=_claim)
     deviations = best.deviations
-    for other in ways:
-        if other.name == unbelieved and len(ways) > 2:
+    for other in candidates:
+        if other.name == unbelieved and len(candidates) > 2:
             continue
         off = abs(other.fitted.z - best.fitted.z)
         off *= min(1.0, best.error / other.error) ** 2 * (0.5 if other.stuck else 1.0)
@@ -261,11 +269,11 @@ def answer(ways: Sequence[Way]) -> tuple[Way, Array]:
     return best, deviations
 
 
-def _claim(way: Way) -> float:
-    """Return the mean logarithm of what a way claims of its parameters, relative to them."""
-    p = len(way.attempt.names)
+def _claim(candidate: Candidate) -> float:
+    """Return the mean logarithm of what a candidate claims of its parameters, relative to them."""
+    p = len(candidate.setup.names)
     tiny = np.finfo(float).tiny
-    share = way.deviations[:p] / np.maximum(abs(way.fitted.z[:p]), tiny)
+    share = candidate.deviations[:p] / np.maximum(abs(candidate.fitted.z[:p]), tiny)
     return float(np.mean(np.log(np.maximum(share, tiny))))
 
 

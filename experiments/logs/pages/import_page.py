@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from flexaxis.experiments.logs.findings import Finding, ordered
+from flexaxis.experiments.logs.identification.visibility import Seen
 from flexaxis.experiments.logs.importing import Imported
-from flexaxis.experiments.logs.log_charts import log_chart, spectrum_chart, visibility_map
-from flexaxis.experiments.logs.log_page import LogPage
-from flexaxis.experiments.logs.visibility import Seen
+from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart, visibility_map
+from flexaxis.experiments.logs.pages.page import LogPage
 from flexaxis.experiments.reporting.charts import Chart, Heat
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 

@@ -15,8 +15,8 @@ from flexaxis.experiments.logs.axis_file import Axis, output_of, usable
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.moved import reversals_of
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import GIVEN
-from flexaxis.experiments.logs.spectrum import measured_response, rough_guess
+from flexaxis.experiments.logs.identification.identify import GIVEN
+from flexaxis.experiments.logs.spectra import measured_response, rough_guess
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]

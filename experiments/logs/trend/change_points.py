@@ -4,11 +4,11 @@ The estimates x of n logs are taken to be
 
 .. math:: x = Z\beta + \sum_j \delta_j h_j + e,
 
-with a level and covariates in Z, and e as `flexaxis.experiments.logs.scatter` has it. A change h is
-a step, a ramp that begins at some log, or one log that is out of line. They are looked for by
-generalised least squares with the likelihood-ratio scan over all places and shapes (M. Basseville
-and I. Nikiforov, *Detection of Abrupt Changes*, 1993, section 2.4), one after the other. The
-greatest of the ratios has no closed distribution: `flexaxis.experiments.logs.scatter`.
+with a level and covariates in Z, and e as `flexaxis.experiments.logs.trend.scatter` has it. A
+change h is a step, a ramp that begins at some log, or one log that is out of line. They are looked
+for by generalised least squares with the likelihood-ratio scan over all places and shapes
+(M. Basseville and I. Nikiforov, *Detection of Abrupt Changes*, 1993, section 2.4), one after the
+other. The greatest of the ratios has no closed distribution, see there.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.scatter import Scatter, chance_of, ratios
+from flexaxis.experiments.logs.trend.scatter import Scatter, chance_of, ratios
 
 Array = NDArray[np.float64]
 

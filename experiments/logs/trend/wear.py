@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.change_points import (
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.trend.change_points import (
     FEWEST,
     Change,
     Explained,
@@ -17,7 +18,6 @@ from flexaxis.experiments.logs.change_points import (
     explain,
     size_of,
 )
-from flexaxis.experiments.logs.errors import LogError
 
 Array = NDArray[np.float64]
 

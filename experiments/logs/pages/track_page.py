@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.curves import compared, gaps, thinned
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.judging import MATCHED
-from flexaxis.experiments.logs.log_page import LogPage, capital
+from flexaxis.experiments.logs.identification.validate import MATCHED
+from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, thinned
 from flexaxis.experiments.logs.track import Tracked
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table

@@ -1,15 +1,22 @@
-"""Curves of a log: thinned, with room about them, and means over what they hang on."""
+"""What pages of logs are made of: curves, thinned and with room about them, and the page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexaxis.experiments.reporting.charts import Chart, Line, Panel
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.reporting.charts import Chart, Heat, Line, Panel
+from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.tables import Table
 from flexaxis.experiments.reporting.thinning import extremes
+from flexaxis.experiments.running.files import write_text
 
 Array = NDArray[np.float64]
 
@@ -99,3 +106,45 @@ def gaps(time: ArrayLike, ok: NDArray[np.bool_]) -> list[tuple[float, float, str
     t, edges = np.asarray(time, float), np.flatnonzero(np.diff(np.r_[1, ok, 1]))
     pairs = list(zip(edges[::2], edges[1::2], strict=True))[:GAPS]
     return [(float(t[begin]), float(t[end - 1]), "") for begin, end in pairs]
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """What a page shows.
+
+    Attributes
+    ----------
+    title, command : str
+    finding : Finding
+        What comes of it, in one sentence.
+    remarks : sequence of Finding
+        What there is to say besides.
+    charts : sequence of Chart or Heat
+        The first one stands with the finding, the others behind the tables.
+    tables : sequence of Table
+    """
+
+    title: str
+    command: str
+    finding: Finding
+    remarks: Sequence[Finding]
+    charts: Sequence[Chart | Heat]
+    tables: Sequence[Table]
+
+
+def write_page(page: LogPage, path: Path) -> None:
+    """Write a page as one HTML file that needs no network."""
+    content = vars(page) | {"version": version("flexaxis"), "charts": charted(page.charts)}
+    write_text(path, render("logs/templates/log.html", content))
+
+
+def capital(text: str) -> str:
+    """Return a text as a sentence; a symbol such as f_c at its beginning stays as it is.
+
+    Examples
+    --------
+    >>> capital("no parameter changed"), capital("f_c has grown")
+    ('No parameter changed.', 'f_c has grown.')
+    """
+    first, *_ = text.split(" ", 1)
+    return (text[:1].upper() + text[1:] if first.isalpha() else text).rstrip(".") + "."

@@ -10,18 +10,17 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.descent import CONVERGED
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.friction import names_of
-from flexaxis.experiments.logs.laws import Chosen, Tried
-from flexaxis.experiments.logs.ways import Way
+from flexaxis.experiments.logs.identification.candidates import Candidate
+from flexaxis.experiments.logs.identification.friction import names_of
+from flexaxis.experiments.logs.identification.laws import Chosen, Tried
+from flexaxis.experiments.logs.identification.validate import MATCHED
 
 Array = NDArray[np.float64]
 
 BLIND = 0.5  # relative standard deviation from which on a parameter counts as not seen
-MATCHED = 50.0  # per cent of a simulation of what was held out, that it explains at the least
 LEVEL = "f_c"  # of dry friction: what a law is about, where its other parameters are its shape
 EARLY = 3.0  # standard deviations beyond the least delay that there can be
 HALF = 0.5  # samples: least delay of a measured torque, the mean over the sample before
-SMOOTHER = 0.95  # times the error, from which on a log speaks against a torque that is held
 
 
 @dataclass(frozen=True)
@@ -47,10 +46,10 @@ class Asked:
 
 def judged(
     chosen: Chosen,
-    best: Way,
+    best: Candidate,
     deviations: Array,
     *,
-    ways: Sequence[Way],
+    candidates: Sequence[Candidate],
     fit: float,
     asked: Asked,
 ) -> list[Finding]:
@@ -59,11 +58,11 @@ def judged(
     Parameters
     ----------
     chosen : Chosen
-    best : Way
+    best : Candidate
         That was taken.
     deviations : ndarray (q,)
         Of the unknowns.
-    ways : sequence of Way
+    candidates : sequence of Candidate
     fit : float
         Of a simulation of what was held out [%].
     asked : Asked
@@ -76,7 +75,7 @@ def judged(
         *_late(best, deviations),
         *_drifts(best, asked),
         *_laws(chosen.tried, asked),
-        *_differing(best, ways, deviations),
+        *_differing(best, candidates, deviations),
     ]
 
 
@@ -90,9 +89,9 @@ def _unlike(fit: float) -> Iterator[Finding]:
         )
 
 
-def _blind(best: Way, deviations: Array) -> Iterator[Finding]:
-    names = best.attempt.names
-    shapes = {name for name in names_of(best.attempt.model) if name != LEVEL}
+def _blind(best: Candidate, deviations: Array) -> Iterator[Finding]:
+    names = best.setup.names
+    shapes = {name for name in names_of(best.setup.model) if name != LEVEL}
     unseen = [
         (name, value, sd)
         for name, value, sd in zip(names, best.fitted.z, deviations, strict=False)
@@ -100,7 +99,7 @@ def _blind(best: Way, deviations: Array) -> Iterator[Finding]:
     ]
     most = 2 * len(unseen) > len(names)
     for name, value, sd in unseen:
-        share = f"±{100 * sd / abs(value):.0f} %" if value else "nothing"
+        known = f"known to ±{100 * sd / abs(value):.0f} %" if sd < abs(value) else "it may be 0"
         if name == LEVEL:
             text = (
                 f"dry friction f_c = {value:.3g} ± {sd:.2g} cannot be told from none: use "
@@ -108,15 +107,15 @@ def _blind(best: Way, deviations: Array) -> Iterator[Finding]:
             )
         else:
             text = (
-                f"the excitation cannot see {name}: known to {share}; fix it with --fix "
+                f"the excitation cannot see {name}: {known}; fix it with --fix "
                 f"{name}=VALUE, or excite what it acts on"
             )
         yield Finding("problem" if most or not value else "note", text)
 
 
-def _bounds(best: Way) -> Iterator[Finding]:
+def _bounds(best: Candidate) -> Iterator[Finding]:
     stuck = best.stuck
-    shapes = [n for n in stuck if n in names_of(best.attempt.model) and n != LEVEL]
+    shapes = [n for n in stuck if n in names_of(best.setup.model) and n != LEVEL]
     if LEVEL in stuck:
         yield Finding(
             "problem",
@@ -139,7 +138,7 @@ def _bounds(best: Way) -> Iterator[Finding]:
         )
 
 
-def _restless(best: Way) -> Iterator[Finding]:
+def _restless(best: Candidate) -> Iterator[Finding]:
     if not best.fitted.converged:
         yield Finding(
             "problem",
@@ -149,19 +148,19 @@ def _restless(best: Way) -> Iterator[Finding]:
         )
 
 
-def _late(best: Way, deviations: Array) -> Iterator[Finding]:
+def _late(best: Candidate, deviations: Array) -> Iterator[Finding]:
     """Yield what a delay at the end of what is possible means, and one beyond it."""
-    attempt, lag = best.attempt, float(best.fitted.z[-1])
-    period = attempt.log.period
-    if attempt.delay is not None:
+    setup, lag = best.setup, float(best.fitted.z[-1])
+    period = setup.log.period
+    if setup.delay is not None:
         return
-    if lag >= attempt.latest * (1 - 1e-9):
+    if lag >= setup.latest * (1 - 1e-9):
         yield Finding(
             "problem",
             f"the torque acts {1e3 * lag:.3g} ms late or more: the columns of torque and motion "
             "are shifted; look at `flexaxis import`, or give --delay S",
         )
-    if attempt.log.smooth and lag < -HALF * period - EARLY * deviations[-1]:
+    if setup.log.smooth and lag < -HALF * period - EARLY * deviations[-1]:
         yield Finding(
             "problem",
             f"the torque acts {-lag / period:.2f} samples before it is logged, which is not "
@@ -169,7 +168,7 @@ def _late(best: Way, deviations: Array) -> Iterator[Finding]:
             "is); shift it (by a sample, if it is held), or log the torque before its filter; "
             "inertias are off as well",
         )
-    if lag <= attempt.earliest:
+    if lag <= setup.earliest:
         yield Finding(
             "ok",
             "the delay is the least that a held torque can have; that is no estimate, and has no "
@@ -177,8 +176,8 @@ def _late(best: Way, deviations: Array) -> Iterator[Finding]:
         )
 
 
-def _drifts(best: Way, asked: Asked) -> Iterator[Finding]:
-    corner = best.attempt.highpass
+def _drifts(best: Candidate, asked: Asked) -> Iterator[Finding]:
+    corner = best.setup.highpass
     if corner is not None and asked.highpass is None:
         yield Finding(
             "note",
@@ -210,9 +209,11 @@ def _laws(tried: Sequence[Tried], asked: Asked) -> Iterator[Finding]:
         )
 
 
-def _differing(best: Way, ways: Sequence[Way], deviations: Array) -> Iterator[Finding]:
+def _differing(
+    best: Candidate, candidates: Sequence[Candidate], deviations: Array
+) -> Iterator[Finding]:
     """Yield in one sentence which fits there are, and what their difference means."""
-    errors = "; ".join(f"{way.name} {way.error:.4g}" for way in ways)
+    errors = "; ".join(f"{candidate.name} {candidate.error:.4g}" for candidate in candidates)
     text = f"errors of a simulation of held-out pieces: {errors}. Taken: {best.name}"
     if best.lacks:
         text += (

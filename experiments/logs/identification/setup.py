@@ -1,4 +1,4 @@
-"""One attempt at a log: a model, how its torque is meant, and what its residuals leave out."""
+"""One setup at a log: a model, how its torque is meant, and what its residuals leave out."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def noise_of(y: Array) -> float:
 
 
 @dataclass(frozen=True)
-class Attempt:
+class Setup:
     """A model for a log.
 
     Attributes
@@ -283,7 +283,7 @@ class Attempt:
         white = problem.colour(point.residual)
         return finished(problem, problem.weighed(point, white), white)
 
-    def having(self, values: Mapping[str, float]) -> Attempt:
+    def having(self, values: Mapping[str, float]) -> Setup:
         """Return it from other nominal values."""
         nominal = dict(self.model.nominal) | dict(values)
         return replace(self, model=replace(self.model, nominal=nominal))
@@ -292,7 +292,7 @@ class Attempt:
         """Return the parameters of a fit by name."""
         return dict(zip(self.names, fitted.z[: len(self.names)].tolist(), strict=True))
 
-    def part(self, most: int) -> Attempt:
+    def part(self, most: int) -> Setup:
         """Return it for the liveliest stretch of that many samples, or all."""
         if len(self.log.u) <= most:
             return self

@@ -10,7 +10,11 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.logs.axis_file import output_of, usable
-from flexaxis.experiments.logs.curves import (
+from flexaxis.experiments.logs.identification.friction import linear_part
+from flexaxis.experiments.logs.identification.identify import Identification
+from flexaxis.experiments.logs.identification.validate import Validation, liveliest
+from flexaxis.experiments.logs.identification.visibility import Seen
+from flexaxis.experiments.logs.pages.page import (
     LOG,
     compared,
     gaps,
@@ -20,11 +24,7 @@ from flexaxis.experiments.logs.curves import (
     points,
     thinned,
 )
-from flexaxis.experiments.logs.friction import linear_part
-from flexaxis.experiments.logs.identify import Identification
 from flexaxis.experiments.logs.spectra import spectra
-from flexaxis.experiments.logs.validate import Validation, liveliest
-from flexaxis.experiments.logs.visibility import Seen
 from flexaxis.experiments.reporting.charts import Cells, Chart, Heat, Line, Panel
 from flexaxis.sim.record import Record
 
@@ -89,7 +89,7 @@ def bode_chart(found: Identification, period: float) -> Chart:
     assert found.response is not None
     model = linear_part(found.axis.model)
     chosen = (
-        increment(model, period) if found.best.attempt.log.output == "increment" else model
+        increment(model, period) if found.best.setup.log.output == "increment" else model
     ).parametrize(model.parameters)
     seen = found.response.omega
     fine = np.geomspace(seen.min(), seen.max(), 800)  # resonances are narrower than steps of lines
@@ -136,7 +136,7 @@ def _of_response(dry: bool) -> str:
 
 def simulation_chart(found: Identification, period: float) -> Chart:
     """Return the measured motion with its simulation from the torque alone over it, and errors."""
-    log = found.best.attempt.log
+    log = found.best.setup.log
     simulated = log.y - found.residual
     time = period * np.arange(float(len(log.y)))
     piece = liveliest(time, log.y, simulated, log.ok)

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.descent import damped_step
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.judging import Fit, at_limits, fit_of
-from flexaxis.experiments.logs.ways import over_pieces
+from flexaxis.experiments.logs.identification.candidates import over_pieces
+from flexaxis.experiments.logs.identification.setup import Setup, log_of
+from flexaxis.experiments.logs.identification.validate import Fit, at_limits, fit_of
 from flexaxis.sim.record import Record
 
 Array = NDArray[np.float64]
@@ -85,22 +85,22 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     LogError
         If the log does not fit the axis at all.
     """
-    attempt = _attempt(record, axis, names)
+    setup = _attempt(record, axis, names)
     known = axis.model.parametrize(names).theta
-    fitted = attempt.solve(known, axis.delay, rounds=STEPS, fine=False)
+    fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
         raise LogError(
             "a simulation of this log runs away with the values of the axis"
-            f"{_other_delay(attempt, known)}"
+            f"{_other_delay(setup, known)}"
         )
-    fit = _fit(attempt, fitted)
+    fit = _fit(setup, fitted)
     theta = fitted.z[: len(names)]
     bounds = np.sort(np.outer(RANGE, known), axis=0)
     unlike = at_limits(names, theta, bounds, known)
     if unlike or fit.percent <= 0:
         said = unlike[0] if unlike else fit.unlike(None)
-        raise LogError(f"{said}{_other_delay(attempt, known)}")
-    late, late_deviation, left = _late(attempt, fitted)
+        raise LogError(f"{said}{_other_delay(setup, known)}")
+    late, late_deviation, left = _late(setup, fitted)
     high = fitted.colour.high(fitted.residual)[fitted.good]
     return Refit(
         tuple(names),
@@ -123,10 +123,10 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     """
     left = list(names)
     while left:
-        attempt = _attempt(record, axis, left)
+        setup = _attempt(record, axis, left)
         theta = axis.model.parametrize(left).theta
-        z = attempt.problem().start(theta, axis.delay, attempt.first())
-        deviations = attempt.at(z, fixed=len(left)).deviations[: len(left)] / abs(theta)
+        z = setup.problem().start(theta, axis.delay, setup.first())
+        deviations = setup.at(z, fixed=len(left)).deviations[: len(left)] / abs(theta)
         worst = int(np.argmax(deviations))
         if deviations[worst] <= SEEN:
             return tuple(left)
@@ -134,13 +134,13 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     raise LogError("this log tells no parameter to 10 %: excite the axis more, or name --free NAME")
 
 
-def _attempt(record: Record, axis: Axis, names: Sequence[str]) -> Attempt:
+def _attempt(record: Record, axis: Axis, names: Sequence[str]) -> Setup:
     known = axis.model.parametrize(names).theta
     lower, upper = (
         dict(zip(names, side.tolist(), strict=True))
         for side in np.sort(np.outer(RANGE, known), axis=0)
     )
-    return Attempt(
+    return Setup(
         log_of(record, axis),
         axis.model,
         tuple(names),
@@ -151,14 +151,14 @@ def _attempt(record: Record, axis: Axis, names: Sequence[str]) -> Attempt:
     )
 
 
-def _fit(attempt: Attempt, fitted: Fitted) -> Fit:
-    log = attempt.log
-    return fit_of(log.y, fitted.residual, attempt.counted, fitted.colour)
+def _fit(setup: Setup, fitted: Fitted) -> Fit:
+    log = setup.log
+    return fit_of(log.y, fitted.residual, setup.counted, fitted.colour)
 
 
-def _late(attempt: Attempt, fitted: Fitted) -> tuple[float, float, float]:
+def _late(setup: Setup, fitted: Fitted) -> tuple[float, float, float]:
     """Return by how much the torque acts later, its deviation, and how far it is to the bottom."""
-    known = attempt.problem()
+    known = setup.problem()
     free = replace(known, held=np.append(known.held[:-1], False))
     at = free.at(fitted.z, fitted.colour)
     moves = ~free.held
@@ -169,12 +169,12 @@ def _late(attempt: Attempt, fitted: Fitted) -> tuple[float, float, float]:
     return float(step[-1]), float(np.sqrt(at.square / at.samples * inverse)), known.left(at)
 
 
-def _other_delay(attempt: Attempt, known: Array) -> str:
+def _other_delay(setup: Setup, known: Array) -> str:
     """Return in words whether the known axis fits a log if its torque acts at another time."""
-    fits, period = {}, attempt.log.period
+    fits, period = {}, setup.log.period
     for samples in SHIFTS:
-        delay = float(attempt.delay or 0.0) + samples * period
-        other = replace(attempt, delay=delay)
+        delay = float(setup.delay or 0.0) + samples * period
+        other = replace(setup, delay=delay)
         with suppress(LogError, EstimatorError):
             z = other.problem().start(known, delay, other.first())
             fits[samples] = _fit(other, other.at(z, fixed=len(known))).percent

@@ -10,16 +10,16 @@ from rich.markup import escape
 from rich.table import Table as Printed
 
 from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
-from flexaxis.experiments.logs.identify import Identification
-from flexaxis.experiments.logs.log_charts import (
+from flexaxis.experiments.logs.identification.candidates import Candidate
+from flexaxis.experiments.logs.identification.identify import Identification
+from flexaxis.experiments.logs.identification.validate import Validation
+from flexaxis.experiments.logs.pages.charts import (
     bode_chart,
     map_charts,
     simulation_chart,
     validation_chart,
 )
-from flexaxis.experiments.logs.log_page import LogPage
-from flexaxis.experiments.logs.validate import Validation
-from flexaxis.experiments.logs.ways import Way
+from flexaxis.experiments.logs.pages.page import LogPage
 from flexaxis.experiments.reporting.charts import Chart
 from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
 
@@ -43,9 +43,9 @@ def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
         "friction": found.friction,
         "compared": [vars(each) for each in found.tried],
         "fits": {
-            way.name: {"error": way.error, "taken": way is found.best}
-            | dict(zip(found.names, way.fitted.z.tolist(), strict=False))
-            for way in found.ways
+            candidate.name: {"error": candidate.error, "taken": candidate is found.best}
+            | dict(zip(found.names, candidate.fitted.z.tolist(), strict=False))
+            for candidate in found.candidates
         },
         "residual": {
             "std": found.axis.noise,
@@ -100,7 +100,7 @@ def identification_page(
     charts += [] if tried is None else [validation_chart(tried)]
     every = findings(found, tried)
     names = [f"{name}{UNITS.get(name, '')}" for name in found.names]
-    fits = [(way.name, _of_way(way, names)) for way in found.ways]
+    fits = [(candidate.name, _of_candidate(candidate, names)) for candidate in found.candidates]
     unit = found.torque_unit
     system = f"SI, the torque in {unit}" if unit not in {"", "Nm", "N"} else "SI"
     columns = ("parameter", f"estimate [{system}]", "standard deviation", "of the value [%]")
@@ -121,10 +121,10 @@ def identification_charts(found: Identification, period: float) -> list[Chart]:
     return charts + ([] if found.response is None else [bode_chart(found, period)])
 
 
-def _of_way(way: Way, names: Sequence[str]) -> str:
-    told = zip(names, way.fitted.z, way.deviations, strict=False)
+def _of_candidate(candidate: Candidate, names: Sequence[str]) -> str:
+    told = zip(names, candidate.fitted.z, candidate.deviations, strict=False)
     values = ", ".join(f"{name} {value:.4g} ± {sd:.1g}" for name, value, sd in told)
-    return f"{values}; error of a simulation of held-out pieces {way.error:.4g}"
+    return f"{values}; error of a simulation of held-out pieces {candidate.error:.4g}"
 
 
 def _finding(found: Identification, against: Sequence[str]) -> Finding:

@@ -11,12 +11,8 @@ from numpy.typing import NDArray
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.inverse import Inverse
 from flexaxis.estimators.offline.prediction_error import Fitted
-from flexaxis.experiments.logs.attempt import Attempt
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.friction import KINDS, able, beside, rubbing
-from flexaxis.experiments.logs.spectrum import corner_below
-from flexaxis.experiments.logs.starts import Starts, explored
-from flexaxis.experiments.logs.ways import (
+from flexaxis.experiments.logs.identification.candidates import (
     better,
     errors_of,
     explain,
@@ -24,6 +20,10 @@ from flexaxis.experiments.logs.ways import (
     over_pieces,
     tried,
 )
+from flexaxis.experiments.logs.identification.friction import KINDS, able, beside, rubbing
+from flexaxis.experiments.logs.identification.setup import Setup
+from flexaxis.experiments.logs.identification.starts import Starts, explored
+from flexaxis.experiments.logs.spectra import corner_below
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -63,14 +63,14 @@ class Chosen:
 
     Attributes
     ----------
-    attempt : Attempt
+    setup : Setup
     parts : mapping of str to Fitted
-        Fits to what is not held out, as of `ways.tried`.
+        Fits to what is not held out, as of `candidates.tried`.
     held : ndarray (N,) of bool
     tried : tuple of Tried
     """
 
-    attempt: Attempt
+    setup: Setup
     parts: Mapping[str, Fitted]
     held: Flags
     tried: tuple[Tried, ...] = ()
@@ -87,14 +87,14 @@ class Chosen:
 
     def errors(self, highpass: float | None = None) -> Array:
         """Return mean squares of its simulation of what was held out, in parts."""
-        return errors_of(self.attempt, self.best, self.held, highpass)
+        return errors_of(self.setup, self.best, self.held, highpass)
 
     def _of(self, part: Fitted) -> Array:
-        return errors_of(self.attempt, part, self.held)
+        return errors_of(self.setup, part, self.held)
 
     def sure(self, names: Sequence[str]) -> bool:
         """Return whether some parameter or gain is one beyond its deviations; if fixed, it is."""
-        own = (*self.attempt.names, *self.attempt.beside)
+        own = (*self.setup.names, *self.setup.beside)
         places = [own.index(name) for name in names if name in own]
         deviations = np.maximum(self.best.deviations, over_pieces(self.best))[places]
         return not places or bool((abs(self.z[places]) > SURE * deviations).any())
@@ -144,23 +144,23 @@ def chosen(
     ----------
     starts : Starts
     friction, gravity : str
-        As for `flexaxis.experiments.logs.identify.identify`.
+        As for `flexaxis.experiments.logs.identification.identify.identify`.
     told : bool
         Whether it is known if the torque is held or smooth: then it is not looked for.
     free, fix, given
         As for `identify`.
     """
     bench = _Bench(starts, friction, gravity, tuple(free), tuple(fix), given)
-    found = bench.searched(starts.attempt)
-    log = starts.attempt.log
+    found = bench.searched(starts.setup)
+    log = starts.setup.log
     corner = corner_below(log.u[log.ok], period=log.period)
-    if starts.attempt.highpass is None and corner is not None and _drifts(found, corner):
-        other = bench.searched(replace(starts.attempt, highpass=corner))
+    if starts.setup.highpass is None and corner is not None and _drifts(found, corner):
+        other = bench.searched(replace(starts.setup, highpass=corner))
         found = found.against(other, f"residuals above {corner:g} Hz only", highpass=corner)
-    early = found.z[-1] <= EARLIEST * log.period and starts.attempt.delay is None
+    early = found.z[-1] <= EARLIEST * log.period and starts.setup.delay is None
     if told or log.smooth or not early:
         return found
-    smooth = replace(starts.attempt, log=log.smoothed(), highpass=found.attempt.highpass)
+    smooth = replace(starts.setup, log=log.smoothed(), highpass=found.setup.highpass)
     return found.against(bench.searched(smooth), "a torque that is smooth between samples")
 
 
@@ -178,16 +178,16 @@ class _Bench:
     fix: tuple[str, ...]
     given: Mapping[str, float]
 
-    def searched(self, attempt: Attempt) -> Chosen:
+    def searched(self, setup: Setup) -> Chosen:
         """Return what the log asks for with this kind of torque."""
-        seen, kind = self._seen(attempt), self.friction
-        if kind in KINDS and not attempt.model.laws:
-            attempt = beside(attempt, GRAVITY) if self.gravity == "sine" else attempt
-            return self._sided(self._rubbing(attempt, None, kind), seen)
-        found = self._falling(self._fitted(attempt), seen)
-        if attempt.model.laws or not (able(attempt.model) and self.starts.whole):
+        seen, kind = self._seen(setup), self.friction
+        if kind in KINDS and not setup.model.laws:
+            setup = beside(setup, GRAVITY) if self.gravity == "sine" else setup
+            return self._sided(self._rubbing(setup, None, kind), seen)
+        found = self._falling(self._fitted(setup), seen)
+        if setup.model.laws or not (able(setup.model) and self.starts.whole):
             return self._sided(found, seen)
-        rubs = self._rubbing(found.attempt, found, "coulomb")
+        rubs = self._rubbing(found.setup, found, "coulomb")
         if self.given:  # whoever gives its value says that it is there
             return replace(rubs, tried=found.tried)
         other = found.against(rubs, "dry friction (Coulomb)", ("f_c",))
@@ -195,18 +195,18 @@ class _Bench:
             return replace(found, tried=other.tried)
         return self._sided(other, seen)
 
-    def _seen(self, attempt: Attempt) -> Inverse | None:
-        slow, log = attempt.highpass is None and self.starts.whole, attempt.log
+    def _seen(self, setup: Setup) -> Inverse | None:
+        slow, log = setup.highpass is None and self.starts.whole, setup.log
         turns = self.gravity == "auto" and float(np.ptp(log.angle[log.ok])) > TURN
         names = [*LINEAR, "sided", *(("sine", "cosine") if turns else ())]
-        return explain(log, 0.0, names) if slow and able(attempt.model) else None
+        return explain(log, 0.0, names) if slow and able(setup.model) else None
 
     def _falling(self, found: Chosen, seen: Inverse | None) -> Chosen:
         """Return it with gravity where that is asked for, or simulates better."""
         asked = self.gravity == "sine"
         if not asked and not _worth(seen, ("sine", "cosine")):
             return found
-        other = self._fitted(beside(found.attempt, GRAVITY))
+        other = self._fitted(beside(found.setup, GRAVITY))
         return (
             other
             if asked
@@ -217,27 +217,27 @@ class _Bench:
         """Return it with friction that has two sides where that simulates better."""
         if not _worth(seen, ("sided",)):
             return found
-        names = (*found.attempt.beside, *SIDED)
-        attempt = beside(found.attempt, names)
-        p, m = len(attempt.names), len(found.attempt.beside)
+        names = (*found.setup.beside, *SIDED)
+        setup = beside(found.setup, names)
+        p, m = len(setup.names), len(found.setup.beside)
         z = np.insert(found.z, p + m, 0.0)
-        other = Chosen(attempt, tried(attempt, z, found.held), found.held)
+        other = Chosen(setup, tried(setup, z, found.held), found.held)
         return found.against(other, "friction with two sides", SIDED)
 
-    def _fitted(self, attempt: Attempt) -> Chosen:
-        held = held_out(attempt.log.ok)
-        return Chosen(attempt, tried(attempt, self.starts.search(attempt).z, held), held)
+    def _fitted(self, setup: Setup) -> Chosen:
+        held = held_out(setup.log.ok)
+        return Chosen(setup, tried(setup, self.starts.search(setup).z, held), held)
 
-    def _rubbing(self, attempt: Attempt, plain: Chosen | None, kind: str) -> Chosen:
-        """Return the attempt with a law, from where it fits without, or without anything."""
+    def _rubbing(self, setup: Setup, plain: Chosen | None, kind: str) -> Chosen:
+        """Return the setup with a law, from where it fits without, or without anything."""
         level = self.starts.level()
         if "f_c" in self.given:
-            level = self.given["f_c"] / float(attempt.model.nominal.get("k_T", 1.0))
+            level = self.given["f_c"] / float(setup.model.nominal.get("k_T", 1.0))
         if plain is not None:
-            values = dict(zip(attempt.names, plain.z[: len(attempt.names)].tolist(), strict=True))
-            attempt = attempt.having(values)
+            values = dict(zip(setup.names, plain.z[: len(setup.names)].tolist(), strict=True))
+            setup = setup.having(values)
         options = {"free": self.free, "fix": self.fix, "given": self.given}
-        grown = rubbing(attempt, kind, level, **options)  # type: ignore[arg-type]
+        grown = rubbing(setup, kind, level, **options)  # type: ignore[arg-type]
         lag = 0.0 if plain is None else float(plain.z[-1])
         theta = grown.model.parametrize(grown.names).theta
         places = [(theta, lag), *self.starts.places(grown, level)]

@@ -12,8 +12,8 @@ from flexaxis.estimators.models.axes import BRISTLES, STATIC
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.sizes import motion
 from flexaxis.estimators.offline.structure import guessed, prior
-from flexaxis.experiments.logs.attempt import Attempt, columns_beside
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.identification.setup import Setup, columns_beside
 from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.sim.errors import did_you_mean
 
@@ -44,26 +44,26 @@ def able(model: Model) -> bool:
 
 
 def rubbing(
-    attempt: Attempt,
+    setup: Setup,
     kind: str,
     level: float,
     *,
     free: Sequence[str] = (),
     fix: Sequence[str] = (),
     given: Mapping[str, float],
-) -> Attempt:
-    """Return an attempt with a law of friction of the motor.
+) -> Setup:
+    """Return a setup with a law of friction of the motor.
 
     Parameters
     ----------
-    attempt : Attempt
+    setup : Setup
         Whose model has no law.
     kind : str
         Of `KINDS`.
     level : float
         Level of dry friction to start from, in units of the torque.
     free, fix, given
-        As for `flexaxis.experiments.logs.identify.identify`.
+        As for `flexaxis.experiments.logs.identification.identify.identify`.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def rubbing(
     """
     if kind not in KINDS:
         raise LogError(f"unknown friction {kind!r}.{did_you_mean(kind, KINDS)}")
-    model, log = attempt.model, attempt.log
+    model, log = setup.model, setup.log
     if not able(model):
         raise LogError(
             f"--friction {kind} acts on a state speed_motor by 1/J_m, and model {model.name} has "
@@ -94,15 +94,15 @@ def rubbing(
     lower, upper = (
         dict(zip(law.names, side.tolist(), strict=True)) for side in (box.lower, box.upper)
     )
-    names = (*attempt.names, *mine)
-    return replace(attempt, model=grown, names=names, lower=lower | {"f_c": 0.0}, upper=upper)
+    names = (*setup.names, *mine)
+    return replace(setup, model=grown, names=names, lower=lower | {"f_c": 0.0}, upper=upper)
 
 
-def beside(attempt: Attempt, names: Sequence[str]) -> Attempt:
-    """Return an attempt in which gravity or two sides of friction act beside the torque."""
-    log = attempt.log
+def beside(setup: Setup, names: Sequence[str]) -> Setup:
+    """Return a setup in which gravity or two sides of friction act beside the torque."""
+    log = setup.log
     columns = columns_beside(log.angle, log.y, log.period)
-    return replace(attempt, beside={name: columns[name] for name in names})
+    return replace(setup, beside={name: columns[name] for name in names})
 
 
 def guessed_level(u: Array, v: Array, *, period: float) -> float:

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 
 from flexaxis.estimators.models.axes import BRISTLES
-from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identify import identify
-from flexaxis.experiments.logs.ways import (
+from flexaxis.experiments.logs.identification.candidates import (
     INVERSE,
     WHITE,
     WHITENED,
     answer,
     better,
+    candidates_of,
     errors_of,
     held_out,
     tried,
-    ways_of,
 )
+from flexaxis.experiments.logs.identification.identify import identify
+from flexaxis.experiments.logs.identification.setup import Setup, log_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from drives import RAIL, RAIL_COULOMB, Troubles, arm, loop, rail
@@ -30,35 +30,37 @@ from identify_axes import VALUES
 TRUTH = RAIL | {"f_c": RAIL_COULOMB}
 
 
-def attempt_of(record, values):
-    """Return an attempt at a rail from values that are off."""
+def setup_of(record, values):
+    """Return a setup at a rail from values that are off."""
     axis = find_axis("one_mass")
     law = replace(BRISTLES, parameters={"coulomb": "f_c", "stiffness": 1e9})
     model = replace(axis.model, laws=(law,), nominal={"k_T": 1.0} | values)
-    return Attempt(log_of(record, axis), model, ("J_m", "f_m", "f_c"))
+    return Setup(log_of(record, axis), model, ("J_m", "f_m", "f_c"))
 
 
 @pytest.fixture(scope="module")
-def ways():
+def candidates():
     """Of a drive on which a whitened fit takes ripple and hump for noise."""
-    attempt = attempt_of(rail(1, 20.0), {"J_m": 90.0, "f_m": 180.0, "f_c": 15.0})
-    z = attempt.problem().start(np.array([90.0, 180.0, 15.0]), 0.0, attempt.first())
-    held = held_out(attempt.log.ok)
-    return ways_of(attempt, tried(attempt, z, held), held)
+    setup = setup_of(rail(1, 20.0), {"J_m": 90.0, "f_m": 180.0, "f_c": 15.0})
+    z = setup.problem().start(np.array([90.0, 180.0, 15.0]), 0.0, setup.first())
+    held = held_out(setup.log.ok)
+    return candidates_of(setup, tried(setup, z, held), held)
 
 
-def test_where_the_model_lacks_something_whitened_errors_are_not_believed(ways):
-    assert {way.name for way in ways} == {WHITE, WHITENED, INVERSE}
-    best, deviations = answer(ways)
+def test_where_the_model_lacks_something_whitened_errors_are_not_believed(candidates):
+    assert {candidate.name for candidate in candidates} == {WHITE, WHITENED, INVERSE}
+    best, deviations = answer(candidates)
     assert best.lacks and best.name != WHITENED
-    assert best.error <= 1.5 * min(way.error for way in ways if way.name != WHITENED)
-    truth = np.array([TRUTH[name] for name in best.attempt.names])
+    assert best.error <= 1.5 * min(
+        candidate.error for candidate in candidates if candidate.name != WHITENED
+    )
+    truth = np.array([TRUTH[name] for name in best.setup.names])
     assert np.all(abs(best.fitted.z[:3] - truth) < 3 * deviations[:3])
 
 
 @pytest.mark.parametrize("lacks", [True, False])
-def test_deviations_are_widened_to_what_fits_differ_by(ways, lacks):
-    (best,) = (way for way in ways if way.name == WHITE)
+def test_deviations_are_widened_to_what_fits_differ_by(candidates, lacks):
+    (best,) = (candidate for candidate in candidates if candidate.name == WHITE)
     best = best if lacks else replace(best, errors=0 * best.errors + 1e-12)
     assert best.lacks is lacks
     np.testing.assert_array_equal(answer([best])[1], best.deviations)
@@ -68,11 +70,11 @@ def test_deviations_are_widened_to_what_fits_differ_by(ways, lacks):
     assert np.all(wider[:3] >= (0.5 if lacks else 0.99) * best.fitted.z[:3])
 
 
-def test_errors_are_those_of_what_was_held_out(ways):
-    best = ways[0]
-    held = held_out(best.attempt.log.ok)
+def test_errors_are_those_of_what_was_held_out(candidates):
+    best = candidates[0]
+    held = held_out(best.setup.log.ok)
     residual = np.where(held, 3.0, 1.0)
-    squares = errors_of(best.attempt, replace(best.fitted, residual=residual), held)
+    squares = errors_of(best.setup, replace(best.fitted, residual=residual), held)
     np.testing.assert_allclose(squares, 9.0)
     assert len(squares) == 30
 
@@ -89,12 +91,12 @@ def test_a_log_that_begins_in_motion_starts_from_the_measured_speed():
     record = rail(2, 20.0)
     moving = int(np.argmax(record.increment > 0.9 * record.increment.max()))
     sides = {n: getattr(record, n)[moving:] for n in ("time", "torque", "angle", "increment")}
-    attempt = attempt_of(replace(record, **sides), {"J_m": 95.0, "f_m": 203.0, "f_c": 20.0})
+    setup = setup_of(replace(record, **sides), {"J_m": 95.0, "f_m": 203.0, "f_c": 20.0})
     speed = sides["increment"][0]
-    assert not attempt.log.resting and attempt.first()[0] == pytest.approx(speed, rel=0.05)
-    problem = attempt.problem()
+    assert not setup.log.resting and setup.first()[0] == pytest.approx(speed, rel=0.05)
+    problem = setup.problem()
     assert problem.lower[3] == 0.0 and np.isinf(problem.upper[3])  # on its side of the sign
-    assert attempt.solve(rounds=2).z[3] == pytest.approx(speed, rel=0.05)
+    assert setup.solve(rounds=2).z[3] == pytest.approx(speed, rel=0.05)
 
 
 def test_a_hanging_arm_has_gravity_and_friction():
