@@ -135,7 +135,7 @@ def tried(setup: Setup, z: Array, held: Flags) -> dict[str, Fitted]:
 
 def candidates_of(setup: Setup, parts: Mapping[str, Fitted], held: Flags) -> list[Candidate]:
     """Return each candidate's fit to the whole log, the one that simulates best first."""
-    found = []
+    found: list[Candidate] = []
     for name, part in parts.items():
         own = replace(setup, whiten=name == WHITENED)
         errors = errors_of(setup, part, held)
