@@ -165,11 +165,15 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
+    from flexaxis.experiments.logs.files import is_record
     from flexaxis.experiments.logs.findings import say_problems, waiting
-    from flexaxis.experiments.logs.importing import import_any
+    from flexaxis.experiments.logs.importing import ON_RECORDS, import_any
 
+    tables = tables_of(args)
+    if is_record(path) and not all(map(is_record, filter(None, (args.log, args.validate)))):
+        tables = {key: tables[key] for key in tables if key in ON_RECORDS}  # of the other one
     # laws hold for signals as they are: residuals are filtered and not the log
     with waiting(f"reading {path.name}"):
-        found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+        found = import_any(path, tables, **treatment(args) | {"highpass": None})
     say_problems(path, found.checks, met=() if args.friction == "none" else ("dry friction",))
     return found.record

@@ -20,7 +20,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import find_logs
 from flexaxis.experiments.logs.trend import estimates as trend
 from flexaxis.experiments.logs.trend.covariates import begun, dated, found_in
-from flexaxis.experiments.logs.trend.refit import _attempt, _other_delay, refit
+from flexaxis.experiments.logs.trend.refit import refit
 from flexaxis.experiments.logs.trend.trend import ailments, common
 from flexaxis.sim.record import Record
 
@@ -450,22 +450,6 @@ def test_intervals_are_the_spread_of_estimates(axis):
     spread = np.std([one.theta for one in every], axis=0)
     claimed = np.sqrt(np.mean([one.deviations**2 for one in every], axis=0))
     assert np.all((claimed / spread > 0.75) & (claimed / spread < 1.9))
-
-
-def test_a_refused_log_tells_whether_its_torque_is_late(axis):
-    """No speed that such a torque would make, until it is shifted by three samples."""
-    rng = np.random.default_rng(3)
-    fast = replace(driven(0.05), torque=rng.standard_normal(N))
-    y = np.zeros(N)
-    keep = np.exp(-0.05 * T / J)
-    for k in range(N - 1):
-        y[k + 1] = keep * y[k] + (1 - keep) / 0.05 * fast.torque[k]
-    late = replace(fast, speed=y, torque=np.append(fast.torque[2:], [0.0, 0.0]))
-    known, names = np.array([J, 0.05]), ["J_m", "f_m"]
-    said = _other_delay(_attempt(late, axis, names), known)
-    assert "2 samples later, the known axis fits by 9" in said
-    nothing = replace(late, torque=rng.standard_normal(N))
-    assert not _other_delay(_attempt(nothing, axis, names), known)
 
 
 def test_a_log_of_another_axis_is_a_problem(days, tmp_path, capsys):

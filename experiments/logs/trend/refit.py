@@ -8,13 +8,11 @@ of a test motion, and no change.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.offline.descent import damped_step
 from flexaxis.estimators.offline.prediction_error import Fitted
 from flexaxis.experiments.logs.axis_file import Axis
@@ -28,8 +26,6 @@ Array = NDArray[np.float64]
 
 STEPS = 6  # rounds of parameters and noise
 RANGE = (0.05, 20.0)  # times the known value, beyond which a log is of another axis
-SHIFTS = (-3, -2, -1, 0, 1, 2, 3)  # samples of delay that are tried where nothing fits
-MATCHED = 50.0  # per cent of a fit that is none by chance
 SEEN = 0.1  # relative standard deviation up to which a log is said to see a parameter
 
 
@@ -85,21 +81,17 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     LogError
         If the log does not fit the axis at all.
     """
-    setup = _attempt(record, axis, names)
+    setup = _setup(record, axis, names)
     known = axis.model.parametrize(names).theta
     fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
-        raise LogError(
-            "a simulation of this log runs away with the values of the axis"
-            f"{_other_delay(setup, known)}"
-        )
+        raise LogError("a simulation of this log runs away with the values of the axis")
     fit = _fit(setup, fitted)
     theta = fitted.z[: len(names)]
     bounds = np.sort(np.outer(RANGE, known), axis=0)
     unlike = at_limits(names, theta, bounds, known)
     if unlike or fit.percent <= 0:
-        said = unlike[0] if unlike else fit.unlike(None)
-        raise LogError(f"{said}{_other_delay(setup, known)}")
+        raise LogError(unlike[0] if unlike else fit.unlike(None))
     late, late_deviation, left = _late(setup, fitted)
     high = fitted.colour.high(fitted.residual)[fitted.good]
     return Refit(
@@ -123,7 +115,7 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     """
     left = list(names)
     while left:
-        setup = _attempt(record, axis, left)
+        setup = _setup(record, axis, left)
         theta = axis.model.parametrize(left).theta
         z = setup.problem().start(theta, axis.delay, setup.first())
         deviations = setup.at(z, fixed=len(left)).deviations[: len(left)] / abs(theta)
@@ -134,7 +126,7 @@ def seen(record: Record, axis: Axis, names: Sequence[str]) -> tuple[str, ...]:
     raise LogError("this log tells no parameter to 10 %: excite the axis more, or name --free NAME")
 
 
-def _attempt(record: Record, axis: Axis, names: Sequence[str]) -> Setup:
+def _setup(record: Record, axis: Axis, names: Sequence[str]) -> Setup:
     known = axis.model.parametrize(names).theta
     lower, upper = (
         dict(zip(names, side.tolist(), strict=True))
@@ -167,20 +159,3 @@ def _late(setup: Setup, fitted: Fitted) -> tuple[float, float, float]:
     size = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
     inverse = np.linalg.pinv(H / np.outer(size, size), hermitian=True)[-1, -1] / size[-1] ** 2
     return float(step[-1]), float(np.sqrt(at.square / at.samples * inverse)), known.left(at)
-
-
-def _other_delay(setup: Setup, known: Array) -> str:
-    """Return in words whether the known axis fits a log if its torque acts at another time."""
-    fits, period = {}, setup.log.period
-    for samples in SHIFTS:
-        delay = float(setup.delay or 0.0) + samples * period
-        other = replace(setup, delay=delay)
-        with suppress(LogError, EstimatorError):
-            z = other.problem().start(known, delay, other.first())
-            fits[samples] = _fit(other, other.at(z, fixed=len(known))).percent
-    best = max(fits, key=lambda samples: fits[samples], default=0)
-    if not best or not fits[best] >= MATCHED:
-        return ""
-    word = "later" if best > 0 else "earlier"
-    shift = f"{abs(best)} sample{'s' * (abs(best) > 1)}"
-    return f" With its torque {shift} {word}, the known axis fits by {fits[best]:.3g} %"
