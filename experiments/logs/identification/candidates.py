@@ -38,6 +38,7 @@ BEYOND_CHANCE = 2.0  # standard deviations of their difference
 LEAST_GAIN = 0.01  # part by which the error of a simulation is to fall, to be worth a word
 CLAIMED = 2.0  # standard deviations by which fits may differ
 RIGHT = 1.1  # times its noise, that a simulation leaves where the model is right
+NOTHING = 1e-3  # of the motion, of which no more is said
 SURE = 3.0  # standard deviations of a delay, below which it is none
 ALIKE, SIMILAR = 1.02, 1.5  # times the least error: as good, where it is right, and where not
 RIGID = {"J_m": "inertia", "f_m": "viscous", "f_c": "dry"}
@@ -74,8 +75,9 @@ class Candidate:
     @property
     def lacks(self) -> bool:
         """Whether it leaves more than noise: the model has not all that acts."""
-        noise = noise_of(self.fitted.residual[self.setup.counted])
-        return bool(self.error > RIGHT * noise)
+        there = self.setup.counted
+        noise, size = noise_of(self.fitted.residual[there]), float(np.std(self.setup.log.y[there]))
+        return bool(self.error > max(RIGHT * noise, NOTHING * size))
 
     @property
     def error(self) -> float:

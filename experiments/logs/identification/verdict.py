@@ -193,7 +193,7 @@ def _laws(tried: Sequence[Tried], asked: Asked) -> Iterator[Finding]:
         change = 100 * (each.after / each.before - 1)
         text = (
             f"{each.name}: the error of a simulation of held-out pieces goes from "
-            f"{each.before:.4g} to {each.after:.4g} ({change:+.2g} %)"
+            f"{each.before:.4g} to {each.after:.4g} ({change:+.3g} %)"
         )
         if asked.friction == "none" and each.taken and "dry" in each.name:
             yield Finding("problem", f"{text}, and a linear model takes it for viscous friction; "
