@@ -34,7 +34,7 @@ from flexaxis.experiments.logs.prepare import (
     prepare,
     unwrapped,
 )
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 

@@ -26,8 +26,13 @@ from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.identification.setup import log_of
-from flexaxis.experiments.logs.identification.validate import at_limits, correlation, fit_of
-from flexaxis.experiments.logs.load_angle import Load, predicted_load
+from flexaxis.experiments.logs.identification.validate import (
+    Load,
+    at_limits,
+    correlation,
+    fit_of,
+    predicted_load,
+)
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
 

@@ -14,8 +14,7 @@ import scipy.io
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading import apart, hdf5_file, mat_file
-from flexaxis.experiments.logs.reading.log import columns_of
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import columns_of, open_log
 from flexaxis.experiments.logs.trend.covariates import begun
 
 N = 2000

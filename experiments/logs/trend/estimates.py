@@ -20,7 +20,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import labels
 from flexaxis.experiments.logs.identification.identify import GIVEN
 from flexaxis.experiments.logs.importing import read_any
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.experiments.logs.trend.covariates import begun, dated
 from flexaxis.experiments.logs.trend.refit import refit, seen
 from flexaxis.experiments.running.dispatch import spread
