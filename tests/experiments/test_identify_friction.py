@@ -39,7 +39,7 @@ def found(record):
 def test_dry_friction_is_found_and_told_from_viscous(found):
     values = dict(zip(found.names, found.theta, strict=True))
     assert found.friction == "coulomb" and not found.warnings
-    assert found.best.fitted.converged and len(found.ways) == 3
+    assert found.best.fitted.converged and len(found.candidates) == 3
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.03)
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
