@@ -66,7 +66,7 @@ plt.show()
 
 # %%
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.importing import import_any
 
 record = import_any(first, {}).record
@@ -97,8 +97,8 @@ table.style.set_uuid("axis").format(
 
 # %%
 import flexaxis as fx
-from flexaxis.experiments.logs.log_charts import validation_chart
-from flexaxis.experiments.logs.validate import validate
+from flexaxis.experiments.logs.pages.charts import validation_chart
+from flexaxis.experiments.logs.identification.validate import validate
 
 another = import_any(Path("days/2026-01-05.csv"), {}).record
 tried = validate(another, found.axis)

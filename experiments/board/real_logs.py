@@ -17,8 +17,8 @@ from flexaxis.experiments.board.suite import EntryError
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.building.specs import Spec, parse
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
+from flexaxis.experiments.logs.identification.validate import validate
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.logs.validate import validate
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.parameters import DEFAULT_IDENTIFY
 from flexaxis.sim.record import Record, load_record

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
-from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
+from flexaxis.experiments.logs.options import add_style_options, style_of
 
 HELP = "simulate daily logs of an axis that wears and warms"
 GROUP = "your own axis"

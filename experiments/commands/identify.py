@@ -89,15 +89,18 @@ def main(args: argparse.Namespace) -> int:
     """Identify, report and save."""
     from dataclasses import replace
 
-    from flexaxis.experiments.logs.aloud import waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.identify import identify
-    from flexaxis.experiments.logs.identify_page import identification_page
-    from flexaxis.experiments.logs.identify_words import content, print_identification
-    from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
-    from flexaxis.experiments.logs.validate import validate
+    from flexaxis.experiments.logs.files import require_suffix, spare_foreign
+    from flexaxis.experiments.logs.findings import waiting
+    from flexaxis.experiments.logs.identification.identify import identify
+    from flexaxis.experiments.logs.identification.validate import validate
+    from flexaxis.experiments.logs.pages.identify_page import (
+        content,
+        identification_page,
+        print_identification,
+    )
+    from flexaxis.experiments.logs.pages.page import write_page
     from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -145,7 +148,7 @@ def main(args: argparse.Namespace) -> int:
 def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
     """Return values of parameters that an axis has, and of those that a law of friction brings."""
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.identify import LAWFUL
+    from flexaxis.experiments.logs.identification.identify import LAWFUL
     from flexaxis.sim.errors import did_you_mean
 
     mine = axis.model.parameters
@@ -162,11 +165,15 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
-    from flexaxis.experiments.logs.aloud import say_problems, waiting
-    from flexaxis.experiments.logs.importing import import_any
+    from flexaxis.experiments.logs.files import is_record
+    from flexaxis.experiments.logs.findings import say_problems, waiting
+    from flexaxis.experiments.logs.importing import ON_RECORDS, import_any
 
+    tables = tables_of(args)
+    if is_record(path) and not all(map(is_record, filter(None, (args.log, args.validate)))):
+        tables = {key: tables[key] for key in tables if key in ON_RECORDS}  # of the other one
     # laws hold for signals as they are: residuals are filtered and not the log
     with waiting(f"reading {path.name}"):
-        found = import_any(path, tables_of(args), **treatment(args) | {"highpass": None})
+        found = import_any(path, tables, **treatment(args) | {"highpass": None})
     say_problems(path, found.checks, met=() if args.friction == "none" else ("dry friction",))
     return found.record

@@ -24,7 +24,7 @@ from flexaxis.experiments.logs.options import add_log_options, tables_of, treatm
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
     from flexaxis.experiments.logs.findings import Finding
-    from flexaxis.experiments.logs.visibility import Seen
+    from flexaxis.experiments.logs.identification.visibility import Seen
     from flexaxis.sim.record import Record
 
 HELP = "make a record of your own log, with a plausibility report"
@@ -49,17 +49,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Import, report and save."""
-    from flexaxis.experiments.logs.aloud import waiting
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.import_page import import_page
-    from flexaxis.experiments.logs.importing import import_log, look_again
-    from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import (
+    from flexaxis.experiments.logs.files import (
         is_record,
         record_beside,
         require_suffix,
         spare_foreign,
     )
+    from flexaxis.experiments.logs.findings import waiting
+    from flexaxis.experiments.logs.importing import import_log, look_again
+    from flexaxis.experiments.logs.pages.import_page import import_page
+    from flexaxis.experiments.logs.pages.page import write_page
     from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -98,7 +98,7 @@ def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
     """Return what can be seen of an axis, or why that is not known: the record is good without."""
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.visibility import visible
+    from flexaxis.experiments.logs.identification.visibility import visible
 
     try:
         return visible(record, axis), ""

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
-from flexaxis.experiments.logs.as_log_options import add_style_options, style_of
+from flexaxis.experiments.logs.options import add_style_options, style_of
 
 if TYPE_CHECKING:
     from flexaxis.sim.record import Record
@@ -46,7 +46,8 @@ def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.own import spare_foreign
+    from flexaxis.experiments.logs.files import spare_foreign
+    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.running.seeds import check_seed
     from flexaxis.experiments.storage.files import spare

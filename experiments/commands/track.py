@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
@@ -60,19 +60,19 @@ def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
     from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
-    from flexaxis.experiments.logs.aloud import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.forgetting import with_forgetting
+    from flexaxis.experiments.logs.files import require_suffix, spare_foreign
+    from flexaxis.experiments.logs.findings import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
-    from flexaxis.experiments.logs.log_page import write_page
-    from flexaxis.experiments.logs.own import require_suffix, spare_foreign
+    from flexaxis.experiments.logs.options import with_forgetting
+    from flexaxis.experiments.logs.pages.page import write_page
+    from flexaxis.experiments.logs.pages.track_page import content, track_page
     from flexaxis.experiments.logs.track import (
         default_estimator,
         save,
         track,
     )
-    from flexaxis.experiments.logs.track_page import track_page
     from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
@@ -106,7 +106,6 @@ def main(args: argparse.Namespace) -> int:
         found,
         record.period,
         spec.text,
-        remarks=_in_words(found),
         problems=problems,
         log=args.log.name,
         command=command_line(args.words),
@@ -114,51 +113,11 @@ def main(args: argparse.Namespace) -> int:
     write_page(page, report)
     status = 1 if found.changes or found.doubts else 0
     if args.json:
-        return answer(args, _content(found) | {"estimates": path, "report": report}, status)
+        return answer(args, content(found) | {"estimates": path, "report": report}, status)
     _print(found)
     print(path)
     print(report)
     return status
-
-
-def _content(found: Tracked) -> dict[str, Any]:
-    last = found.last.tolist()
-    return {
-        "last": dict(zip(found.names, last, strict=True)),
-        "nominal": dict(zip(found.names, found.nominal.tolist(), strict=True)),
-        "fit": found.fit,
-        "fit_load": None if found.load is None else found.load.fit,
-        "residual": {"correlation": found.correlation, "white": found.white},
-        "alarms": found.alarms.tolist(),
-        "changes": [vars(change) for change in found.changes],
-        "doubts": found.doubts,
-    }
-
-
-def _in_words(found: Tracked) -> list[tuple[str, str]]:
-    """Return what was found: kind of remark, and a sentence."""
-    lines = [("problem", text) for text in found.doubts]
-    lines += [
-        (
-            "note",
-            f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
-            f"({c.scatters:.0f} times its scatter)",
-        )
-        for c in found.changes
-    ]
-    if not lines:
-        lines.append(("ok", "no parameter changed"))
-    if not found.doubts:
-        lines.append(("ok", f"fit of a simulation from the torque alone: {found.fit:.1f} %"))
-    text = f"residual: correlates with its past by {found.correlation:.3f}, "
-    text += "white" if found.white else "so the estimates explain not all there is"
-    lines.append(("ok" if found.white else "note", text))
-    if found.load is not None:
-        text = f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %"
-        lines.append(("ok", text))
-    if len(found.alarms):
-        lines.append(("note", f"alarms of the estimator: {len(found.alarms)}"))
-    return lines
 
 
 def _print(found: Tracked) -> None:
@@ -166,9 +125,10 @@ def _print(found: Tracked) -> None:
     from rich.table import Table
 
     from flexaxis.experiments.logs.findings import MARKS
+    from flexaxis.experiments.logs.pages.track_page import estimates_of, findings
 
     table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)
-    for name, value, nominal in zip(found.names, found.last, found.nominal, strict=True):
-        table.add_row(name, f"{value:.5g}", f"{nominal:.5g}", f"{value / nominal:.4f}")
+    for row in estimates_of(found):
+        table.add_row(*(cell.text for cell in row.cells))
     Console().print(table)
-    print("\n".join(f"{MARKS[kind]} {visible(text)}" for kind, text in _in_words(found)))
+    print("\n".join(f"{MARKS[each.kind]} {visible(each.text)}" for each in findings(found)))

@@ -23,7 +23,7 @@ from flexaxis.experiments.logs.options import add_log_options, tables_of, treatm
 from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
-    from flexaxis.experiments.logs.over_logs import Trend
+    from flexaxis.experiments.logs.trend.trend import Trend
 
 HELP = "follow the parameters of your axis over many logs: worn, or warm?"
 GROUP = "your own axis"
@@ -64,11 +64,9 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.findings import MARKS
-    from flexaxis.experiments.logs.log_health import ailments
-    from flexaxis.experiments.logs.over_logs import trend_of
-    from flexaxis.experiments.logs.trend import Source
-    from flexaxis.experiments.logs.trend_words import remarks
-    from flexaxis.experiments.logs.wear import CHANGED, OPEN
+    from flexaxis.experiments.logs.trend.estimates import Source
+    from flexaxis.experiments.logs.trend.trend import ailments, trend_of
+    from flexaxis.experiments.logs.trend.words import remarks
 
     if not 0 < args.false_alarms < 0.5:
         raise LogError(f"--false-alarms {args.false_alarms}: give a probability, such as 0.01")
@@ -85,60 +83,44 @@ def main(args: argparse.Namespace) -> int:
         )  # fmt: skip
     except KeyboardInterrupt:
         raise KeyboardInterrupt("what was done is kept; the same line goes on") from None
+    report = _page(args, found)
     if found.why:
-        raise LogError(f"{found.why}; {_values(args, found)}")
-    changed = any(one.kind in (CHANGED, OPEN) for one in found.verdicts)
-    status = 1 if changed or ailments(found.rows) else 0
-    content = _report(args, found)
+        raise LogError(f"{found.why}; the estimates are in {report}")
+    status = 1 if found.changed or ailments(found.rows) else 0
+    content = _result(args, found, report)
     if args.json:
         return answer(args, content, status)
-    for kind, text in remarks(
-        found.verdicts, found.clock, [*found.covariates], found.rows, args.false_alarms
-    ):
-        print(f"{MARKS[kind]} {visible(text)}")
+    for each in remarks(found):
+        print(f"{MARKS[each.kind]} {visible(each.text)}")
     print(content["report"])
     return status
 
 
-def _values(args: argparse.Namespace, found: Trend) -> str:
-    """Write a page of the estimates without verdicts; return where it is."""
-    from flexaxis.experiments.logs.trend_page import write_values
+def _page(args: argparse.Namespace, found: Trend) -> Path:
+    """Write the page; return where it is."""
+    from flexaxis.experiments.logs.pages.page import write_page
+    from flexaxis.experiments.logs.pages.trend_page import trend_page
     from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.benchmark import command_line
 
-    write_values(
-        args.output / REPORT,
-        [*found.good, *(row for row in found.rows if row["problem"])],
-        command=command_line(args.words),
-        title=f"Estimates of {Path(args.model).stem} from {len(found.good)} logs",
-        why=found.why,
-    )
-    return f"the estimates are in {args.output / REPORT}"
+    report, model = args.output / REPORT, Path(args.model).stem
+    title = f"{'Estimates' if found.why else 'Trend'} of {model} over {len(found.good)} logs"
+    write_page(trend_page(found, title=title, command=command_line(args.words)), report)
+    return report
 
 
-def _report(args: argparse.Namespace, found: Trend) -> dict[str, Any]:
-    """Write page and result; return the result."""
-    from flexaxis.experiments.logs.log_health import ailments
-    from flexaxis.experiments.logs.trend import RESULT
-    from flexaxis.experiments.logs.trend_page import write_trend
-    from flexaxis.experiments.logs.trend_words import summary
+def _result(args: argparse.Namespace, found: Trend, report: Path) -> dict[str, Any]:
+    """Write the result; return it."""
+    from flexaxis.experiments.logs.trend.estimates import RESULT
+    from flexaxis.experiments.logs.trend.trend import ailments
+    from flexaxis.experiments.logs.trend.words import summary
     from flexaxis.experiments.storage.files import write_json
-    from flexaxis.experiments.storage.names import REPORT
-    from flexaxis.experiments.studies.benchmark import command_line
 
-    report, rows = args.output / REPORT, found.rows
-    write_trend(
-        report, found.verdicts, found.clock, found.covariates, rows,
-        command=command_line(args.words),
-        title=f"Trend of {Path(args.model).stem} over {len(found.good)} logs",
-        false_alarms=args.false_alarms,
-    )  # fmt: skip
-    names = [*found.covariates]
     content = {
-        "parameters": {one.name: summary(one, found.clock, names) for one in found.verdicts},
-        "logs": len(rows),
-        "problems": {row["log"]: row["problem"] for row in rows if row["problem"]},
-        "unlike_the_others": ailments(rows),
+        "parameters": {one.name: summary(one, found) for one in found.verdicts},
+        "logs": len(found.rows),
+        "problems": {row["log"]: row["problem"] for row in found.rows if row["problem"]},
+        "unlike_the_others": ailments(found.rows),
         "false_alarms": args.false_alarms,
         "smallest": args.smallest / 100,
         "report": str(report),

@@ -247,7 +247,7 @@ def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> li
     """Return how a word may go on to a parameter of the model that is typed, or of friction."""
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.friction import KINDS
+    from flexaxis.experiments.logs.identification.friction import KINDS
     from flexaxis.sim.errors import FlexaxisError
 
     try:

@@ -89,7 +89,7 @@ def import_log(path: str | Path, **options: Any) -> LogResult:
         ``torque_is``; ``resample``, ``highpass`` [Hz] and ``burn_in`` [s].
     """
     from flexaxis.experiments.logs.importing import import_log as read
-    from flexaxis.experiments.logs.log_charts import log_chart, spectrum_chart
+    from flexaxis.experiments.logs.pages.charts import log_chart, spectrum_chart
 
     treated = {name: options.pop(name, None) for name in ("resample", "highpass", "burn_in")}
     found = read(Path(path), options, **treated)
@@ -109,18 +109,18 @@ def identify(log: Log, model: Any = "two_mass", **options: Any) -> LogResult:
     model : str, path or Axis
         A shipped model, a TOML of your own, or an axis.
     **options
-        As of `flexaxis.experiments.logs.identify.identify`: ``friction``, ``gravity``, ``free``,
-        ``fix``, ``delay``, ``highpass``; and ``start={"k": 500.0}``.
+        As of `flexaxis.experiments.logs.identification.identify.identify`: ``friction``,
+        ``gravity``, ``free``, ``fix``, ``delay``, ``highpass``; and ``start={"k": 500.0}``.
     """
-    from flexaxis.experiments.logs.identify import identify as fitted
-    from flexaxis.experiments.logs.identify_page import identification_charts
-    from flexaxis.experiments.logs.identify_words import rows
+    from flexaxis.experiments.logs.identification.identify import identify as fitted
+    from flexaxis.experiments.logs.pages.identify_page import identification_charts
 
     record, axis = _record(log), _axis(model)
     start = options.pop("start", {})
     axis = replace(axis.having(start), known=True) if start else axis
     found = fitted(record, axis, **options)
-    lines = [{"parameter": name, "value": value, "sd": sd} for name, value, sd in rows(found)]
+    told = found.estimates.items()
+    lines = [{"parameter": name, "value": value, "sd": sd} for name, (value, sd) in told]
     charts = identification_charts(found, record.period)
     return LogResult(lines, found, charts, record=record, axis=found.axis)
 
@@ -147,9 +147,9 @@ def track(
         θ(0) over what was identified.
     """
     from flexaxis.experiments.building.specs import parse
+    from flexaxis.experiments.logs.pages.track_page import estimates_chart, residual_chart
     from flexaxis.experiments.logs.track import default_estimator
     from flexaxis.experiments.logs.track import track as tracked
-    from flexaxis.experiments.logs.track_page import estimates_chart, residual_chart
 
     record, known = _record(log), _axis(axis)
     text = estimator or default_estimator(known)
@@ -188,10 +188,10 @@ def trend(
     **options
         How logs are read, as of `import_log`.
     """
-    from flexaxis.experiments.logs.over_logs import trend_of
-    from flexaxis.experiments.logs.trend import Source
-    from flexaxis.experiments.logs.trend_charts import overview_chart
-    from flexaxis.experiments.logs.trend_words import summary
+    from flexaxis.experiments.logs.pages.trend_page import overview_chart
+    from flexaxis.experiments.logs.trend.estimates import Source
+    from flexaxis.experiments.logs.trend.trend import trend_of
+    from flexaxis.experiments.logs.trend.words import summary
 
     treated = {name: options.pop(name, None) for name in ("resample", "highpass", "burn_in")}
     many = [logs] if isinstance(logs, str | Path) else logs
@@ -200,11 +200,8 @@ def trend(
         [Path(each) for each in many], known, source, Path(folder), free=free, jobs=jobs,
         covariates=covariates, false_alarms=false_alarms, smallest=smallest,
     )  # fmt: skip
-    lines = [
-        {"parameter": one.name} | summary(one, found.clock, [*found.covariates])
-        for one in found.verdicts
-    ]
-    charts = [overview_chart(found.verdicts, found.clock, found.first)]
+    lines = [{"parameter": one.name} | summary(one, found) for one in found.verdicts]
+    charts = [overview_chart(found)]
     return LogResult(lines, found, charts, axis=known)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.own import WRITTEN
+from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.logs.units import UNITS
 from flexaxis.experiments.storage.files import new_file
 from flexaxis.sim.errors import did_you_mean

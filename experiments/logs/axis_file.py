@@ -18,7 +18,7 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.models.tables import model_from_tables
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.own import WRITTEN
+from flexaxis.experiments.logs.files import WRITTEN
 from flexaxis.experiments.storage.files import write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.reading import read_toml

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from flexaxis.experiments.logs.change_points import FEWEST, Series, explain
+from flexaxis.experiments.logs.trend.change_points import FEWEST, Series, explain
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from flexaxis.estimators.models.laws import Law
 from flexaxis.experiments.logs.as_log import FORMATS, LogStyle, logged, write_log
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.identify import GIVEN
-from flexaxis.experiments.logs.own import spare_foreign
+from flexaxis.experiments.logs.files import spare_foreign
+from flexaxis.experiments.logs.identification.identify import GIVEN
 from flexaxis.experiments.storage.files import OutputError, make_folder, write_text
 from flexaxis.sim.errors import did_you_mean
 from flexaxis.sim.faults import CHANGEABLE

@@ -1,10 +1,15 @@
-"""What was found, of whatever kind: how grave it is, words, what was measured, what to type."""
+"""What was found, of whatever kind: how grave it is, words, what to type; and how it is said."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+from flexaxis.experiments.running.progress import is_quiet
 
 if TYPE_CHECKING:
     from flexaxis.experiments.reporting.charts import Chart
@@ -73,3 +78,30 @@ def ordered(found: Iterable[Finding]) -> list[Finding]:
 def texts_of(found: Sequence[Finding], *kinds: Kind) -> list[str]:
     """Return the words of findings of some kinds."""
     return [each.text for each in found if each.kind in kinds]
+
+
+def problems_of(checks: Sequence[Finding], *, met: Collection[str] = ()) -> list[str]:
+    """Return a sentence for each problem but those, by their names, that the command meets."""
+    problems = (each for each in checks if each.kind == "problem" and each.name not in met)
+    return [f"{each.name}: {each.sentence}" for each in problems]
+
+
+def say_problems(path: Path, checks: Sequence[Finding], *, met: Collection[str] = ()) -> None:
+    """Print a line for each problem of a log, as of `problems_of`."""
+    for text in problems_of(checks, met=met):
+        print(f"✗ {path}: {text}", file=sys.stderr)
+
+
+@contextmanager
+def waiting(doing: str) -> Iterator[None]:
+    """Show on a terminal that something goes on, and since when; a file is told nothing."""
+    if is_quiet() or not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        shown.add_task(doing, total=None)
+        yield

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import sosfilt
 
-from flexaxis.experiments.logs.doubts.evidence import of_record
-from flexaxis.experiments.logs.doubts.looking import examine
+from flexaxis.experiments.logs.doubts import examine
+from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.nonsense import refuse_nonsense
 from flexaxis.experiments.logs.doubts.torque_kind import (
     AGAINST,
@@ -22,9 +22,9 @@ from flexaxis.experiments.logs.doubts.torque_kind import (
     torque_kind,
 )
 from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.files import is_record
 from flexaxis.experiments.logs.findings import Finding
 from flexaxis.experiments.logs.mapping import LogMap, Raw, mapping_from, pick
-from flexaxis.experiments.logs.own import is_record
 from flexaxis.experiments.logs.prepare import (
     FEWEST,
     Prepared,
@@ -34,7 +34,7 @@ from flexaxis.experiments.logs.prepare import (
     prepare,
     unwrapped,
 )
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import open_log
 from flexaxis.sim.errors import RecordError
 from flexaxis.sim.record import Record, load_record
 
@@ -90,7 +90,7 @@ def import_log(
         record = _record(found, burn_in, told)
     except LogError as error:
         raise LogError(f"{path}: {error}") from error
-    return Imported(record, examine(replace(of_record(record), raw=raw, prepared=found)))
+    return Imported(record, examine(Evidence(record, raw, found)))
 
 
 def _told(path: Path, smooth: bool, because: str, highpass: float | None) -> dict[str, str]:
@@ -203,7 +203,7 @@ def look_again(path: Path, tables: Mapping[str, Any], **options: float | None) -
         As from `import_any`.
     """
     record = import_any(path, tables, **options).record
-    return Imported(record, examine(of_record(record)))
+    return Imported(record, examine(Evidence(record)))
 
 
 def read_any(path: Path, tables: Mapping[str, Any], **options: float | None) -> Record:

@@ -22,12 +22,17 @@ from flexaxis.estimators.offline.predictor import predict
 from flexaxis.estimators.protocol import Estimator
 from flexaxis.estimators.registry import REGISTRY
 from flexaxis.experiments.building.specs import Spec, made
-from flexaxis.experiments.logs.attempt import log_of
 from flexaxis.experiments.logs.axis_file import Axis
 from flexaxis.experiments.logs.changes import Change, changes_along
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.judging import at_limits, correlation, fit_of
-from flexaxis.experiments.logs.load_angle import Load, predicted_load
+from flexaxis.experiments.logs.identification.setup import log_of
+from flexaxis.experiments.logs.identification.validate import (
+    Load,
+    at_limits,
+    correlation,
+    fit_of,
+    predicted_load,
+)
 from flexaxis.experiments.running.estimate import estimates_file, run_on
 from flexaxis.sim.record import Record
 

@@ -16,9 +16,9 @@ from scipy.signal import cont2discrete, dlsim
 
 from flexaxis.estimators.models.axes import MODELS
 from flexaxis.experiments.logs.axis_file import Axis
-from flexaxis.experiments.logs.log_health import ailments
-from flexaxis.experiments.logs.refit import seen
-from flexaxis.experiments.logs.trend import estimated
+from flexaxis.experiments.logs.trend.estimates import estimated
+from flexaxis.experiments.logs.trend.refit import seen
+from flexaxis.experiments.logs.trend.trend import ailments
 from flexaxis.sim.record import Record
 
 LOGS = 20

@@ -5,8 +5,8 @@ import pytest
 from scipy.linalg import null_space
 from scipy.stats import multivariate_normal
 
-from flexaxis.experiments.logs.change_points import Series, explain, size_of
-from flexaxis.experiments.logs.scatter import (
+from flexaxis.experiments.logs.trend.change_points import Series, explain, size_of
+from flexaxis.experiments.logs.trend.scatter import (
     DRAWS,
     Scatter,
     _restricted,
@@ -14,7 +14,7 @@ from flexaxis.experiments.logs.scatter import (
     chance_of,
     ratios,
 )
-from flexaxis.experiments.logs.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
+from flexaxis.experiments.logs.trend.wear import CHANGED, EXPLAINED, OPEN, STEADY, verdict
 
 N = 60
 DAYS = np.arange(float(N))

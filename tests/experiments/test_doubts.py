@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import butter, cont2discrete, dlsim, lfilter, sosfilt
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.doubts.evidence import of_record
-from flexaxis.experiments.logs.doubts.looking import MOVED, SAMPLED, doubts_of
+from flexaxis.experiments.logs.doubts import MOVED, SAMPLED, doubts_of
+from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.moved import in_loop, outliers
 from flexaxis.experiments.logs.doubts.sampled import updates_every
 from flexaxis.experiments.logs.doubts.torque_kind import torque_kind
@@ -226,13 +226,13 @@ def test_of_a_loop_nothing_is_said_of_dead_time_and_gravity_is_no_sign(gravity, 
     found = imported(tmp_path, log(u, angle))
     doubt = seen(found, "dead time from torque to angle")
     assert doubt.kind == "ok" and "--scale" not in doubt.command
-    assert in_loop(of_record(found.record))
+    assert in_loop(Evidence(found.record))
 
 
 def test_a_torque_that_nobody_computes_from_the_motion_is_in_no_loop(clean, tmp_path):
     noise = 1e-5 * np.random.default_rng(3).standard_normal(len(clean["angle"]))
     found = imported(tmp_path, clean | {"angle": clean["angle"] + noise})
-    assert not in_loop(of_record(found.record))
+    assert not in_loop(Evidence(found.record))
 
 
 def test_dry_friction_is_seen_through_a_controller_without_noise():
@@ -456,14 +456,13 @@ def test_options_on_a_record_do_not_make_a_log_of_it(clean, tmp_path):
 
 def test_gaps_are_not_what_the_torque_does_not_explain(clean, tmp_path):
     """Spectra over bridges of 50 ms, in which an angle is a line, are of another motion."""
-    whole = of_record(imported(tmp_path, clean).record)
+    whole = Evidence(imported(tmp_path, clean).record)
     kept = np.ones(len(clean["time"]), bool)
     for start in (4000, 9500, 15500):
         kept[start : start + round(0.05 / T)] = False
     found = imported(tmp_path, {name: values[kept] for name, values in clean.items()}, STATED)
-    gaps = of_record(found.record)
-    slow = whole.spectra.frequency < whole.band[1]
-    assert len(gaps.whole) == 4
+    gaps = Evidence(found.record)
+    slow = whole.spectra.frequency < whole.spectra.band[1]
     assert np.median(1 - gaps.spectra.coherence[slow]) < 2 * np.median(
         1 - whole.spectra.coherence[slow]
     )

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.attempt import Attempt, log_of
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identify import _free
+from flexaxis.experiments.logs.identification.identify import _free
+from flexaxis.experiments.logs.identification.setup import Setup, log_of
 from flexaxis.sim.record import load_record
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -69,8 +69,8 @@ def test_what_a_known_axis_has_at_zero_stays_there_unless_freed():
 @pytest.mark.filterwarnings("error")
 def test_a_start_that_cannot_be_simulated_is_the_worst(record):
     """A resonance that is far too fast for the rate of the log."""
-    attempt = Attempt(
+    setup = Setup(
         log_of(load_record(record), find_axis("two_mass")),
         find_axis("two_mass").model, ("J_m", "k"), delay=0.0, highpass=None,
     )  # fmt: skip
-    assert attempt.solve(np.array([1e-9, 1e4])).square == np.inf
+    assert setup.solve(np.array([1e-9, 1e4])).square == np.inf

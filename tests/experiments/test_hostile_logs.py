@@ -10,7 +10,7 @@ import pytest
 
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.own import is_ours
+from flexaxis.experiments.logs.files import is_ours
 
 made = SimpleNamespace(**run_path(str(Path(__file__).with_name("hostile_logs.py"))))
 

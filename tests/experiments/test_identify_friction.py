@@ -12,14 +12,13 @@ from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.errors import LogError
-from flexaxis.experiments.logs.forgetting import with_forgetting
-from flexaxis.experiments.logs.friction import guessed_level
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.friction import guessed_level
+from flexaxis.experiments.logs.identification.identify import identify
+from flexaxis.experiments.logs.identification.validate import Fit, validate
+from flexaxis.experiments.logs.identification.verdict import _bounds, _restless
 from flexaxis.experiments.logs.importing import _as_imported
-from flexaxis.experiments.logs.judging import Fit
+from flexaxis.experiments.logs.options import with_forgetting
 from flexaxis.experiments.logs.track import track
-from flexaxis.experiments.logs.validate import validate
-from flexaxis.experiments.logs.verdict import _bounds, _restless
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES, log
@@ -40,7 +39,7 @@ def found(record):
 def test_dry_friction_is_found_and_told_from_viscous(found):
     values = dict(zip(found.names, found.theta, strict=True))
     assert found.friction == "coulomb" and not found.warnings
-    assert found.best.fitted.converged and len(found.ways) == 3
+    assert found.best.fitted.converged and len(found.candidates) == 3
     assert values["f_m"] == pytest.approx(VALUES[1]["f_m"], rel=0.03)
     assert values["J_m"] == pytest.approx(VALUES[1]["J_m"], rel=0.03)
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
@@ -86,8 +85,8 @@ def test_a_constant_torque_is_an_estimate_and_no_friction():
         find_axis("one_mass"),
         friction="coulomb",
     )
-    assert found.offset == pytest.approx(0.02, rel=0.05)
-    assert found.axis.offset == found.offset
+    assert found.axis.offset == pytest.approx(0.02, rel=0.05)
+    assert found.axis.offset == found.estimates["offset"][0]
     values = dict(zip(found.names, found.theta, strict=True))
     assert values["f_c"] == pytest.approx(F_C, rel=0.05)
 

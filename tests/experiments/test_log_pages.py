@@ -9,11 +9,11 @@ import pytest
 
 from flexaxis.experiments.logs.changes import Change
 from flexaxis.experiments.logs.findings import Finding
-from flexaxis.experiments.logs.import_page import _finding as of_import
-from flexaxis.experiments.logs.log_charts import log_chart
-from flexaxis.experiments.logs.log_page import LogPage, capital, write_page
+from flexaxis.experiments.logs.pages.charts import log_chart
+from flexaxis.experiments.logs.pages.import_page import _finding as of_import
+from flexaxis.experiments.logs.pages.page import LogPage, capital, write_page
+from flexaxis.experiments.logs.pages.track_page import track_page
 from flexaxis.experiments.logs.track import Tracked
-from flexaxis.experiments.logs.track_page import track_page
 from flexaxis.experiments.reporting.thinning import COLUMNS, extremes
 from flexaxis.sim.record import Record
 
@@ -51,7 +51,9 @@ def test_no_spike_and_no_gap_is_lost(log):
 def test_a_page_of_a_long_log_is_small_and_has_its_spike(tmp_path):
     speed = np.nan_to_num(spiked())
     record = Record(time=1e-3 * np.arange(N), torque=np.sin(0.01 * np.arange(N)), speed=speed)
-    page = LogPage("a log", "flexaxis import a.csv", ("ok", "fine."), (), [log_chart(record)], ())
+    page = LogPage(
+        "a log", "flexaxis import a.csv", Finding("ok", "fine."), (), [log_chart(record)], ()
+    )
     write_page(page, tmp_path / "log.html")
     assert (tmp_path / "log.html").stat().st_size < 200_000
     html = (tmp_path / "log.html").read_text(encoding="utf-8")
@@ -68,13 +70,12 @@ def doubt(name, verdict):
 
 def test_an_import_says_first_what_spoils_it():
     bad, known, fine = doubt("units", "problem"), doubt("gaps", "note"), doubt("rate", "ok")
-    assert of_import([bad, known, fine]) == (
-        "problem",
-        "As it is, this log spoils estimates: units.",
-    )
-    kind, text = of_import([known, fine])
-    assert kind == "note" and text.endswith("to be known: gaps.")
-    assert of_import([fine]) == ("ok", "Nothing speaks against this log, in 1 looks at it.")
+    words = "As it is, this log spoils estimates: units."
+    assert of_import([bad, known, fine]) == Finding("problem", words)
+    said = of_import([known, fine])
+    assert said.kind == "note" and said.text.endswith("to be known: gaps.")
+    words = "Nothing speaks against this log, in 1 looks at it."
+    assert of_import([fine]) == Finding("ok", words)
 
 
 def tracked(changes=(), doubts=()):
@@ -89,32 +90,31 @@ def tracked(changes=(), doubts=()):
 
 
 def test_a_tracked_log_within_its_deviations_of_nominal_is_as_identified():
-    said = [("ok", "no parameter changed")]
     told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
     wide = replace(tracked(), deviations=np.full((4000, 1), 0.26))  # f_m is .5 above nominal
     for found, is_said in ((tracked(), True), (wide, False)):
-        _, text = track_page(found, 0.005, remarks=said, problems=[], **told).finding
+        text = track_page(found, 0.005, problems=[], **told).finding.text
         assert ("above what was identified" in text) is is_said
 
 
 def test_a_tracked_log_says_first_what_changed():
     changed = tracked([Change("f_m", 8.0, 0.5, 40.0)])
-    said = [("note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter)")]
     told = {"estimator": "ekf", "log": "a.csv", "command": "flexaxis track a.csv"}
-    page = track_page(changed, 0.005, remarks=said, problems=[], **told)
-    assert page.finding == ("note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter).")
+    page = track_page(changed, 0.005, problems=[], **told)
+    assert page.finding == Finding(
+        "note", "f_m changed by +50.0 % at 8.00 s (40 times its scatter)."
+    )
     estimates = page.charts[0]
     assert estimates.marks == [(8.0, "f_m +50.0 %"), (8.2, "alarm")]
     assert estimates.windows[0] == ("at the change", 7.0, 13.0)
     line, nominal = estimates.panels[0].lines
     assert line.who == "ekf" and nominal.role == "bound"
     np.testing.assert_allclose(line.high - line.y, 0.2 * line.y)  # ±2σ
-    quiet = track_page(tracked(), 0.005, remarks=[("ok", "no parameter changed")],
-                       problems=["clipping: much"], **told)  # fmt: skip
-    kind, text = quiet.finding
+    quiet = track_page(tracked(), 0.005, problems=["clipping: much"], **told)
+    kind, text = quiet.finding.kind, quiet.finding.text
     assert kind == "problem" and text.startswith("No parameter changed; last over nominal: f_m 1.5")
     assert "no change within this log, but f_m is 50 % above what was identified" in text
-    assert quiet.remarks[0] == ("problem", "the log: clipping: much")
+    assert quiet.remarks[0] == Finding("problem", "the log: clipping: much")
 
 
 def test_a_sentence_keeps_its_symbol():

@@ -12,11 +12,10 @@ import pytest
 import scipy.io
 
 from flexaxis.experiments.cli import main
-from flexaxis.experiments.logs.dates import dated
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading import apart, hdf5_file, mat_file
-from flexaxis.experiments.logs.reading.log import columns_of
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import columns_of, open_log
+from flexaxis.experiments.logs.trend.covariates import begun
 
 N = 2000
 TIME = np.arange(N) / 200
@@ -197,10 +196,10 @@ def test_dates_come_from_elsewhere(tmp_path, monkeypatch):
         file.attrs["other"] = "2020-01-01"
         file.attrs["start"] = 1.7e9
     monkeypatch.setattr(h5py, "File", None)
-    assert dated(path) == (datetime(2026, 2, 3, 4, 5, 6), "file")
+    assert begun(path) == datetime(2026, 2, 3, 4, 5, 6)
     assert hdf5_file.texts_of(path, ["start", "none"]) == ["1700000000.000000"]
     path.write_bytes(path.read_bytes()[:200])
-    assert dated(path) is None
+    assert begun(path) is None
     with pytest.raises(LogError, match="no HDF5 file, or a broken one"):
         hdf5_file.texts_of(path, ["date"])
 

@@ -15,8 +15,8 @@ from flexaxis.estimators.offline.delay import delay_slope, delayed
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import find_axis
 from flexaxis.experiments.logs.changes import find_changes
+from flexaxis.experiments.logs.identification.validate import load_side
 from flexaxis.experiments.logs.importing import import_log
-from flexaxis.experiments.logs.load_angle import load_side
 from flexaxis.sim.parameters import preset
 from flexaxis.sim.record import load_record
 

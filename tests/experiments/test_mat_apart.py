@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from flexaxis.experiments.logs.dates import dated
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.reading import mat_file
+from flexaxis.experiments.logs.trend.covariates import begun
 
 
 @pytest.fixture
@@ -31,11 +31,11 @@ def test_columns_and_dates_come_from_elsewhere(log):
         "2026-02-03 04:05:06",
         "1700000000.000000",
     ]
-    assert dated(log)[0] == datetime(2026, 2, 3, 4, 5, 6)
+    assert begun(log) == datetime(2026, 2, 3, 4, 5, 6)
 
 
 def test_a_broken_one_has_no_date(log):
     log.write_bytes(log.read_bytes()[:150])
-    assert dated(log) is None
+    assert begun(log) is None
     with pytest.raises(LogError, match="no MAT file, or a broken one"):
         mat_file.texts_of(log, ["date"])

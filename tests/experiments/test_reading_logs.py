@@ -7,8 +7,7 @@ from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.importing import import_log
 from flexaxis.experiments.logs.mapping import mapping_from, pick
 from flexaxis.experiments.logs.reading import csv_file
-from flexaxis.experiments.logs.reading.log import Log
-from flexaxis.experiments.logs.reading.reader import open_log
+from flexaxis.experiments.logs.reading.log import Log, open_log
 from flexaxis.sim.record import load_record
 
 N = 400

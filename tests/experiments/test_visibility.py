@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.visibility import HELD, _deviations, visible
+from flexaxis.experiments.logs.identification.visibility import HELD, _deviations, visible
 from flexaxis.sim.record import Record
 
 T, J, F, NOISE = 1e-3, 0.01, 0.05, 0.02

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from flexaxis.experiments.logs import trend, wear
-from flexaxis.experiments.logs.change_points import Change
-from flexaxis.experiments.logs.wear import Verdict, verdict, verdicts
+from flexaxis.experiments.logs.trend import estimates as trend
+from flexaxis.experiments.logs.trend import wear
+from flexaxis.experiments.logs.trend.change_points import Change
+from flexaxis.experiments.logs.trend.wear import Verdict, verdict, verdicts
 
 N = 12
 DAYS = np.cumsum(np.arange(1.0, N + 1))  # none as long after the last as another
@@ -69,7 +70,7 @@ def test_a_copy_of_a_log_is_no_further_measurement_and_has_the_first_ones_date(
 
     def row_of(plan, task):
         made.append(task.path.name)
-        row = {"case": task.case, "rows": 1, "parameter": None, "texts": []}
+        row = {"case": task.case, "rows": 1, "parameter": None, "begun": None}
         return row
 
     monkeypatch.setattr(trend, "row_of", row_of)

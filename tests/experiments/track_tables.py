@@ -16,7 +16,7 @@ from track_axes import NAMES, VALUES, changing_log
 
 from flexaxis.experiments.building.specs import parse
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.track import track
 
 AT, FACTOR, WINDOW = 20.0, 1.5, 5.0  # s, of f_m, s

@@ -17,7 +17,6 @@ import numpy as np
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.logs.as_log import LogStyle
 from flexaxis.experiments.logs.axis_file import find_axis
-from flexaxis.experiments.logs.covariates import clock, covariates_of
 from flexaxis.experiments.logs.days import (
     Days,
     calendar,
@@ -26,10 +25,11 @@ from flexaxis.experiments.logs.days import (
     without_faults,
     write_day,
 )
-from flexaxis.experiments.logs.identify import identify
+from flexaxis.experiments.logs.identification.identify import identify
 from flexaxis.experiments.logs.importing import read_any
-from flexaxis.experiments.logs.trend import Source, estimate_all, plan_for, tasks
-from flexaxis.experiments.logs.wear import CHANGED, OPEN, verdict, verdicts
+from flexaxis.experiments.logs.trend.covariates import clock, covariates_of
+from flexaxis.experiments.logs.trend.estimates import Source, estimate_all, plan_for, tasks
+from flexaxis.experiments.logs.trend.wear import CHANGED, OPEN, verdict, verdicts
 
 STYLE = LogStyle(counts=65536)
 WARM = {"f_c": -0.01, "f_m": -0.01}

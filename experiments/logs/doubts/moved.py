@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.signal import butter, csd, sosfiltfilt
+from scipy.signal import butter, sosfiltfilt
 
-from flexaxis.experiments.logs.doubts.evidence import SEGMENT, Evidence
-from flexaxis.experiments.logs.doubts.sketch import LOG, line, points, sketch
+from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.pages.page import line, means, points, sketch
 from flexaxis.experiments.logs.prepare import unwrapped
-from flexaxis.experiments.reporting.charts import Chart, Line
+from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -40,18 +40,18 @@ SLOW, OFTEN, PUSHED = 0.02, 8.0, 0.2  # of the rms speed; % of the samples; of t
 
 def outliers_of(e: Evidence) -> Finding | None:
     """Return samples of the motion that are far from those before and after them."""
-    if e.highpass and e.raw is None:
+    if e.told("highpass") and e.raw is None:
         return None  # a filter has spread them
-    time = e.time if e.raw is None else e.raw.time
+    source = e.record if e.raw is None else e.raw
     for name, unit in (("angle", "rad"), ("speed", "rad/s")):
-        values = getattr(e if e.raw is None else e.raw, name)
-        if values is None or (e.raw is None and name == "speed" and e.incremental):
+        values = getattr(source, name)
+        if values is None:
             continue
         there = np.isfinite(values) & (e.usable if e.raw is None else True)
         signal = values[there]
         far = outliers(unwrapped(signal)[0] if name == "angle" else signal)
         if far.any():
-            return _outlying(name, unit, time[there], signal, far)
+            return _outlying(name, unit, source.time[there], signal, far)
     return Finding("ok", "none", OUTLIERS, 0.0, "samples")
 
 
@@ -136,19 +136,15 @@ def lag_of(e: Evidence) -> tuple[float, float, bool] | None:
     it comes what the excitation there turns by in a sample [rad], and whether the lower end has
     them opposed.
     """
-    a, u = np.diff(e.speed), e.torque[:-1]
-    length = min(len(u) // 2, round(SEGMENT / e.period))
-    frequency, cross = csd(u, a, fs=1 / e.period, nperseg=length)
-    low, high = e.band
-    tenth = 0.1 * (high - low)
-    top = (frequency > high - tenth) & (frequency <= high)
-    bottom = (frequency >= low) & (frequency < low + tenth) & (frequency > 0)
+    (low, high), f = e.spectra.band, e.spectra.frequency
+    tenth, cross = 0.1 * (high - low), _to_acceleration(e)
+    top, bottom = (f > high - tenth) & (f <= high), (f >= low) & (f < low + tenth) & (f > 0)
     if not top.any() or not bottom.any():
         return None
-    turn = 2 * np.pi * float(np.mean(frequency[top])) * e.period
+    turn = 2 * np.pi * float(np.mean(f[top])) * e.period
     phase = float(np.angle(cross[top].sum()))
     if abs(phase) > NEAR_WRAP:  # half the frequency has half the phase, which tells the turn
-        middle = (frequency > high / 2 - tenth) & (frequency <= high / 2) & (frequency >= low)
+        middle = (f > high / 2 - tenth) & (f <= high / 2) & (f >= low)
         double = 2 * float(np.angle(cross[middle].sum()))
         phase += 2 * np.pi * round((double - phase) / (2 * np.pi))
     # a torque over [t_k, t_{k+1}) changes the speed over that time, but the increments, which are
@@ -157,6 +153,12 @@ def lag_of(e: Evidence) -> tuple[float, float, bool] | None:
     # at low frequencies an axis is inertia and friction: its acceleration leads by 0 to 90°
     opposite = float((cross[bottom] * np.exp(-0.25j * np.pi)).sum().real) < 0
     return -phase / turn - late, turn, opposite
+
+
+def _to_acceleration(e: Evidence) -> NDArray[np.complex128]:
+    """Return the cross-spectrum (M,) from torque to the difference of the speed to the next one."""
+    step = np.exp(2j * np.pi * e.spectra.frequency * e.period)
+    return e.spectra.cross * (step - 1)
 
 
 def in_loop(e: Evidence) -> bool:
@@ -178,15 +180,13 @@ def in_loop(e: Evidence) -> bool:
 
 def _phase(e: Evidence) -> Chart:
     """Return the phase from torque to acceleration, and that of one sample."""
-    s, (low, high) = e.spectra, e.band
-    band = (s.frequency >= low) & (s.frequency <= high)
-    f = s.frequency[band]
-    turn = np.pi * f * e.period
-    late = turn if e.incremental else np.zeros_like(f)
-    phase = np.angle(s.cross[band] * 1j * np.exp(1j * (turn + late)))
-    due = line(f, -np.degrees(2 * turn), "one sample late")
-    seen = points(f, np.degrees(phase), LOG)
-    return sketch("frequency [Hz]", "torque to acceleration [°]", seen, due)
+    f, (low, high) = e.spectra.frequency, e.spectra.band
+    band = (f >= low) & (f <= high)
+    turn = 2 * np.pi * f[band] * e.period
+    late = np.exp(0.5j * turn) if e.incremental else 1.0
+    phase = np.degrees(np.angle(_to_acceleration(e)[band] * late))
+    due = line(f[band], -np.degrees(turn), "one sample late")
+    return sketch("frequency [Hz]", "torque to acceleration [°]", points(f[band], phase), due)
 
 
 def dry_friction(e: Evidence) -> Finding | None:
@@ -201,7 +201,7 @@ def dry_friction(e: Evidence) -> Finding | None:
     begin = max(len(e.time) // 2 - LONGEST // 2, 0)
     piece = slice(begin, begin + LONGEST)
     share = signs_of(
-        e.torque[piece], e.step_speed[piece], e.step_sign[piece], e.period, top=e.band[1]
+        e.torque[piece], e.step_speed[piece], e.step_sign[piece], e.period, top=e.spectra.band[1]
     )
     if share is None:
         return None
@@ -303,21 +303,10 @@ def _stands(e: Evidence) -> float:
 
 
 def _rubs(e: Evidence, piece: slice) -> Chart:
-    """Return torque less the part for acceleration over speed: its mean, and where most of it is.
-
-    Most is from the 10th to the 90th percentile.
-    """
+    """Return torque less the part for acceleration over speed, with where most of it is."""
     u, v = e.torque[piece], e.step_speed[piece]
     a = np.gradient(v, e.period)
     rest = u - a * float(a @ (u - u.mean()) / (a @ a))
-    # finer about zero, where friction turns over
-    edges = np.percentile(np.abs(v), np.linspace(0, 98, 15))
-    edges = np.unique(np.r_[-edges[::-1], edges])
-    place = np.digitize(v, edges)
-    held = [place == k for k in range(1, len(edges)) if np.sum(place == k) > 10]
-    speed, mean = (np.array([values[at].mean() for at in held]) for values in (v, rest))
-    low, high = np.array([np.percentile(rest[at], (10, 90)) for at in held]).T
     label = "mean of the log, and 10 … 90 % of it"
-    curve = Line(who=label, x=speed, y=mean, low=low, high=high)
     y = "torque less that for acceleration [as logged]"
-    return sketch("motor speed [rad/s]", y, curve, marks=[(0.0, "")])
+    return sketch("motor speed [rad/s]", y, means(v, rest, label), marks=[(0.0, "")])

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from flexaxis.experiments.logs.doubts.evidence import Evidence
 from flexaxis.experiments.logs.doubts.nonsense import FAST, SI, other_units, usual_speed
-from flexaxis.experiments.logs.doubts.sketch import LOG, histogram, line, points, sketch
 from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.pages.page import LOG, line, points, sketch
 from flexaxis.experiments.reporting.charts import Chart, Line
 
 Array = NDArray[np.float64]
@@ -65,8 +65,9 @@ def _steps(e: Evidence) -> Chart:
     """Return how long the samples were, by their stamps."""
     assert e.raw is not None
     steps, period = 1e3 * np.diff(e.raw.time), 1e3 * e.period
-    counted = histogram(steps[steps < 3 * period], bins=60)
-    return sketch("from one stamp to the next [ms]", "samples", counted, marks=[(period, "period")])
+    counts, edges = np.histogram(steps[steps < 3 * period], bins=60)
+    shown = Line(who=LOG, x=edges, y=np.append(counts, 0.0), kind="steps")
+    return sketch("from one stamp to the next [ms]", "samples", shown, marks=[(period, "period")])
 
 
 def _there(e: Evidence) -> Chart:
@@ -101,7 +102,7 @@ def wrapping(e: Evidence) -> Finding | None:
 
 def clipping(e: Evidence) -> Finding | None:
     """Return whether the torque stands at its extreme value."""
-    if e.highpass or (e.raw is None and e.smooth):
+    if e.told("highpass") or (e.raw is None and e.smooth):
         return None  # a filter has blurred what stood still
     u = e.torque if e.raw is None else e.raw.torque
     u = u[np.isfinite(u)]

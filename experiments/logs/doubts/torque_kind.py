@@ -12,11 +12,13 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import coherence, csd, welch
+from scipy.signal import welch
 
 from flexaxis.experiments.logs.doubts.evidence import Evidence
-from flexaxis.experiments.logs.doubts.sketch import line, sketch
 from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.findings import Kind as Weight
+from flexaxis.experiments.logs.pages.page import line, sketch
+from flexaxis.experiments.logs.spectra import spectra
 from flexaxis.experiments.reporting.charts import Chart
 
 Array = NDArray[np.float64]
@@ -108,18 +110,12 @@ def _by_motion(u: Array, speed: Array, period: float) -> tuple[Kind, str] | None
     """Tell by whether its fastest parts, above a quarter of the rate, move the motor."""
     a, u = np.diff(speed) / period, u[:-1]
     length = min(SHORT, len(u) // 16)
-    options = {"fs": 1 / period, "nperseg": length}
-    frequency, found = coherence(u, a, **options)
-    _, power = welch(u, **options)
-    _, answer = welch(a, **options)
-    _, cross = csd(u, a, **options)
-    fast = frequency > 0.25 / period
+    s = spectra(u, a, period, length=length)
+    fast, band = s.frequency > 0.25 / period, s.torque > 0.01 * s.torque.max()
     # of white noise, the coherence of averages over overlapping pieces
-    chance = length / len(u)
-    seen = float(np.mean(found[fast])) - chance
-    band = power > 0.01 * power.max()
-    gain = float(np.median(np.abs(cross[band]) / power[band]))
-    due = gain**2 * power[fast].sum() / answer[fast].sum()
+    seen = float(np.mean(s.coherence[fast])) - length / len(u)
+    gain = float(np.median(np.abs(s.cross[band]) / s.torque[band]))
+    due = gain**2 * s.torque[fast].sum() / s.motion[fast].sum()
     expected = min(float(due), 1.0)
     if seen > MOVES:
         return "held", "its fastest parts move the motor, or come from its motion sample by sample"
@@ -132,15 +128,15 @@ def _by_motion(u: Array, speed: Array, period: float) -> tuple[Kind, str] | None
 def look(e: Evidence) -> Finding:
     """Return how the torque was taken between its samples, and why."""
     name, kind = "torque between samples", "smooth" if e.smooth else "held"
-    other = "held" if e.smooth else "smooth"
-    command = f"--torque-is {other}"
-    text = f"{kind}: {e.kind_because}" if e.kind_because else kind
-    if AGAINST in e.kind_because:
-        return Finding("problem", text, name, command=command, draw=lambda: _draw(e))
-    if UNSEEN not in e.kind_because:
+    other, because = "held" if e.smooth else "smooth", e.told("torque_because")
+    text = f"{kind}: {because}" if because else kind
+    against, unseen = AGAINST in because, UNSEEN in because
+    if not (against or unseen):
         return Finding("ok", text, name)
-    text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
-    return Finding("note", text, name, command=command, draw=lambda: _draw(e))
+    if unseen:
+        text += f". If it is {_WORDS[other]}, say so: half a sample of delay depends on it"
+    weight: Weight = "problem" if against else "note"
+    return Finding(weight, text, name, command=f"--torque-is {other}", draw=lambda: _draw(e))
 
 
 def _draw(e: Evidence) -> Chart:
@@ -148,7 +144,7 @@ def _draw(e: Evidence) -> Chart:
     s, rate = e.spectra, 1 / e.period
     seen = s.frequency > 0
     turn = 2 * np.sin(np.pi * s.frequency[seen] * e.period) * rate  # of a difference
-    shaken = s.speed[seen] * turn**2
+    shaken = s.motion[seen] * turn**2
     band = s.torque[seen] > 0.01 * s.torque.max()
     ratio = float(np.median(s.torque[seen][band] / shaken[band]))
     f = s.frequency[seen]

@@ -25,7 +25,7 @@ _MISSING = ["", "-", "--", "na", "none", "N.A."]
 
 
 def open_file(path: Path) -> Log:
-    """Open one; see `reader.open_log`."""
+    """Open one; see `log.open_log`."""
     layout = layout_of(path)
 
     def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:

@@ -18,7 +18,7 @@ MODULE = "flexaxis.experiments.logs.reading.hdf5_file"
 
 
 def open_file(path: Path) -> Log:
-    """Open one; see `reader.open_log`."""
+    """Open one; see `log.open_log`."""
     with path.open("rb") as file:
         matlab = file.read(6) == b"MATLAB"
     if find_spec("h5py") is None:

@@ -16,7 +16,7 @@ MODULE = "flexaxis.experiments.logs.reading.mat_file"
 
 
 def open_file(path: Path) -> Log:
-    """Open one; see `reader.open_log`."""
+    """Open one; see `log.open_log`."""
     found = apart.columns(MODULE, path, "columns")
 
     def read(names: Sequence[str], *, strict: bool = True) -> dict[str, Array]:

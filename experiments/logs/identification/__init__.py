@@ -1,0 +1,1 @@
+"""Nominal values of an axis from its log."""

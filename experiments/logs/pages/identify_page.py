@@ -1,0 +1,158 @@
+"""What is said of an identification: as text, as JSON, and as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table as Printed
+
+from flexaxis.experiments.logs.findings import MARKS, Finding, ordered, texts_of
+from flexaxis.experiments.logs.identification.candidates import Candidate
+from flexaxis.experiments.logs.identification.identify import Identification
+from flexaxis.experiments.logs.identification.validate import Validation
+from flexaxis.experiments.logs.pages.charts import (
+    bode_chart,
+    map_charts,
+    simulation_chart,
+    validation_chart,
+)
+from flexaxis.experiments.logs.pages.page import LogPage
+from flexaxis.experiments.reporting.charts import Chart
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table, texts
+
+TOLD = 3  # estimates in the sentence that the page begins with
+UNITS = {"delay": " [s]"} | dict.fromkeys(("offset", "g_sin", "g_cos"), " [as the torque]")
+
+
+def findings(found: Identification, tried: Validation | None) -> list[Finding]:
+    """Return what was found on both logs, the gravest first."""
+    unlike = "" if tried is None else tried.unlike
+    other = [Finding("problem", f"on the other log, {unlike}")] if unlike else []
+    return ordered([*other, *found.findings])
+
+
+def content(found: Identification, tried: Validation | None) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    every = findings(found, tried)
+    told: dict[str, Any] = {
+        "estimates": {n: {"value": value, "sd": sd} for n, (value, sd) in found.estimates.items()},
+        "fit": found.fit,
+        "friction": found.friction,
+        "compared": [vars(each) for each in found.tried],
+        "fits": {
+            candidate.name: {"error": candidate.error, "taken": candidate is found.best}
+            | dict(zip(found.names, candidate.fitted.z.tolist(), strict=False))
+            for candidate in found.candidates
+        },
+        "residual": {
+            "std": found.axis.noise,
+            "correlation": found.correlation,
+            "noise_order": len(found.axis.whitening) - 1,
+        },
+        "warnings": texts_of(every, "problem"),
+        "remarks": texts_of(every, "note", "ok"),
+    }
+    if tried is not None:
+        told["validation"] = {"simulation": tried.simulation, "prediction": tried.prediction}
+    return told
+
+
+def facts(found: Identification, tried: Validation | None) -> list[tuple[str, str]]:
+    """Return how far to trust it: names and what they are here."""
+    facts = [
+        ("law of friction", found.friction),
+        ("fit", found.best.name),
+        ("simulation of held-out pieces from the torque alone", f"{found.fit:.1f} %"),
+        ("simulation of the whole log", f"{found.whole.percent:.1f} %"),
+        ("correlation of white residuals", f"{found.correlation:.3f}"),
+    ]
+    if tried is not None:
+        facts += [
+            ("on the other log, fit of a simulation", f"{tried.simulation:.1f} %"),
+            ("on the other log, fit of a prediction over one sample", f"{tried.prediction:.1f} %"),
+        ]
+    return facts
+
+
+def print_identification(found: Identification, tried: Validation | None) -> None:
+    """Print it."""
+    table = Printed("parameter", "estimate", "± sd", "[%]", box=None, pad_edge=False)
+    for each, known in found.estimates.items():
+        name, *cells = (cell.text.replace("–", "") for cell in _row(each, *known).cells)
+        table.add_row(escape(name), *cells)
+    console = Console()
+    console.print(table)
+    for what, text in facts(found, tried):
+        print(f"{what}: {text}")
+    for said in findings(found, tried):
+        style = "yellow" if said.kind == "problem" else None
+        console.print(f"{MARKS[said.kind]} {said.text}", style=style, markup=False, soft_wrap=True)
+
+
+def identification_page(
+    found: Identification, period: float, tried: Validation | None, title: str, command: str
+) -> LogPage:
+    """Return the page of it."""
+    charts = identification_charts(found, period)
+    charts += [] if tried is None else [validation_chart(tried)]
+    every = findings(found, tried)
+    names = [f"{name}{UNITS.get(name, '')}" for name in found.names]
+    fits = [(candidate.name, _of_candidate(candidate, names)) for candidate in found.candidates]
+    unit = found.torque_unit
+    system = f"SI, the torque in {unit}" if unit not in {"", "Nm", "N"} else "SI"
+    columns = ("parameter", f"estimate [{system}]", "standard deviation", "of the value [%]")
+    heads = [Column(name, kind="number" if i else "text") for i, name in enumerate(columns)]
+    tables = [
+        Table("Estimates", heads, [_row(name, *told) for name, told in found.estimates.items()]),
+        texts("Three fits, one answer", ("fit", "its estimates"), fits),
+        texts("How far to trust them", ("what", "here"), facts(found, tried)),
+    ]
+    told = _finding(found, texts_of(every, "problem"))
+    return LogPage(title, command, told, every, charts, tables)
+
+
+def identification_charts(found: Identification, period: float) -> list[Chart]:
+    """Return the motion with its simulation, the friction map, and the frequency response."""
+    charts: list[Chart] = [simulation_chart(found, period)]
+    charts += [] if found.map is None else map_charts(found)
+    return charts + ([] if found.response is None else [bode_chart(found, period)])
+
+
+def _of_candidate(candidate: Candidate, names: Sequence[str]) -> str:
+    told = zip(names, candidate.fitted.z, candidate.deviations, strict=False)
+    values = ", ".join(f"{name} {value:.4g} ± {sd:.1g}" for name, value, sd in told)
+    return f"{values}; error of a simulation of held-out pieces {candidate.error:.4g}"
+
+
+def _finding(found: Identification, against: Sequence[str]) -> Finding:
+    """Return what was identified, how well, and how many doubts there are, in a sentence."""
+    sure = [
+        (sd / abs(value), f"{name} = {value:.4g} ± {sd:.1g}")
+        for name, value, sd in zip(found.names, found.theta, found.deviations, strict=True)
+        if value
+    ]
+    best = [text for _, text in sorted(sure)]
+    told = ", ".join(best[:TOLD]) + (f" and {len(best) - TOLD} more" if len(best) > TOLD else "")
+    known = f"; surest: {told}" if told else ""
+    text = (
+        f"The model simulates {found.fit:.1f} % of what it was not fitted to from the torque "
+        f"alone{known}."
+    )
+    if against:
+        count = "One thing speaks" if len(against) == 1 else f"{len(against)} things speak"
+        text = f"{text} {count} against it, first: {against[0].rstrip('.')}."
+    return Finding("problem" if against else "ok", text)
+
+
+def _row(name: str, value: float, sd: float) -> Row:
+    """Return the cells of an estimate; of what stands at a bound, or was told, no deviation."""
+    share = 100 * sd / abs(value) if abs(value) > sd else 0.0
+    return Row([
+        Cell(name + UNITS.get(name, ""), name),
+        Cell(f"{value:.5g}", value),
+        Cell(f"{sd:.2g}" if sd else "–", sd or ""),
+        Cell(f"{share:.2g}" if share else "–", share or ""),
+    ])  # fmt: skip

@@ -1,0 +1,150 @@
+"""What pages of logs are made of: curves, thinned and with room about them, and the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.reporting.charts import Chart, Heat, Line, Panel
+from flexaxis.experiments.reporting.page import charted, render
+from flexaxis.experiments.reporting.tables import Table
+from flexaxis.experiments.reporting.thinning import extremes
+from flexaxis.experiments.storage.files import write_text
+
+Array = NDArray[np.float64]
+
+LOG = "log"  # what a line of the log is called, on every page of one
+ROOM = 0.05  # above and below what is drawn
+BINS, FEW = 60, 5  # of means, and samples that one holds at the least
+GAPS = 200  # that are shaded: more are a pattern, and seen as one
+
+
+def sketch(x: str, y: str, *lines: Line, y_log: bool = False, **more: Any) -> Chart:
+    """Return a chart without title and words, which whoever shows it has.
+
+    Parameters
+    ----------
+    x, y : str
+        Labels, with units.
+    *lines : Line
+    y_log : bool
+    **more
+        Of the `Chart`: its marks, and whether x is logarithmic.
+    """
+    return Chart(title="", words="", x=x, panels=[panel(y, *lines, y_log=y_log)], **more)
+
+
+def panel(y: str, *lines: Line, y_log: bool = False) -> Panel:
+    """Return a panel that shows all there is: what sticks out of a log is what one looks for."""
+    sides = [s for each in lines for s in (each.y, each.low, each.high) if s is not None]
+    values = np.concatenate([np.zeros(0), *sides])
+    values = values[np.isfinite(values) & ((values > 0) | (not y_log))]
+    if not values.size or values.min() == values.max():
+        return Panel(y=y, lines=lines, y_log=y_log)
+    low, high = float(values.min()), float(values.max())
+    room = ROOM * (high - low)
+    shown = (low / 1.1, high * 1.1) if y_log else (low - room, high + room)
+    return Panel(y=y, lines=lines, y_log=y_log, y_range=shown)
+
+
+def line(x: ArrayLike, y: ArrayLike, who: str = LOG, *, log: bool = False, **more: Any) -> Line:
+    """Return a curve, thinned to what a screen shows; `log` where its x is drawn so."""
+    across, up = np.asarray(x, float), np.asarray(y, float)
+    kept = extremes(across, up, log=log)
+    return Line(who=who, x=across[kept], y=up[kept], **more)
+
+
+def points(x: ArrayLike, y: ArrayLike, who: str = LOG) -> Line:
+    """Return points."""
+    return Line(who=who, x=np.asarray(x, float), y=np.asarray(y, float), kind="points")
+
+
+def means(x: ArrayLike, y: ArrayLike, who: str = LOG, *, band: bool = True) -> Line:
+    """Return means of y in `BINS` bins of x that hold as much each, with 10 … 90 % of it."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)))
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0))
+    held = [place == k for k in range(len(edges) - 1) if np.sum(place == k) > FEW]
+    across, mean = (np.array([values[k].mean() for k in held]) for values in (x, y))
+    if not band:
+        return Line(who=who, x=across, y=mean)
+    low, high = np.array([np.percentile(y[k], (10, 90)) for k in held]).reshape(-1, 2).T
+    return Line(who=who, kind="points", x=across, y=mean, low=low, high=high)
+
+
+def compared(
+    time: Array, y: Array, sides: Mapping[str, Array], piece: slice, label: str = "speed [rad/s]"
+) -> list[Panel]:
+    """Return panels of a measured piece with others over it, and of how far they are off."""
+    t, log = time[piece], Line(x=time[piece], y=y[piece], role="truth", label="log")
+    unit = label[label.index("[") :]
+    return [
+        panel(label, log, *(line(t, x[piece], who) for who, x in sides.items())),
+        panel(f"error {unit}", *(line(t, (y - x)[piece], who) for who, x in sides.items())),
+    ]
+
+
+def thinned(time: ArrayLike) -> str:
+    """Return what there is to know of a curve that is thinned, empty for one that is not."""
+    x = np.asarray(time, float)
+    kept = len(extremes(x, np.zeros(len(x))))
+    return "" if kept == len(x) else (
+        f" Of {len(x)} samples the least and the greatest of each column of the screen are "
+        "drawn, so that no spike is lost."
+    )  # fmt: skip
+
+
+def gaps(time: ArrayLike, ok: NDArray[np.bool_]) -> list[tuple[float, float, str]]:
+    """Return what is to be shaded: where samples do not count."""
+    t, edges = np.asarray(time, float), np.flatnonzero(np.diff(np.r_[1, ok, 1]))
+    pairs = list(zip(edges[::2], edges[1::2], strict=True))[:GAPS]
+    return [(float(t[begin]), float(t[end - 1]), "") for begin, end in pairs]
+
+
+@dataclass(frozen=True)
+class LogPage:
+    """What a page shows.
+
+    Attributes
+    ----------
+    title, command : str
+    finding : Finding
+        What comes of it, in one sentence.
+    remarks : sequence of Finding
+        What there is to say besides.
+    charts : sequence of Chart or Heat
+        The first one stands with the finding, the others behind the tables.
+    tables : sequence of Table
+    """
+
+    title: str
+    command: str
+    finding: Finding
+    remarks: Sequence[Finding]
+    charts: Sequence[Chart | Heat]
+    tables: Sequence[Table]
+
+
+def write_page(page: LogPage, path: Path) -> None:
+    """Write a page as one HTML file that needs no network."""
+    content = vars(page) | {"version": version("flexaxis"), "charts": charted(page.charts)}
+    write_text(path, render("logs/templates/log.html", content))
+
+
+def capital(text: str) -> str:
+    """Return a text as a sentence; a symbol such as f_c at its beginning stays as it is.
+
+    Examples
+    --------
+    >>> capital("no parameter changed"), capital("f_c has grown")
+    ('No parameter changed.', 'f_c has grown.')
+    """
+    first, *_ = text.split(" ", 1)
+    return (text[:1].upper() + text[1:] if first.isalpha() else text).rstrip(".") + "."

@@ -1,0 +1,231 @@
+"""The page of an estimator on a record: its estimates over time, the residual, the load angle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexaxis.experiments.logs.findings import Finding
+from flexaxis.experiments.logs.identification.validate import MATCHED
+from flexaxis.experiments.logs.pages.page import LogPage, capital, compared, gaps, thinned
+from flexaxis.experiments.logs.track import Tracked
+from flexaxis.experiments.reporting.charts import Chart, Line, Panel
+from flexaxis.experiments.reporting.tables import Cell, Column, Row, Table
+from flexaxis.experiments.reporting.thinning import extremes
+
+Array = NDArray[np.float64]
+
+LAGS = 60  # samples back, to which the correlation of the residual is drawn
+LEAST = 0.01  # of nominal: less is not worth a word
+BEFORE, AFTER = 1.0, 5.0  # s about the first change, that is shown beside the whole
+COLUMNS = (
+    Column("parameter", kind="text"),
+    Column("last estimate [SI]"),
+    Column("nominal [SI]"),
+    Column("over nominal"),
+)
+
+
+def findings(found: Tracked) -> list[Finding]:
+    """Return what was found, the most important first."""
+    lines = [Finding("problem", text) for text in found.doubts]
+    lines += [
+        Finding(
+            "note",
+            f"{c.name} changed by {100 * c.relative:+.1f} % at {c.time:.2f} s "
+            f"({c.scatters:.0f} times its scatter)",
+        )
+        for c in found.changes
+    ]
+    if not lines:
+        lines.append(Finding("ok", "no parameter changed"))
+    if not found.doubts:
+        told = f"fit of a simulation from the torque alone: {found.fit:.1f} %"
+        lines.append(Finding("ok", told))
+    text = f"residual: correlates with its past by {found.correlation:.3f}, "
+    text += "white" if found.white else "so the estimates explain not all there is"
+    lines.append(Finding("ok" if found.white else "note", text))
+    if found.load is not None:
+        text = f"fit of the load angle, which no estimator was given: {found.load.fit:.1f} %"
+        lines.append(Finding("ok" if found.load.fit > MATCHED else "note", text))
+    if len(found.alarms):
+        lines.append(Finding("note", f"alarms of the estimator: {len(found.alarms)}"))
+    return lines
+
+
+def content(found: Tracked) -> dict[str, Any]:
+    """Return it as JSON has it."""
+    return {
+        "last": dict(zip(found.names, found.last.tolist(), strict=True)),
+        "nominal": dict(zip(found.names, found.nominal.tolist(), strict=True)),
+        "fit": found.fit,
+        "fit_load": None if found.load is None else found.load.fit,
+        "residual": {"correlation": found.correlation, "white": found.white},
+        "alarms": found.alarms.tolist(),
+        "changes": [vars(change) for change in found.changes],
+        "doubts": found.doubts,
+    }
+
+
+def track_page(
+    found: Tracked,
+    period: float,
+    estimator: str,
+    *,
+    problems: Sequence[str],
+    log: str,
+    command: str,
+) -> LogPage:
+    """Return the page.
+
+    Parameters
+    ----------
+    found : Tracked
+    period : float
+        [s].
+    estimator : str
+        As typed.
+    problems : sequence of str
+        What spoils estimates from this log.
+    log, command : str
+        Name of the log, and the line that makes this again.
+    """
+    said = findings(found)
+    charts = [estimates_chart(found, estimator), residual_chart(found, period)]
+    charts += [load_chart(found)] if found.load is not None else []
+    words = "Median of the last fifth of the log."
+    table = Table("Last estimates", COLUMNS, estimates_of(found), words)
+    told = _finding(found, said, problems)
+    said = [*(Finding("problem", f"the log: {text}") for text in problems), *said]
+    return LogPage(f"{estimator} on {log}", command, told, said, charts, [table])
+
+
+def estimates_of(found: Tracked) -> list[Row]:
+    """Return name, last estimate, nominal value and their ratio, a row each."""
+    values = zip(found.names, found.last.tolist(), found.nominal.tolist(), strict=True)
+    return [
+        Row([
+            Cell(name),
+            *(Cell(f"{v:.5g}", v) for v in (last, nominal)),
+            Cell(f"{last / nominal:.4f}", last / nominal),
+        ])
+        for name, last, nominal in values
+    ]  # fmt: skip
+
+
+def _finding(found: Tracked, said: Sequence[Finding], problems: Sequence[str]) -> Finding:
+    """Return the worst of what was found, all changes where several parameters changed."""
+    kind = said[0].kind
+    changes = [each.text for each in said if each.kind == kind and " changed by " in each.text]
+    text = "; ".join(changes) if changes else said[0].text
+    if kind == "ok":
+        over = zip(found.names, found.last / found.nominal, strict=True)
+        text += f"; last over nominal: {', '.join(f'{n} {v:.3f}' for n, v in over)}"
+        text += _off(found)
+    text = capital(text)
+    if problems:
+        return Finding("problem", f"{text} But the log itself spoils estimates, see below.")
+    return Finding(kind, text)
+
+
+def _off(found: Tracked) -> str:
+    """Return what was another than nominal all along, by more than its claimed two deviations."""
+    if found.deviations is None or not found.usable.any():
+        return ""
+    spread = 2 * found.deviations[np.flatnonzero(found.usable)[-1]]
+    told = [
+        f"{name} is {abs(off):.0%} {'above' if off > 0 else 'below'}".replace("%", " %")
+        for name, off, by in zip(
+            found.names,
+            (found.last - found.nominal) / np.abs(found.nominal),
+            np.abs(found.last - found.nominal) - spread,
+            strict=True,
+        )
+        if by > 0 and abs(off) >= LEAST
+    ]
+    return f"; no change within this log, but {', '.join(told)} what was identified" if told else ""
+
+
+def estimates_chart(found: Tracked, estimator: str) -> Chart:
+    """Return the estimates over time with a ±2σ band, over nominal."""
+    marks = [(c.time, f"{c.name} {100 * c.relative:+.1f} %") for c in found.changes]
+    claimed = ", with what the estimator claims as ±2σ" if found.deviations is not None else ""
+    return Chart(
+        title="Estimates",
+        words=f"Over nominal{claimed}. Shaded: not used. Vertical: changes that were found, and "
+        f"alarms of the estimator.{thinned(found.time)}",
+        x="time [s]",
+        panels=[_panel(found, i, estimator) for i in range(len(found.names))],
+        marks=[*marks, *((float(at), "alarm") for at in found.alarms)],
+        spans=gaps(found.time, found.usable),
+        windows=_windows(found),
+    )
+
+
+def _windows(found: Tracked) -> list[tuple[str, float, float]]:
+    whole = ("whole log", float(found.time[0]), float(found.time[-1]))
+    if not found.changes:
+        return [whole]
+    at = found.changes[0].time
+    begin, end = max(at - BEFORE, whole[1]), min(at + AFTER, whole[2])
+    return [("at the change", begin, end), whole] if begin < end else [whole]
+
+
+def _panel(found: Tracked, i: int, estimator: str) -> Panel:
+    nominal = found.nominal[i]
+    values, band = found.theta[:, i] / nominal, np.zeros(len(found.time))
+    if found.deviations is not None:
+        band = 2 * found.deviations[:, i] / abs(nominal)
+    kept = extremes(found.time, values)
+    x, y = found.time[kept], values[kept]
+    sides = {"low": y - band[kept], "high": y + band[kept]} if found.deviations is not None else {}
+    ends = found.time[[0, -1]]
+    one = Line(x=ends, y=np.ones(2), role="bound", label="nominal: as identified")
+    low, high = np.nanpercentile(values[len(values) // 50 :], [0.5, 99.5])
+    room = max(0.1 * (high - low), 0.02)
+    return Panel(
+        y=f"{found.names[i]} / nominal",
+        lines=[Line(who=estimator, x=x, y=y, **sides), one],
+        y_range=(float(low - room), float(high + room)),
+    )
+
+
+def residual_chart(found: Tracked, period: float) -> Chart:
+    """Return the correlation of the residual with its past, and the band of white noise."""
+    error = found.residual[found.usable]
+    error = error - error.mean()
+    lags = np.arange(1, LAGS + 1)
+    values = np.array([error[k:] @ error[: len(error) - k] for k in lags]) / (error @ error)
+    x, edge = 1e3 * period * lags, np.full(2, 2 / np.sqrt(len(error)))
+    stems = Line(
+        who="residual", kind="points", x=x, y=values,
+        low=np.minimum(values, 0.0), high=np.maximum(values, 0.0),
+    )  # fmt: skip
+    white = Line(
+        x=x[[0, -1]], y=np.zeros(2), low=-edge, high=edge, role="bound", label="±2σ of white noise"
+    )
+    height = max(1.3 * float(np.max(np.abs(values))), 0.1)
+    return Chart(
+        title="Residual",
+        words="Correlation of the whitened residual with its past: what the model leaves.",
+        x="samples before, as time [ms]",
+        panels=[Panel(y="correlation", lines=[white, stems], y_range=(-height, height))],
+    )
+
+
+def load_chart(found: Tracked, seconds: float = 0.5) -> Chart:
+    """Return a piece of the predicted load angle over the hidden encoder, and the error."""
+    assert found.load is not None
+    good = np.flatnonzero(found.usable)
+    start = found.time[good[len(good) // 2]]
+    piece = slice(*np.searchsorted(found.time, [start, start + seconds]))
+    sides = {"from motor angle and model": found.load.predicted}
+    return Chart(
+        title="Load angle",
+        words="Half a second from the middle of the log; the load encoder was hidden.",
+        x="time [s]",
+        panels=compared(found.time, found.load.measured, sides, piece, "load angle [rad]"),
+    )

@@ -1,0 +1,253 @@
+"""Averaged spectra of torque and motion, and the frequency response that they show; a fit to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import csd
+
+from flexaxis.estimators.models.axes import MODELS, Traits
+from flexaxis.estimators.models.model import Model, increment
+from flexaxis.estimators.offline.frequency import frequency_response
+from flexaxis.experiments.logs.errors import LogError
+
+Array = NDArray[np.float64]
+
+SEGMENT = 4.0  # s, of which spectra are averaged
+EDGE = 0.01  # of the power of the torque that lies below its band, and above it
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """Averaged spectra of torque u and motion y.
+
+    Attributes
+    ----------
+    frequency : ndarray (M,)
+        [Hz].
+    torque, motion : ndarray (M,)
+        Power densities.
+    cross : ndarray (M,) of complex
+        From torque to motion.
+    """
+
+    frequency: Array
+    torque: Array
+    motion: Array
+    cross: NDArray[np.complex128]
+
+    @property
+    def coherence(self) -> Array:
+        """Share of the motion that the torque explains (M,); 0 where there is neither."""
+        both = self.torque * self.motion
+        return np.divide(np.abs(self.cross) ** 2, both, out=np.zeros_like(both), where=both > 0)
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Frequencies between which 98 % of the power of the torque lies [Hz]."""
+        share = np.cumsum(self.torque) / max(float(np.sum(self.torque)), 1e-300)
+        low, high = np.interp([EDGE, 1 - EDGE], share, self.frequency)
+        return float(low), float(high)
+
+
+def spectra(
+    u: Array, y: Array, period: float, *, pieces: int = 2, length: int = 0, trend: bool = False
+) -> Spectra:
+    """Return averaged spectra of two signals (N,).
+
+    Parameters
+    ----------
+    u, y : ndarray (N,)
+    period : float
+        [s].
+    pieces : int
+        That a short record has at the least; of a long one they are `SEGMENT` long.
+    length : int
+        Of a piece, in samples, in place of that.
+    trend : bool
+        Whether a straight line is taken from each piece, and not its mean alone.
+    """
+    length = length or min(len(u) // pieces, round(SEGMENT / period))
+    detrend = "linear" if trend else "constant"
+    first, second = np.stack([u, y, u]), np.stack([u, y, y])
+    frequency, each = csd(first, second, fs=1 / period, nperseg=length, detrend=detrend)
+    return Spectra(frequency, each[0].real, each[1].real, each[2])
+
+
+PIECES = 6  # of a short log, of which spectra are averages
+COHERENT = 0.8  # share of the output that the torque explains, of a frequency that is used
+SUREST = 0.95  # coherence beyond which what a model leaves out, and not noise, is the error
+LATEST = 4.0  # samples, of a delay that is looked for
+STRONG = 0.01  # of the torque's power, of the band that excitation is in
+SPREAD = (0.0, *[0.6] * 7)  # of the logarithms of the starts about the guess
+
+
+@dataclass(frozen=True)
+class Response:
+    """Frequency response from torque to output where the excitation shows it.
+
+    Attributes
+    ----------
+    omega : ndarray (M,)
+        [rad/s].
+    gain : ndarray (M,) of complex
+    coherence : ndarray (M,)
+        Share of the output that the torque explains.
+    """
+
+    omega: Array
+    gain: NDArray[np.complex128]
+    coherence: Array
+
+
+def measured_response(u: Array, y: Array, *, period: float, floor: float = 0.0) -> Response:
+    """Estimate the frequency response by averaged spectra (Welch), where coherence is above 0.8.
+
+    Parameters
+    ----------
+    u, y : ndarray (N,)
+        Torque and output.
+    period : float
+        [s].
+    floor : float
+        Least power of the torque, times that of its median over what it has: where there is less,
+        drift and what else moves the axis may be coherent with it all the same.
+
+    Raises
+    ------
+    LogError
+        If the torque explains the output at fewer than ten frequencies.
+    """
+    s = spectra(u, y, period, pieces=PIECES, trend=True)
+    frequency, power, coherence = s.frequency, s.torque, s.coherence
+    order = np.argsort(power)[::-1]
+    middle = power[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
+    seen = (frequency > 0) & (coherence > COHERENT) & (power >= floor * middle)
+    if seen.sum() < 10:
+        raise LogError(
+            f"the torque explains the output at {int(seen.sum())} frequencies only: swapped or "
+            "shifted columns, or an excitation too small for its noise"
+        )
+    return Response(2 * np.pi * frequency[seen], (s.cross / power)[seen], coherence[seen])
+
+
+def corner_below(u: Array, *, period: float) -> float | None:
+    """Return the corner [Hz] of a high-pass well below the excitation; None if there is no room.
+
+    A filter of fourth order at .4 of a frequency changes it by less than .1 %.
+    """
+    low, _ = spectra(u, u, period, pieces=PIECES).band
+    corner = float(f"{0.4 * low:.0e}")
+    return corner if corner > 2 / (len(u) * period) else None
+
+
+def fit_response(
+    model: Model,
+    response: Response,
+    *,
+    identify: Sequence[str],
+    period: float,
+    output: str,
+    delay: float | None,
+    earliest: float,
+) -> tuple[Array, float]:
+    """Fit parameters, and the delay unless it is given, to a measured frequency response.
+
+    The error is that of the logarithm, so that resonance and antiresonance count alike. Several
+    starts about the nominal values, as it has local minima.
+
+    Parameters
+    ----------
+    model : Model
+    response : Response
+    identify : sequence of str
+        Parameters to fit; they keep the sign of their nominal values.
+    period : float
+        [s].
+    output : {"speed", "increment"}
+    delay : float or None
+        Known delay of the torque [s].
+    earliest : float
+        Least delay to look for [s].
+
+    Returns
+    -------
+    theta : ndarray (p,)
+    delay : float
+        [s].
+    """
+    chosen = (increment(model, period) if output == "increment" else model).parametrize(identify)
+    # a hundred frequencies, evenly over the logarithm, say all there is to say
+    wanted = np.geomspace(response.omega[0], response.omega[-1], 100)
+    lines = np.unique(np.searchsorted(response.omega, wanted * 0.9999))
+    omega, gain = response.omega[lines], response.gain[lines]
+
+    # of the logarithm, in the worst case of those that are used one
+    share = np.minimum(response.coherence[lines], SUREST)
+    weight = np.sqrt(share / (1 - share) * (1 - COHERENT) / COHERENT)
+
+    def misfit(x: Array) -> Array:
+        model, _ = frequency_response(chosen, scale(x), omega, period=period)
+        ratio = model / gain * np.exp(-1j * omega * lag(x))
+        return np.concatenate([weight * np.log(abs(ratio) + 1e-300), weight * np.angle(ratio)])
+
+    def slope(x: Array) -> Array:
+        model, slopes = frequency_response(chosen, scale(x), omega, period=period)
+        relative = slopes * scale(x) / model[:, None]
+        late = np.zeros(len(omega)) if delay is not None else -omega * period
+        rows = np.block([[relative.real, 0 * late[:, None]], [relative.imag, late[:, None]]])
+        return rows * np.r_[weight, weight][:, None]
+
+    def scale(x: Array) -> Array:
+        return chosen.theta * np.exp(x[:-1])
+
+    def lag(x: Array) -> float:
+        return float(x[-1] * period) if delay is None else delay
+
+    p = len(chosen.names)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(misfit(np.zeros(p + 1))).all():
+            raise LogError(
+                "from these values the model has no finite response: "
+                + ", ".join(f"{n} = {v:g}" for n, v in zip(chosen.names, chosen.theta, strict=True))
+                + "; give others with --start NAME=VALUE"
+            )
+    box = np.r_[np.full(p, -7.0), earliest / period - 1e-6], np.r_[np.full(p, 7.0), LATEST]
+    random = np.random.default_rng(0)
+    found = [
+        least_squares(
+            misfit,
+            np.r_[np.clip(spread * random.standard_normal(p), -2, 2), 0.1],
+            jac=slope,
+            bounds=box,
+            loss="soft_l1",
+            f_scale=0.3,
+            max_nfev=60,
+        )
+        for spread in SPREAD
+    ]
+    best = min(found, key=lambda fit: fit.cost).x
+    return scale(best), max(lag(best), earliest)
+
+
+def rough_guess(
+    model: Model, response: Response, resonance: float | None = None
+) -> dict[str, float]:
+    """Guess the size of the parameters of a shipped model; empty where it has no way to.
+
+    From the total inertia, |G| ≈ 1/(ω J) at low frequencies, and the highest peak of ω |G|
+    if no resonance is given [rad/s].
+    """
+    guess = MODELS[model.name].guess
+    if guess is None:
+        return {}
+    omega, slope = response.omega, response.omega * abs(response.gain)
+    inertia = 1 / float(np.median(slope[: max(len(slope) // 5, 1)]))
+    if resonance is None:
+        resonance = float(omega[np.argmax(slope)])
+    friction = 0.1 * inertia * float(omega[0])
+    return guess(Traits(inertia, friction, resonance))

@@ -1,0 +1,276 @@
+"""Estimates with intervals from many logs of one axis: a row a log, never computed twice."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexaxis.estimators.errors import EstimatorError
+from flexaxis.experiments.logs.axis_file import Axis
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.files import labels
+from flexaxis.experiments.logs.identification.identify import GIVEN
+from flexaxis.experiments.logs.importing import read_any
+from flexaxis.experiments.logs.reading.log import open_log
+from flexaxis.experiments.logs.trend.covariates import begun, dated
+from flexaxis.experiments.logs.trend.refit import refit, seen
+from flexaxis.experiments.running.processes import spread
+from flexaxis.experiments.storage.files import make_folder
+from flexaxis.experiments.storage.names import REPORT
+from flexaxis.experiments.storage.store import Lines
+from flexaxis.sim.errors import FlexaxisError
+from flexaxis.sim.record import Record
+
+ROWS, RESULT = "rows.sqlite", "trend.json"
+TRIES = 5  # logs from which it is seen what they can tell
+METHOD = 6  # of the estimates; another number and all are made anew
+
+
+@dataclass(frozen=True)
+class Source:
+    """How logs are read.
+
+    Attributes
+    ----------
+    tables, treatment : mapping
+        As for `flexaxis.experiments.logs.importing.read_any`.
+    torque : {"", "held", "smooth"}
+        What the torque of all logs is, where the tables do not say it: a guess from each log
+        might be another one from day to day.
+    """
+
+    tables: Mapping[str, Any]
+    treatment: Mapping[str, Any]
+    torque: str = ""
+
+    def read(self, path: Path) -> Record:
+        """Return a log as a record; errors as from `read_any`."""
+        tables = dict(self.tables)
+        if self.torque and (tables or path.suffix != ".nc"):  # a record says it itself
+            tables = {"torque_is": self.torque} | tables
+        return read_any(path, tables, **self.treatment)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is done to each log.
+
+    Attributes
+    ----------
+    axis : Axis
+    names : tuple of str
+        Parameters to estimate.
+    source : Source
+    """
+
+    axis: Axis
+    names: tuple[str, ...]
+    source: Source
+
+    @property
+    def text(self) -> str:
+        """All that the estimates of a log depend on besides the log."""
+        axis = {
+            "tables": self.axis.tables,
+            "nominal": dict(self.axis.model.nominal),
+            **{key: getattr(self.axis, key) for key in ("delay", "torque_is", "highpass")},
+        }
+        return json.dumps(
+            [METHOD, version("flexaxis"), axis, self.names, *vars(self.source).values()],
+            sort_keys=True,
+            default=str,
+        )
+
+
+@dataclass(frozen=True)
+class Task:
+    """A log to be estimated from, and the identity of what comes of it."""
+
+    path: Path
+    case: str
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+def plan_for(logs: Sequence[Path], axis: Axis, source: Source, names: Sequence[str] = ()) -> Plan:
+    """Return what is to be done to each log, as the first one that can be read shows it.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+    axis : Axis
+    source : Source
+    names : sequence of str
+        Parameters to estimate; by default those that this log tells, see `refit.seen`.
+
+    Raises
+    ------
+    LogError
+        If a name is of a parameter that is zero, or none of the first `TRIES` can be used, as of
+        the last of them.
+    """
+    for name in names:
+        if not axis.model.nominal[name]:
+            raise LogError(
+                f"--free {name}: is 0 in the axis, and steps are parts of what is known: give a "
+                f"value of about its size in the axis, or leave it out"
+            )
+    candidates = [n for n in axis.model.parameters if n not in GIVEN and axis.model.nominal[n]]
+    problem: FlexaxisError | EstimatorError | None = None
+    for path in logs[:TRIES]:
+        try:
+            record = source.read(path)
+            chosen = tuple(dict.fromkeys(names)) or seen(record, axis, candidates)
+            return Plan(axis, chosen, replace(source, torque=record.versions.get("torque", "")))
+        except (FlexaxisError, EstimatorError) as error:
+            problem = error
+    assert problem is not None
+    raise problem
+
+
+def tasks(plan: Plan, logs: Sequence[Path]) -> Iterator[Task]:
+    """Yield each log with its identity: by its content, and by what is done to it."""
+    text = plan.text.encode()
+    for path in logs:
+        digest = hashlib.sha256(text)
+        try:
+            with path.open("rb") as file:
+                while piece := file.read(1 << 20):
+                    digest.update(piece)
+        except OSError as error:
+            raise LogError(f"{path}: cannot be read: {error.strerror}") from error
+        yield Task(path, digest.hexdigest()[:16])
+
+
+def estimate_all(
+    plan: Plan,
+    wanted: Sequence[Task],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    advance: Callable[[float], None] = lambda amount: None,
+) -> list[dict[str, Any]]:
+    """Estimate from the logs that have no row yet; return the rows of all, in the order given.
+
+    Parameters
+    ----------
+    plan : Plan
+    wanted : sequence of Task
+    folder : Path
+        Where `ROWS` is, or is made.
+    jobs : int
+        Processes.
+    advance : callable
+        Called with the number of logs done since its last call.
+
+    Raises
+    ------
+    OutputError
+        If they cannot be written there.
+    KeyboardInterrupt
+        On Ctrl-C, when what was at work is done: it is not lost.
+    """
+    make_folder(folder)
+    with Lines(folder / ROWS) as rows:
+        there = rows.all()
+        missing = {task.case: task for task in wanted if task.case not in there}
+        advance(len(wanted) - len(missing))
+        for row in spread(missing.values(), partial(row_of, plan), jobs=jobs if jobs > 1 else 0):
+            rows.put(row["case"], row)
+            advance(1)
+        every = rows.all()
+    # the same content may come by another name, and with it by another date
+    name, alike = labels([task.path for task in wanted]), dict[str, list[str]]()
+    for task in wanted:
+        alike.setdefault(task.case, []).append(name[task.path])
+    once = {task.case: task for task in reversed(wanted)}  # a copy is no further measurement
+    return [
+        _date(once[case].path, every[case] | {"log": alike[case][0], "copies": alike[case][1:]})
+        for case in alike
+    ]
+
+
+def _date(path: Path, row: dict[str, Any]) -> dict[str, Any]:
+    """Return a row with when its log began, and what says so; names may change."""
+    known = row.pop("begun")
+    date, source = dated(path, known and datetime.fromisoformat(known)) or (None, None)
+    return row | {"date": date.isoformat() if date else None, "dated": source}
+
+
+def row_of(plan: Plan, task: Task) -> dict[str, Any]:
+    """Return the row of a log: its estimates, or what is wrong with it, and when it began."""
+    row: dict[str, Any] = {"case": task.case, "rows": 1, "log": task.path.name, "problem": ""}
+    row["begun"] = None
+    try:
+        date = begun(task.path)
+        row["begun"] = date.isoformat() if date else None
+        row |= _estimated(plan, task.path)
+    except (FlexaxisError, EstimatorError) as error:
+        row["problem"] = " ".join(str(error).split())
+    except Exception as error:  # whatever a strange log leads to: the others go on
+        row["problem"] = f"unexpected {type(error).__name__}: {' '.join(str(error).split())}"
+    return row
+
+
+def _estimated(plan: Plan, path: Path) -> dict[str, Any]:
+    found = estimated(plan.source.read(path), plan.axis, plan.names)
+    return found if "problem" in found else found | {"columns": _means(path)}
+
+
+def estimated(record: Record, axis: Axis, names: Sequence[str]) -> dict[str, Any]:
+    """Return what a record adds to the row of its log, but for the means of its columns."""
+    try:
+        with np.errstate(all="ignore"):
+            found = refit(record, axis, names)
+    except (LogError, EstimatorError) as error:  # it was read, but is not like its axis
+        return {"problem": " ".join(str(error).split()), "unlike": True}
+    numbers = np.array(
+        [*found.theta, *found.deviations, found.fit.percent, found.offset, found.colour]
+    )
+    if not np.isfinite(numbers).all() or not (found.deviations > 0).all():
+        raise LogError("this log tells nothing of the parameters: did the axis move?")
+    return {
+        "period": record.period,
+        "seconds": len(record.time) * record.period,
+        "estimates": {
+            name: {"value": value, "sd": sd}
+            for name, value, sd in zip(
+                found.names, found.theta.tolist(), found.deviations.tolist(), strict=True
+            )
+        },
+        "offset": {"value": found.offset, "sd": found.offset_deviation},
+        "fit": found.fit.percent,
+        "late": {"value": found.late, "sd": found.late_deviation},
+        "left": found.left,
+        "colour": found.colour,
+    }
+
+
+def _means(path: Path) -> dict[str, float]:
+    """Return the mean of each column of a log, any of which may explain the estimates."""
+    found = {}
+    for name, values in open_log(path).numbers().items():
+        there = values[np.isfinite(values)]
+        if len(there):
+            found[name] = float(there.mean())
+    return found
+
+
+def check_folder(folder: Path, given: Sequence[Path]) -> None:
+    """Raise a LogError if a folder holds logs, or a page that is not of a trend."""
+    if any(path.is_dir() and path.resolve() == folder.resolve() for path in given):
+        raise LogError(f"-o {folder}: the logs are there; choose another folder")
+    ours = (folder / ROWS).exists()
+    for name in (RESULT, REPORT):
+        if (folder / name).exists() and not ours:
+            raise LogError(f"{folder} holds {name}, which is not of a trend: choose another folder")
