@@ -16,18 +16,34 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, Field
 
-from flexaxis.sim.config import Config, Positive
+from flexaxis.sim.config import Config, NotNegative, Positive
 from flexaxis.sim.places import Place
 
 MARK: float = struct.unpack("=d", b"flexaxis")[0]
 """First number of a row, by which it is known to be ours."""
 
-WIDTH = 8
-"""Numbers in a row: mark, number of the law in `LAWS`, and up to six parameters."""
+WIDTH = 12
+"""Numbers in a row: mark, number of the law in `LAWS`, and up to ten parameters."""
 
 _FIRST = 2  # of the parameters in a row
 
 Row = Sequence[float]
+
+
+def add_row(table: BaseModel, spec: Any) -> None:
+    """Build a law into an `MjSpec`, as a row of numbers."""
+    row = [MARK, float(LAWS.index(type(table))), *map(float, table.model_dump().values())]
+    spec.add_numeric(name=_row_name(table), size=WIDTH, data=row)
+
+
+def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
+    """Return where the engine keeps parameters of a law in its row, and as what."""
+    place = {name: _FIRST + i for i, name in enumerate(type(table).model_fields)}
+    return {Place("numeric_data", _row_name(table), place[n]): value for n, value in law.items()}
+
+
+def _row_name(table: BaseModel) -> str:
+    return type(table).__name__
 
 
 class StaticFrictionConfig(Config):
@@ -58,23 +74,18 @@ class StaticFrictionConfig(Config):
     beta: Positive
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         peak = row[3] / math.cosh(row[4] * speed)
         return (row[2] + peak) * math.tanh(row[5] * speed)
 
-    def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
-        add_row(spec, self)
+    build: ClassVar[Any] = add_row
+    kept: ClassVar[Any] = row_places
 
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
         return self.model_dump()
-
-    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
-        return row_places(self, law)
 
     def in_words(self) -> str:
         """Return what it is and how large."""
@@ -103,23 +114,18 @@ class DirectionalFrictionConfig(Config):
     smooth: Positive = 0.1
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         sign = math.tanh(speed / row[4])
         return row[2] * (1 + row[3] * sign) * sign
 
-    def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
-        add_row(spec, self)
+    build: ClassVar[Any] = add_row
+    kept: ClassVar[Any] = row_places
 
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
         return {"f_c": self.f_c}
-
-    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
-        return row_places(self, law)
 
     def in_words(self) -> str:
         """Return what it is and how large."""
@@ -153,22 +159,17 @@ class PositionFrictionConfig(Config):
     smooth: Positive = 0.1
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         return row[2] * (1 + row[3] * math.sin(row[4] * angle)) * math.tanh(speed / row[5])
 
-    def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
-        add_row(spec, self)
+    build: ClassVar[Any] = add_row
+    kept: ClassVar[Any] = row_places
 
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
         return {"f_c": self.f_c}
-
-    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
-        return row_places(self, law)
 
     def in_words(self) -> str:
         """Return what it is and how large."""
@@ -201,22 +202,17 @@ class LoadFrictionConfig(Config):
     smooth: Positive = 0.1
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         return (row[2] + row[3] * abs(load)) * math.tanh(speed / row[4])
 
-    def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
-        add_row(spec, self)
+    build: ClassVar[Any] = add_row
+    kept: ClassVar[Any] = row_places
 
     @property
     def law(self) -> dict[str, float]:
         """Its parameters by name."""
         return {"f_c": self.f_c}
-
-    def kept(self, law: Mapping[str, Any]) -> dict[Place, Any]:
-        """Return where the engine keeps the parameters of its law, and as what."""
-        return row_places(self, law)
 
     def in_words(self) -> str:
         """Return what it is and how large."""
@@ -247,33 +243,79 @@ class PowerFrictionConfig(Config):
     smooth: Positive = 0.1
 
     @staticmethod
-    def torque(row: Row, speed: float, angle: float, load: float) -> float:
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
         """Return the torque against the motion [N m]."""
         return row[2] * speed * (speed**2 + row[4] ** 2) ** ((row[3] - 1) / 2)
 
-    def build(self, spec: Any) -> None:
-        """Build it into an `MjSpec`."""
-        add_row(spec, self)
+    build: ClassVar[Any] = add_row
 
     def in_words(self) -> str:
         """Return what it is and how large."""
         return f"friction of {self.torque_at_1:g} N m times speed to the power of {self.exponent:g}"
 
 
-def add_row(spec: Any, table: BaseModel) -> None:
-    """Write a law into an `MjSpec`, as a row of numbers."""
-    row = [MARK, float(LAWS.index(type(table))), *map(float, table.model_dump().values())]
-    spec.add_numeric(name=_row_name(table), size=WIDTH, data=row)
+class GearFrictionConfig(Config):
+    r"""Friction of a geared drive, of which a part is a share of the torques at the gear.
 
+    .. math::
 
-def row_places(table: BaseModel, law: Mapping[str, Any]) -> dict[Place, Any]:
-    """Return where the engine keeps the parameters of a law in its row, and their values."""
-    place = {name: _FIRST + i for i, name in enumerate(type(table).model_fields)}
-    return {Place("numeric_data", _row_name(table), place[n]): value for n, value in law.items()}
+        \tau = [f_c + |\mu_e \tau_g - \mu_m u|
+                + (f_s + |\mu_{es} \tau_g - \mu_{ms} u|) e^{-|v/v_s|^\alpha}] \tanh(v/v_0)
 
+    with the torque of the motor u and that of the gear spring on it, τ_g: model M5 of M. Duclusaud,
+    G. Passault, V. Padois and O. Ly, *Extended friction models for the physics simulation of servo
+    actuators*, arXiv:2410.08650, with tanh for the sign. Its viscous part is f_m. Driving and being
+    driven differ, for u and τ_g have shares of their own.
 
-def _row_name(table: BaseModel) -> str:
-    return type(table).__name__
+    Attributes
+    ----------
+    f_c, f_s : float
+        Without load: of fast sliding, and the excess at low speed [N m].
+    motor, external : float
+        μ_m and μ_e, torque of friction over the torque of motor and spring.
+    motor_slow, external_slow : float
+        μ_ms and μ_es, the same of the excess at low speed.
+    v_s : float
+        The speed at which the excess has gone [rad/s].
+    alpha : float
+        How suddenly it goes.
+    smooth : float
+        v₀ [rad/s].
+    """
+
+    exact: ClassVar[bool] = False
+    substeps: ClassVar[int] = 20
+    f_c: NotNegative
+    f_s: NotNegative
+    motor: NotNegative
+    external: NotNegative
+    motor_slow: NotNegative
+    external_slow: NotNegative
+    v_s: Positive
+    alpha: Annotated[float, Field(ge=0.5, le=10)]
+    smooth: Positive = 0.05
+
+    @staticmethod
+    def torque(row: Row, speed: float, angle: float, load: float, motor: float) -> float:
+        """Return the torque against the motion [N m]."""
+        fast = row[2] + abs(row[5] * load - row[4] * motor)
+        slow = row[3] + abs(row[7] * load - row[6] * motor)
+        left = math.exp(-(abs(speed / row[8]) ** row[9]))
+        return (fast + slow * left) * math.tanh(speed / row[10])
+
+    build: ClassVar[Any] = add_row
+    kept: ClassVar[Any] = row_places
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return {"f_c": self.f_c, "f_s": self.f_s, "v_s": self.v_s}
+
+    def in_words(self) -> str:
+        """Return what it is and how large."""
+        dry = f"{self.f_c:.2g} N m ({self.f_c + self.f_s:.2g} when slow)"
+        shares = f"{100 * self.motor:.2g} % of the motor's torque, {100 * self.external:.2g} %"
+        return f"gear friction of {dry}, {shares} of the load"
 
 
 LAWS: tuple[Any, ...] = (
@@ -282,5 +324,6 @@ LAWS: tuple[Any, ...] = (
     PositionFrictionConfig,
     LoadFrictionConfig,
     PowerFrictionConfig,
+    GearFrictionConfig,
 )
 """The laws that are compiled; a row names its law by the place in here."""

@@ -42,6 +42,7 @@ LAWS: Mapping[str, tuple[str, ...]] = {
     "directional_friction": ("f_c",),
     "position_friction": ("f_c",),
     "load_friction": ("f_c",),
+    "gear_friction": ("f_c", "f_s", "v_s"),
     "backlash": ("gap",),
     "stiffening": ("kappa",),
 }

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from numbers import Real
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,7 +149,7 @@ class AxisParameters:
 # model", SYSID 2006: all inertia of the axis, and the parts of it that motor and gear have.
 _WG_J, _WG_MOTOR, _WG_GEAR = 0.03291699877416, 0.17910964111956, 0.61206166914114
 
-PRESETS: dict[str, AxisParameters] = {
+_OWN: dict[str, AxisParameters] = {
     # Constructed for this project, because Östring & Gunnarsson print no numbers: an axis of
     # the size of an industrial robot's first one, its two modes (100 and 151 rad/s) put where
     # their Figure 3 has its peaks, and such that every claim of their paper holds on it.
@@ -196,7 +200,14 @@ PRESETS: dict[str, AxisParameters] = {
         r=1.0,
     ),
 }
-"""Named parameter sets."""
+
+
+@cache
+def presets() -> Mapping[str, AxisParameters]:
+    """Return the named parameter sets: those above, and the drives of models_mjcf/drives.toml."""
+    text = files("flexaxis.models_mjcf").joinpath("drives.toml").read_text(encoding="utf-8")
+    drives = {name: AxisParameters(**values) for name, values in tomllib.loads(text).items()}
+    return MappingProxyType(_OWN | drives)
 
 
 def preset(name: str) -> AxisParameters:
@@ -212,6 +223,6 @@ def preset(name: str) -> AxisParameters:
     >>> preset("n1").J_g
     7.0
     """
-    if name not in PRESETS:
-        raise ParameterError(unknown("preset", name, PRESETS))
-    return PRESETS[name]
+    if name not in presets():
+        raise ParameterError(unknown("preset", name, presets()))
+    return presets()[name]

@@ -53,24 +53,28 @@ class _Layout(NamedTuple):
 
     numbers: int  # of the model: how many custom numbers there are
     numeric: int  # of the model: their address
+    gear: int  # of the model: torque of the first actuator over its command
     qpos: int  # of the data, as all that follow
     qvel: int
     spring: int
     passive: int
+    ctrl: int
 
 
 @cache
 def _layout() -> _Layout:
     """Return where the fields lie in the structures of the MuJoCo that is installed."""
     spec = mujoco.MjSpec()
-    spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint()
+    spec.worldbody.add_body(mass=1.0, inertia=[1.0, 1.0, 1.0]).add_joint(name="motor")
+    spec.add_actuator(name="motor", target="motor", trntype=mujoco.mjtTrn.mjTRN_JOINT)
     spec.add_numeric(name="row", size=_NUMBERS, data=[1.0])
     model = spec.compile()
     data = mujoco.MjData(model)
-    fields = (data.qpos, data.qvel, data.qfrc_spring, data.qfrc_passive)
+    fields = (data.qpos, data.qvel, data.qfrc_spring, data.qfrc_passive, data.ctrl)
     return _Layout(
         _find(model, _NUMBERS),
         _find(model, model.numeric_data.ctypes.data),
+        _find(model, model.actuator_gear.ctypes.data),
         *(_find(data, field.ctypes.data) for field in fields),
     )
 
@@ -95,7 +99,7 @@ def _compiled() -> Any:
     from numba.extending import intrinsic
 
     law = _any_of([table.torque for table in LAWS])
-    numbers, numeric, qpos, qvel, spring, passive = _layout()
+    numbers, numeric, gear, qpos, qvel, spring, passive, ctrl = _layout()
     mark, width = MARK, WIDTH
 
     def pointer(context: Any, address: Any) -> Any:
@@ -116,7 +120,8 @@ def _compiled() -> Any:
             row = values(model[numeric] + 8 * start)
             speed, angle = values(data[qvel])[0], values(data[qpos])[0]
             load = values(data[spring])[0]
-            values(data[passive])[0] -= law(row, speed, angle, load)
+            motor = values(model[gear])[0] * values(data[ctrl])[0]
+            values(data[passive])[0] -= law(row, speed, angle, load, motor)
 
     return friction
 
@@ -126,7 +131,7 @@ def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
     from numba.extending import register_jitable  # not njit: a switch of numba's turns that off
 
     @register_jitable
-    def nothing(row: Any, speed: float, angle: float, load: float) -> float:
+    def nothing(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
         return 0.0
 
     if not laws:
@@ -134,9 +139,9 @@ def _any_of(laws: list[Any], code: int = 0) -> Callable[..., float]:
     this, rest = register_jitable(laws[0]), _any_of(laws[1:], code + 1)
 
     @register_jitable
-    def either(row: Any, speed: float, angle: float, load: float) -> float:
+    def either(row: Any, speed: float, angle: float, load: float, motor: float) -> float:
         if row[1] == code:
-            return this(row, speed, angle, load)
-        return rest(row, speed, angle, load)
+            return this(row, speed, angle, load, motor)
+        return rest(row, speed, angle, load, motor)
 
     return either

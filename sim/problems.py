@@ -25,8 +25,8 @@ from flexaxis.sim.parameters import (
     DEFAULT_IDENTIFY,
     MAY_BE_ZERO,
     PARAMETER_NAMES,
-    PRESETS,
     parameter_problem,
+    presets,
 )
 from flexaxis.sim.rate_problems import (
     Problem,
@@ -179,8 +179,8 @@ def _known_keys(words: list[str], top: type[BaseModel]) -> Iterable[str]:
 
 def _parameter_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
     name, parameters = content.get("preset"), content.get("parameters")
-    if isinstance(name, str) and name not in PRESETS:
-        yield "preset", unknown("preset", name, PRESETS)
+    if isinstance(name, str) and name not in presets():
+        yield "preset", unknown("preset", name, presets())
     for key, value in parameters.items() if isinstance(parameters, Mapping) else ():
         if key not in PARAMETER_NAMES:
             yield f"parameters.{key}", unknown("parameter", key, PARAMETER_NAMES)

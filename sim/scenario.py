@@ -102,7 +102,6 @@ class Scenario(Config):
     burn_in: NotNegative = 5.0
     streams: identity.Streams = identity.PLANT
     feedback: Literal["clean", "measured"] = "clean"
-    # sensors in the order in which a signal meets them
     delay: DelayConfig = DelayConfig()
     noise: NoiseConfig = NoiseConfig()
     encoder: EncoderConfig = EncoderConfig()
@@ -115,6 +114,7 @@ class Scenario(Config):
     position_friction: dry.PositionFrictionConfig | None = None
     load_friction: dry.LoadFrictionConfig | None = None
     power_friction: dry.PowerFrictionConfig | None = None
+    gear_friction: dry.GearFrictionConfig | None = None
     cogging: beyond.CoggingConfig | None = None
     backlash: beyond.BacklashConfig | None = None
     stiffening: beyond.StiffeningConfig | None = None

@@ -54,7 +54,12 @@ SECTIONS = (
     ),
     Section(
         "Faults",
-        ("docs/scenarios.md", "docs/studies.md", "docs/notebooks/researcher.ipynb"),
+        (
+            "docs/scenarios.md",
+            "docs/drives.md",
+            "docs/studies.md",
+            "docs/notebooks/researcher.ipynb",
+        ),
     ),
     Section(
         "Teach and learn",

@@ -15,6 +15,7 @@ GROUPS = {
     "sensors": "what lies between axis and log",
     "mismatch": "an axis that the linear model does not describe",
     "nuisance": "changes that are no faults",
+    "drives": "drives that exist, with friction and faults of their own",
     "ground": "where estimators have failed that do well on all the others",
 }
 """The groups of the catalogue, in the order in which it is read."""

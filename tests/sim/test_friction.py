@@ -14,6 +14,7 @@ from flexaxis.sim.friction import (
     LAWS,
     WIDTH,
     DirectionalFrictionConfig,
+    GearFrictionConfig,
     LoadFrictionConfig,
     PositionFrictionConfig,
     PowerFrictionConfig,
@@ -146,6 +147,61 @@ def test_what_no_model_contains(name):
     reference = solved(N1, u, law)
     assert distance(stepped(N1, u, table), reference) < 1e-5
     assert distance(stepped(N1, u), reference) > 0.01  # and it matters
+
+
+GEAR = {"f_c": 0.03, "f_s": 0.05, "motor": 0.2, "external": 0.05, "motor_slow": 0.1,
+        "external_slow": 0.3, "v_s": 2.0, "alpha": 1.3, "smooth": 0.1}  # fmt: skip
+
+
+def gear_friction(v, motor, spring):
+    """Magnitude and sign of it, from its torques; the spring's is that on the motor."""
+    g, left = GEAR, np.exp(-(abs(v / GEAR["v_s"]) ** GEAR["alpha"]))
+    fast = g["f_c"] + abs(g["external"] * spring - g["motor"] * motor)
+    slow = g["f_s"] + abs(g["external_slow"] * spring - g["motor_slow"] * motor)
+    return (fast + left * slow) * np.tanh(v / g["smooth"])
+
+
+@pytest.mark.parametrize("k_T", [1.0, 0.8])
+def test_the_friction_of_a_gear_is_that_of_its_torques(k_T):
+    """Against an adaptive method; what the motor gives is what acts, and not what is asked."""
+    q, u = N1.replace(k_T=k_T), torque()
+    x, reference = np.zeros(6), []
+    for value in u:
+
+        def rate(t, x, value=value):
+            friction = gear_friction(x[3], k_T * value, -load(q, x))
+            return rates(q, x, k_T * value - friction)
+
+        found = solve_ivp(rate, (0, T), x, method="LSODA", rtol=1e-10, atol=1e-13)
+        x = found.y[:, -1]
+        reference.append(x[3])
+    ours = stepped(q, u, GearFrictionConfig(**GEAR))
+    assert distance(ours, np.array(reference)) < 1e-4
+    for name in ("motor", "external", "motor_slow", "external_slow"):  # each of them acts
+        without = stepped(q, u, GearFrictionConfig(**GEAR | {name: 0.0}))
+        assert distance(without, np.array(reference)) > 2e-3, name
+
+
+def test_energy_of_a_gear_with_friction_is_balanced():
+    """Work of the motor is energy kept, and what dampers and friction took."""
+    q, u, small = N1, torque(), 1e-4
+    plant = Plant([q], period=small, substeps=1, nonlinear=[GearFrictionConfig(**GEAR)])
+    done, taken, heat = 0.0, 0.0, 0.0
+    for value in np.repeat(u, round(T / small)):
+        x = np.concatenate([plant.angles[0], plant.speeds[0]])
+        plant.step(np.array([value]))
+        y = np.concatenate([plant.angles[0], plant.speeds[0]])
+        vm, vg, va = (x[3:] + y[3:]) / 2
+        done += value * (y[0] - x[0])
+        spring = -load(q, (x + y) / 2)
+        heat += gear_friction(vm, value, spring) * (y[0] - x[0])
+        losses = (q.f_m * vm**2 + q.f_g * vg**2 + q.f_a * va**2
+                  + q.d_g * (q.r * vm - vg) ** 2 + q.d_a * (vg - va) ** 2)  # fmt: skip
+        taken += losses * small
+    kinetic = q.J_m * y[3] ** 2 + q.J_g * y[4] ** 2 + q.J_a * y[5] ** 2
+    kept = (kinetic + q.k_g * (q.r * y[0] - y[1]) ** 2 + q.k_a * (y[1] - y[2]) ** 2) / 2
+    assert done == pytest.approx(kept + taken + heat, rel=2e-3)
+    assert heat > 0.2 * done  # and friction is a large part of it
 
 
 def test_laws_add_up():

@@ -19,7 +19,9 @@ LUGRE = "lugre = { stiffness = 100.0, damping = 0.3, coulomb = 0.1, static = 0.1
 STATIC = "static_friction = { f_c = 0.2, f_s = 0.1, alpha = 3.0, beta = 8.0 }"
 UNEVEN = (
     "directional_friction = { f_c = 0.1, difference = 0.2 }\n"
-    "position_friction = { f_c = 0.1, ripple = 0.5 }\nload_friction = { f_c = 0.1, load = 0.1 }"
+    "position_friction = { f_c = 0.1, ripple = 0.5 }\nload_friction = { f_c = 0.1, load = 0.1 }\n"
+    "gear_friction = { f_c = 0.1, f_s = 0.1, motor = 0.1, external = 0.2, motor_slow = 0.1, "
+    "external_slow = 0.1, v_s = 1.0, alpha = 2.0 }"
 )
 REST = "stiffening.gear = 2e4\nbacklash.gear = 2e-5\ncogging = { amplitude = 0.05, poles = 24 }\n"
 STEP = '[[fault]]\nkind = "step"\nparameter = "{}"\nat = 1.0\nfactor = {}\n'

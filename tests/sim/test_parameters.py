@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexaxis.sim.errors import ParameterError
-from flexaxis.sim.parameters import PARAMETER_NAMES, PRESETS, AxisParameters, preset
+from flexaxis.sim.parameters import PARAMETER_NAMES, AxisParameters, preset
 
 ORDER = ["k_T", "J_m", "J_g", "J_a", "k_g", "k_a", "d_g", "d_a", "f_m", "f_g", "f_a", "r"]
 
@@ -43,7 +43,7 @@ def test_a_gear_ratio_turned_upside_down_is_told():
 def test_unknown_names_get_the_nearest_word():
     with pytest.raises(ParameterError, match="Did you mean 'f_m'"):
         preset("n1").replace(F_m=1.0)
-    with pytest.raises(ParameterError, match=r"known are n1, n2, wg\. Did you mean 'n1'"):
+    with pytest.raises(ParameterError, match=r"known are n1, n2, wg, .*\. Did you mean 'n1'"):
         preset("N1")
     with pytest.raises(ParameterError, match="12 values"):
         AxisParameters.from_array(np.ones(11))
@@ -56,7 +56,7 @@ def test_parameters_are_frozen():
 
 @pytest.mark.parametrize(("name", "modes"), [("n1", (100.2, 150.8)), ("n2", None)])
 def test_presets_have_the_modes_they_are_meant_to_have(name, modes):
-    p = PRESETS[name]
+    p = preset(name)
     mass = np.diag([p.J_m, p.J_g, p.J_a])
     gear, arm = np.array([p.r, -1, 0]), np.array([0, 1, -1])
     stiffness = p.k_g * np.outer(gear, gear) + p.k_a * np.outer(arm, arm)

@@ -24,7 +24,7 @@ TO_ZERO = [
 CASES = [
     # unknown words, with the nearest right one
     ("presett = 'n1'", "presett: unknown key 'presett'; known are ", " Did you mean 'preset'?"),
-    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2, wg. Did you mean 'n2'?", ""),
+    ("preset = 'N2'", "preset: unknown preset 'N2'; known are n1, n2, wg, ", ""),
     ("parameters.Jm = 1.0", f"parameters.Jm: unknown parameter 'Jm'; known are {TWELVE}.",
      " Did you mean 'J_m'?"),
     ("identify = ['k_t']", "identify[0]: unknown parameter 'k_t'; ", " Did you mean 'k_T'?"),

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from flexaxis.sim.parameters import PRESETS
+from flexaxis.sim.parameters import preset
 
-AXES = {name: PRESETS[name].as_dict() for name in ("n1", "n2")}
+AXES = {name: preset(name).as_dict() for name in ("n1", "n2")}
 NAMES = ("k_T", "1/J_a", "f_m")
 SIGMA = 0.1  # rad/s
 
