@@ -47,7 +47,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.files import spare_foreign
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.running.seeds import check_seed
     from flexaxis.experiments.storage.files import spare

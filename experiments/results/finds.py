@@ -99,24 +99,27 @@ def finds(results: Results, *, within: float = 1.0, per_hour: float = PER_HOUR) 
 
 def _table(results: Results, size: str, within: float) -> pd.DataFrame:
     """Return a line a row, with ``size``, ``point`` (all axes but the size), and what was seen."""
-    rows = np.flatnonzero(results.ran())
-    table, others = results.table, [axis for axis in results.axes if axis != size]
-    texts = {name: table.values(name, rows) for name in ("base", "estimator", "parameter")}
+    others = [axis for axis in results.axes if axis != size]
     numbers = {
         "seed": "seed", "after": "find.after", "named": "find.named", "moved": f"moved.{within}",
         "calm": "moved.calm", "watched": "moved.watched", "alarms": "detection.alarms",
         "false": "detection.false_alarms", "exposure": "detection.calm",
     }  # fmt: skip
-    found = pd.DataFrame(texts | {k: table.numbers(name, rows) for k, name in numbers.items()})
-    axes = zip(*(table.values(axis, rows) for axis in others), strict=True)
+    names = ["base", "estimator", "parameter", *numbers.values(), *results.axes]
+    parts = results.ran().parts(names)
+    stored = pd.concat([pd.DataFrame(part, dtype=object) for part in parts], ignore_index=True)
+    found = stored[["base", "estimator", "parameter"]].assign(
+        **{name: pd.to_numeric(stored[column]) for name, column in numbers.items()}
+    )
+    axes = zip(*(stored[axis] for axis in others), strict=True)
     found["point"] = [json.dumps(values) for values in axes] if others else ""
-    found["size"] = pd.to_numeric(pd.Series(table.values(size, rows), dtype=object))
-    found["changing"] = list(_changing(results, size, rows))
+    found["size"] = pd.to_numeric(stored[size])
+    found["changing"] = list(_changing(results, size, stored))
     found["seen"] = found["after"] <= within
     return found[found["size"].notna()]
 
 
-def _changing(results: Results, size: str, rows: np.ndarray) -> Iterator[str]:
+def _changing(results: Results, size: str, rows: pd.DataFrame) -> Iterator[str]:
     """Yield the physical parameter that the fault is in, of each row."""
     fault = size.rpartition(".")[0]
     number = int(SIZE.fullmatch(size)[1])  # type: ignore[index]
@@ -126,8 +129,8 @@ def _changing(results: Results, size: str, rows: np.ndarray) -> Iterator[str]:
         if len(entry["definition"].get("fault", ())) > number
     }
     axis = f"{fault}.parameter"
-    swept = results.table.values(axis, rows) if axis in results.axes else [None] * len(rows)
-    for base, other in zip(results.table.values("base", rows), swept, strict=True):
+    swept = rows[axis] if axis in results.axes else [None] * len(rows)
+    for base, other in zip(rows["base"], swept, strict=True):
         yield meant(other or written.get(base, ""))
 
 
