@@ -23,6 +23,7 @@ and only where no finer level has them.
 
 import numpy as np
 
+from flexaxis.estimators.glr.dictionary import pair_columns, pull_columns
 from flexaxis.estimators.sampling.compiler import inlined
 
 PER_LEVEL = 8
@@ -39,6 +40,8 @@ def carry_columns(bank, state, e, S, p):
     times(phi, X[-1], root, D)
     for i in range(m - p):
         times(moved[i], X[i], 1.0, D)
+    if bank["searching"] > 0:
+        pull_columns(bank, root)
     for i in range(m - p):
         for c in range(H):
             D[p + i, c] = moved[i, c]
@@ -51,6 +54,8 @@ def carry_columns(bank, state, e, S, p):
             g = gain[a]
             for c in range(H):
                 D[a, c] -= g * phi[c]
+        if bank["searching"] > 0:
+            pair_columns(bank, scaled)
         bank["chi2"] += scaled * scaled
         bank["used"] += 1.0
 

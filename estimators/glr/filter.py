@@ -9,8 +9,10 @@ from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.comparison import ALARM, Comparison
 from flexaxis.estimators.glr.first_seconds import FirstSeconds
 from flexaxis.estimators.glr.loop import glr_loop
-from flexaxis.estimators.glr.records import Jumps, Timing, glr_records
-from flexaxis.estimators.glr.workspace import Workspace
+from flexaxis.estimators.glr.records import Dictionary, Jumps, Timing, glr_records
+from flexaxis.estimators.glr.shapes import IN_WORDS, best_shape, share, taken_up
+from flexaxis.estimators.glr.workspace import Kit, Workspace
+from flexaxis.estimators.models.axes import SHAPE
 from flexaxis.estimators.recursion.astray import begin_anew
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.filter import RecursiveEstimator
@@ -38,6 +40,10 @@ class Glr(RecursiveEstimator):
     fixable : mapping of str to str
         What of these is fixed where it is not seen, and how `fixed_because` says so.
     x0_covariance : (n, n) array
+    dictionary : Dictionary
+        Shapes of friction that are looked for.
+    richer : Glr, optional
+        One that has such a shape as its last law, and goes on where it is found.
 
     Attributes
     ----------
@@ -53,9 +59,11 @@ class Glr(RecursiveEstimator):
         Probability that each parameter has jumped within the time that the bank covers.
     fixed_because : dict of str to str
         Parameters that were not learnt, and why not.
+    shape : str
+        What friction the axis has that no law of the model tells, in words; empty for none.
     """
 
-    _shared = (*RecursiveEstimator._shared, "_design", "_records", "_loop", "_fixable", "_told")
+    _shared = (*RecursiveEstimator._shared, "_kit", "_plain", "_rich")
 
     def __init__(
         self,
@@ -67,49 +75,51 @@ class Glr(RecursiveEstimator):
         told: Sequence[Mapping[str, float]],
         fixable: Mapping[str, str],
         x0_covariance: Array,
+        dictionary: Dictionary,
+        angle: int = 0,
+        richer: "Glr | None" = None,
     ) -> None:
         names = design.model.names
         lower, upper = design.bounds
         super().__init__(names[:tracked], design.output, (lower[:tracked], upper[:tracked]))
-        self._design, self._jumps, self._timing = design, jumps, timing
-        self._fixable = dict(fixable)
-        self._told = {
+        values = {
             names.index(name): value / design.scale[names.index(name)]
             for group in told
             for name, value in group.items()
         }
         groups = [[names.index(name) for name in group] for group in told if group]
         pattern = with_state(split(design.model)[0])
-        self._records = glr_records(
+        records = glr_records(
             design,
             pattern,
             x0_covariance,
             jumps,
             timing,
             ALARM,
-            [(g, [self._told[i] for i in g]) for g in groups],
+            [(g, [values[i] for i in g]) for g in groups],
             tracked,
+            dictionary,
         )
-        self._loop = glr_loop(pattern)
+        loop = glr_loop(pattern)
+        self._plain = Kit(design, jumps, timing, values, dict(fixable), records, loop, angle)
+        self._rich = richer._plain if richer else None
         self.reset()
         self.run(np.zeros(1), np.zeros(1))  # what has to be compiled is compiled now
         self.reset()
 
     def _start(self) -> None:
         self._before: list[Finding] = []
-        self._begin_at(0)
+        self._kit = self._plain
+        self._begin_at(0, self._kit.begin())
 
-    def _begin_at(self, origin: int) -> None:
-        """Be about to take the first sample."""
-        tuning, states, bank = self._records
-        work = Workspace(
-            self._design, self._jumps, self._timing, tuning, states.copy(), bank.copy(), states
-        )
-        first = FirstSeconds(work, len(self.names), self._told, self._fixable)
+    def _begin_at(self, origin: int, work: Workspace) -> None:
+        """Be about to take the first sample, or to go through the first seconds again."""
+        first = FirstSeconds(work, len(self.names), self._kit.told, self._kit.fixable)
         self._parts = work, Comparison(work, origin), first  # together, as a copy copies them
         self._origin, self.alarm = origin, False
         self.fixed_because: dict[str, str] = {}
-        if self._timing.first == 0:
+        self.shape = ""
+        if work.timing.first == 0:
             work.bank["awake"] = 1
 
     @property
@@ -139,14 +149,14 @@ class Glr(RecursiveEstimator):
 
     @property
     def beliefs(self) -> dict[str, float]:  # noqa: D102
-        by = self._work.bank["weight"][0].reshape(-1, len(self._jumps.which)).sum(axis=0)
-        names = self._design.model.names
-        return {names[i]: float(w) for i, w in zip(self._jumps.which, by, strict=True)}
+        by = self._work.bank["weight"][0].reshape(-1, len(self._work.jumps.which)).sum(axis=0)
+        names = self._work.names
+        return {names[i]: float(w) for i, w in zip(self._work.jumps.which, by, strict=True)}
 
     def _all(self) -> tuple[Array, Array]:
         """Return all parameters (p,) and their covariance (p, p)."""
         work = self._work
-        bank, scale, p = work.bank[0], self._design.scale, work.p
+        bank, scale, p = work.bank[0], work.design.scale, work.p
         theta, P = work.states["theta"][0, :p].copy(), work.states["P"][0, :p, :p].copy()
         if bank["taken"]:
             theta[:] = bank["mixed"]
@@ -162,7 +172,7 @@ class Glr(RecursiveEstimator):
         likely = np.flatnonzero(bank["weight"] > 1e-9)
         D, weight = bank["D"][: self._work.p, likely], bank["weight"][likely]
         size = bank["size"][likely]
-        variance = tuning["variance"][likely % len(self._jumps.which)]
+        variance = tuning["variance"][likely % len(self._work.jumps.which)]
         spread = 1.0 / (bank["J"][likely] / bank["kappa"] + 1.0 / variance)
         mean = D @ (weight * size)
         return (D * (weight * (size**2 + spread))) @ D.T - np.outer(mean, mean)
@@ -170,7 +180,7 @@ class Glr(RecursiveEstimator):
     def _named(self, theta: Array, P: Array) -> dict[str, tuple[float, float]]:
         """Return value and standard deviation by name."""
         pairs = zip(theta.tolist(), np.sqrt(np.maximum(np.diag(P), 0)).tolist(), strict=True)
-        return dict(zip(self._design.model.names, pairs, strict=True))
+        return dict(zip(self._work.names, pairs, strict=True))
 
     def commissioned(self) -> dict[str, dict[str, float]]:
         """
@@ -180,17 +190,17 @@ class Glr(RecursiveEstimator):
         -------
         dict
             ``nominal``: values of physical parameters; ``deviations``: their standard deviations.
-            What was fixed is not among them; they are those of the data, not drawn to what was
-            told.
+            What was fixed is not among them, nor a shape that was found; they are those of the
+            data, not drawn to what was told.
         """
-        scale, p = self._design.scale, self._work.p
+        scale, p = self._work.design.scale, self._work.p
         state = self._work.states[0]
         all_of = self._named(
             state["theta"][:p] * scale, state["P"][:p, :p] * np.outer(scale, scale)
         )
         found: dict[str, dict[str, float]] = {"nominal": {}, "deviations": {}}
         for name, (value, deviation) in all_of.items():
-            if name in self.fixed_because:
+            if name in self.fixed_because or name in SHAPE.names:
                 continue
             inverse = name.startswith("1/")
             physical = name.removeprefix("1/")
@@ -206,11 +216,11 @@ class Glr(RecursiveEstimator):
             self.alarm = False
             rest, work = slice(done, None), self._work
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
-            done += self._loop(work.tuning, work.states, work.bank, *given)
+            done += self._kit.loop(work.tuning, work.states, work.bank, *given)
             self._attend()
             if not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
-        estimates *= self._design.scale[: len(self.names)]
+        estimates *= self._plain.design.scale[: len(self.names)]
 
     def _attend(self) -> None:
         """Do what is due after a sample."""
@@ -224,11 +234,25 @@ class Glr(RecursiveEstimator):
         elif work.busy or not bank["asks"]:
             return
         elif not bank["awake"]:
+            self._take_up_shape()
             self.fixed_because = self._parts[2].begin()
         elif 0 <= bank["due"] <= work.now:
             self._comparison.review()
         else:
             self._comparison.begin()
+
+    def _take_up_shape(self) -> None:
+        """Go on with a filter that has the shape of friction that the first seconds show."""
+        work, rich = self._work, self._rich
+        variance = float(rich.design.scale[-3]) ** 2 if rich else 1.0
+        if rich and (shape := best_shape(work.bank[0], work.tuning[0], variance)):
+            richer = rich.begin()
+            taken_up(work, richer, shape)
+            self._kit = rich
+            self._begin_at(self._origin, richer)
+            self.shape = IN_WORDS[shape.which]
+        for name in ("searching", "D", "J", "d"):
+            self._work.bank[name] = 0
 
     def _begin_anew(self) -> None:
         """Wait for the state after a sensor that did not follow; begin anew if all is lost."""
@@ -243,6 +267,6 @@ class Glr(RecursiveEstimator):
             return
         begin_anew(work.tuning, work.states[:1], work.begin[:1])
         states, taken = work.states[:1].copy(), int(work.bank["taken"][0])
-        self._before = list(self.findings)
-        self._begin_at(self._origin + taken)
-        self._work.states[:1] = states
+        self._before, self._kit = list(self.findings), self._plain
+        self._begin_at(self._origin + taken, self._plain.begin())
+        share(states, self._work.states[:1])

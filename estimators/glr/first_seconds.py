@@ -62,19 +62,21 @@ class FirstSeconds:
         P0 = np.diag(work.design.P0)
         known = seen(np.diag(work.states["P"][0])[: work.p], P0)
         fixable = [work.names.index(n) for n in self._fixable if n in work.names[self._tracked :]]
-        self._fixed = [i for i in fixable if not known[i]]
-        for i in self._fixed:
+        told = [i for i in fixable if not known[i]]
+        held = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] == 0).tolist()
+        self._fixed = [*told, *held]
+        for i in told:
             work.states["P"][0, :, i] = work.states["P"][0, i, :] = 0.0
             work.states["theta"][0, i] = self._told[i]
-        if self._fixed:
+        if told:
             work.tuning = work.tuning.copy()
-            work.tuning["variance"][0, np.isin(work.jumps.which, self._fixed)] = 0.0
+            work.tuning["variance"][0, np.isin(work.jumps.which, told)] = 0.0
         work.bank["mark"] = work.bank["taken"]
         free = np.flatnonzero(np.diag(work.states["P"][0])[: work.p] > 0)
         self._free, learnt = free, work.states["P"][0][np.ix_(free, free)]
         self._open = np.linalg.inv(OPEN * learnt)
         self._pass(work.states["theta"][0, : work.p].copy())
-        return {work.names[i]: self._fixable[work.names[i]] for i in self._fixed}
+        return {work.names[i]: self._fixable[work.names[i]] for i in told}
 
     def _pass(self, theta: Array) -> None:
         work, begin = self._work, self._work.begin[0]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flexaxis.estimators.glr.bank import carry_columns, mean_of, open_slots, weigh
+from flexaxis.estimators.glr.dictionary import begin_columns, begin_sums, look_for_shapes
 from flexaxis.estimators.glr.records import NEVER
 from flexaxis.estimators.recursion.as_told import draw_estimates
 from flexaxis.estimators.recursion.joint import correct, look, start_sample
@@ -22,6 +23,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
     samples again, a stated number at a time.
     """
     over = over_sample(pattern)
+    search = look_for_shapes if pattern.laws else nothing
 
     def run(tunings, states, banks, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, bank = tunings[0], banks[0]
@@ -40,6 +42,8 @@ def glr_loop(pattern: Pattern) -> Compiled:
                     asks = think(tuning, state, bank, p, estimates[k])
                     show(state, trace[k])
                 over(tuning, state, torque)
+                if again == 0 and bank["searching"] > 0:
+                    search(tuning, state, bank)
             if asks or (bank["busy"] > 0 and bank["at"] >= bank["end"]):
                 return k + 1
         return len(u)
@@ -47,6 +51,11 @@ def glr_loop(pattern: Pattern) -> Compiled:
     return Compiled(
         run, label=f"a filter with a bank for {pattern.n} states and {pattern.p} parameters"
     )
+
+
+@inlined
+def nothing(tuning, state, bank):
+    """Look for no shapes: a model without laws has none."""
 
 
 @inlined
@@ -122,8 +131,12 @@ def has_moved(tuning, state, bank, now):
     """Return whether the axis has moved long enough for its structure to be learnt."""
     if state["prediction"] ** 2 > state["noise"] > 0.0:
         bank["moves"] += 1
+        if bank["searching"] > 0 and bank["moves"] == tuning["first"] // 2:
+            begin_sums(bank)
         if bank["born"] < 0:
             bank["born"] = now
+            if bank["searching"] > 0:
+                begin_columns(bank)
     long = tuning["first"]
     late = bank["born"] >= 0 and now - bank["born"] >= 3 * long // 2
     if late and bank["moves"] < long // 2:  # noise, or too little to learn from

@@ -78,6 +78,29 @@ class Timing:
         return self.base * PER_LEVEL * 2 ** (self.levels - 1)
 
 
+@dataclass(frozen=True)
+class Dictionary:
+    """
+    The shapes of friction that are looked for in the first seconds.
+
+    Attributes
+    ----------
+    waves : int
+        In a turn, of the fastest; 0 where no shape is looked for.
+    load : int
+        The state that says how large the load is.
+    load_size : float
+        How far it moves, rms.
+    softness : float
+        The speed by which dry friction changes its sign [rad/s].
+    """
+
+    waves: int = 0
+    load: int = 0
+    load_size: float = 1.0
+    softness: float = 1.0
+
+
 def glr_records(  # noqa: PLR0917
     design: Design,
     pattern: Pattern,
@@ -87,6 +110,7 @@ def glr_records(  # noqa: PLR0917
     alarm: float,
     groups: Sequence[tuple[Sequence[int], Sequence[float]]],
     tracked: int,
+    dictionary: Dictionary,
 ) -> tuple[Record, Record, Record]:
     """
     Return tuning (1,), states (2,) and bank (1,) of `loop.glr_loop`.
@@ -106,6 +130,7 @@ def glr_records(  # noqa: PLR0917
         As for `flexaxis.estimators.recursion.as_told.told_records`.
     tracked : int
         The first so many of θ are estimates.
+    dictionary : Dictionary
     """
     tuning, start = ekf_records(design, pattern, covariance, level(design, rests=True))
     told, drawn = told_records(tracked, groups)
@@ -120,6 +145,11 @@ def glr_records(  # noqa: PLR0917
         first=timing.first,
         alarm=alarm,
         misfit_share=1.0 / timing.memory,
+        period=design.period,
+        increments=float(design.output == "increment"),
+        turned=design.period * (1.0 if design.output == "increment" else 0.5),
+        **vars(dictionary)
+        | {"waves": min(dictionary.waves, (PER_LEVEL * timing.levels * q - 2) // 4)},
     )
     slots, n = PER_LEVEL * timing.levels, m - p
     H = slots * q
@@ -127,6 +157,14 @@ def glr_records(  # noqa: PLR0917
     needed = grows * max(1.5 * timing.first, 2.0 * (timing.span + timing.review)) + timing.budget
     length = 2 ** int(np.ceil(np.log2(needed)))  # few lengths, as each is compiled for
     bank = record(
+        searching=int(dictionary.waves > 0),
+        pull=np.zeros(H),
+        push=np.zeros(n + pattern.laws + 1),
+        cross=np.zeros(H),
+        angle=0.0,
+        read=0.0,
+        repeated=0.0,
+        z_before=0.0,
         D=np.zeros((m, H)),
         moved=np.zeros((n, H)),
         phi=np.zeros(H),

@@ -1,6 +1,7 @@
-"""The records of a filter with a bank, and what is done to them between samples."""
+"""The records of a filter with a bank, what is done to them between samples, and their start."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from flexaxis.estimators.glr.records import NEVER, Jumps, Timing
 from flexaxis.estimators.recursion.design import Design
 from flexaxis.estimators.recursion.records import Record
+from flexaxis.estimators.sampling.compiler import Compiled
 
 Array = NDArray[np.float64]
 
@@ -26,6 +28,8 @@ class Workspace:
         As from `flexaxis.estimators.glr.records.glr_records`.
     begin : (2,) Record
         The states before the first sample.
+    angle : int
+        Which state is the angle of the motor, or would be.
     """
 
     design: Design
@@ -35,6 +39,7 @@ class Workspace:
     states: Record
     bank: Record
     begin: Record
+    angle: int = 0
 
     @property
     def p(self) -> int:
@@ -105,3 +110,38 @@ class Workspace:
         bank["onset"], bank["weight"], bank["evidence"] = NEVER, 0.0, -np.inf
         bank["none"], bank["busy"], bank["odds"] = 1.0, 0, -np.inf
         bank["end_follows"], bank["end"] = 0, bank["at"]
+
+
+class Kit(NamedTuple):
+    """
+    What a filter is made of, and no sample changes.
+
+    Attributes
+    ----------
+    design : Design
+    jumps : Jumps
+    timing : Timing
+    told : dict of int to float
+        Values by parameter, in units of the scale.
+    fixable : dict of str to str
+    records : tuple of Record
+        As from `flexaxis.estimators.glr.records.glr_records`.
+    loop : Compiled
+    angle : int
+        Which state is the angle of the motor, or would be.
+    """
+
+    design: Design
+    jumps: Jumps
+    timing: Timing
+    told: dict[int, float]
+    fixable: dict[str, str]
+    records: tuple[Record, Record, Record]
+    loop: Compiled
+    angle: int
+
+    def begin(self) -> Workspace:
+        """Return a workspace as before the first sample."""
+        tuning, states, bank = self.records
+        records = tuning, states.copy(), bank.copy(), states
+        return Workspace(self.design, self.jumps, self.timing, *records, self.angle)

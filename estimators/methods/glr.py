@@ -1,7 +1,7 @@
 """A joint Kalman filter with a bank of hypotheses: it tracks jumps, and learns the rest once."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 from flexaxis.estimators.entry import Entry
 from flexaxis.estimators.errors import EstimatorError
 from flexaxis.estimators.glr.filter import Glr
-from flexaxis.estimators.glr.records import Jumps, Timing
+from flexaxis.estimators.glr.pace import lengths
+from flexaxis.estimators.glr.records import Dictionary, Jumps
+from flexaxis.estimators.glr.shapes import fastest_wave
 from flexaxis.estimators.methods.start import Nominal
-from flexaxis.estimators.models.axes import PAPER
+from flexaxis.estimators.models.axes import PAPER, with_shape
 from flexaxis.estimators.models.meaning import fixable as fixable_of
 from flexaxis.estimators.models.meaning import structure
 from flexaxis.estimators.models.model import Model
@@ -24,7 +26,7 @@ from flexaxis.estimators.offline.roles import (
     told_groups,
     without,
 )
-from flexaxis.estimators.offline.sizes import state_sizes
+from flexaxis.estimators.offline.sizes import measured, state_sizes
 from flexaxis.estimators.offline.structure import TRACKED, prior, told_of, with_laws
 from flexaxis.estimators.recursion.design import above_zero, at_least_zero, make_design
 from flexaxis.estimators.recursion.joint import state_covariance
@@ -38,11 +40,7 @@ RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an 
 SUSPECTED = 0.1  # how often what is learnt once jumps, over how often what is tracked does
 SPREAD = 0.2  # of θ(0) over itself, of what is tracked
 BUDGET = 16  # samples that are gone through again, at most, in one
-FIRST, REVIEW, MISFIT = 10.0, 2.6, 26.0  # time scales of the axis: of motion until structure is
-# learnt, until a name is final, and of the memory of how well the model fits
-SPAN, FINEST = 2.8, 80  # time scales that the bank covers at least, and its finest spacings in one
-FEWEST, MOST = 80, 800  # samples of the time scale of an axis that does not swing
-PASSES = 6  # through the first seconds, at most
+SOFT = 0.02  # of the rms speed, by which dry friction changes its sign if nothing is told
 
 
 def glr(
@@ -68,7 +66,7 @@ def glr(
     """
     Make the filter with a bank of hypotheses for an axis with or without friction.
 
-    All lengths of time follow from one time scale of the axis, see `time_scale`.
+    All lengths of time follow from one time scale of the axis, see `flexaxis.estimators.glr.pace`.
 
     Parameters
     ----------
@@ -116,6 +114,53 @@ def glr(
     told = told_of(nominal)
     if noise is None and not isinstance(nominal, Model):
         noise = nominal.get("noise")
+    made = partial(
+        _made,
+        told=told,
+        period=period,
+        identify=identify,
+        output=output,
+        torque=torque,
+        learn=learn,
+        track=track,
+        suspects=suspects,
+        deviations=deviations,
+        walk=walk,
+        jump=jump,
+        rate=rate,
+        noise=noise,
+        spread=spread,
+        budget=budget,
+        commissioning=commissioning,
+    )
+    learns = learn == "auto" and deviations is None and commissioning != 0
+    if not learns or isinstance(nominal, Model):
+        return made(model)
+    return made(model, richer=made(with_shape(model)))
+
+
+def _made(
+    model: Model,
+    richer: Glr | None = None,
+    *,
+    told: Sequence[str],
+    period: float,
+    identify: Sequence[str],
+    output: str,
+    torque: ArrayLike | None,
+    learn: Sequence[str] | str,
+    track: Sequence[str],
+    suspects: Sequence[str] | str,
+    deviations: Mapping[str, float] | None,
+    walk: float,
+    jump: float,
+    rate: float,
+    noise: float | None,
+    spread: float,
+    budget: int,
+    commissioning: float | None,
+) -> Glr:
+    """Return the filter for a model, and what it goes on with where it finds a shape."""
     inverses = (f"1/{p}" for p in model.parameters if p not in model.law_parameters)
     may = (*model.parameters, *inverses)
     track = names_of("track", track, (*may, *TRACKED))
@@ -145,6 +190,7 @@ def glr(
             f"suspects names {odd[0]!r}, which is not learnt; of what is learnt there are "
             f"{', '.join(learnt) or 'none'}"
         )
+    sizes = state_sizes(model, torque, period)
     which = (*tracked, *(name for name in suspects if name in learnt))
     rates = np.where(np.arange(len(which)) < len(tracked), 1.0, SUSPECTED)
     return Glr(
@@ -156,58 +202,26 @@ def glr(
             rate=rate * rates / rates.sum(),
             walk=_walk(model, names, len(tracked), walk) * period,
         ),
-        timing=_timing(model, period, int(budget), commissioning, deviations is not None),
+        timing=lengths(model, period, int(budget), commissioning, deviations is not None),
         told=told_groups(model, names, learnt, stated),
         fixable={n: AS_TOLD if n in stated else AS_ABSENT for n in fixable},
-        x0_covariance=state_covariance(design, state_sizes(model, torque, period) ** 2),
+        x0_covariance=state_covariance(design, sizes**2),
+        dictionary=Dictionary() if richer is None else _dictionary(model, torque, period, sizes),
+        angle=model.states.index("angle_motor")
+        if "angle_motor" in model.states
+        else len(model.states),
+        richer=richer,
     )
 
 
-def time_scale(model: Model, period: float) -> float:
-    """
-    Return the time in which an axis forgets [s]: that of its slowest oscillation.
-
-    What does not swing has its slowest pole's, within `FEWEST` and `MOST` samples: how long a
-    motor coasts says nothing of how soon a torque shows.
-
-    Parameters
-    ----------
-    model : Model
-    period : float
-        Sampling period [s].
-    """
-    linear = replace(model, laws=())
-    one = linear.parametrize(linear.parameters[:1])
-    poles = np.linalg.eigvals(one.matrices(one.theta)[0])
-    rates = np.abs(poles.real)
-    moves = rates > 1e-6 * np.abs(poles).max(initial=0.0)
-    swings = moves & (np.abs(poles.imag) > rates)
-    if swings.any():
-        return float(1.0 / rates[swings].min())
-    slowest = 1.0 / rates[moves].min() if moves.any() else np.inf
-    return float(np.clip(slowest, FEWEST * period, MOST * period))
-
-
-def _timing(
-    model: Model, period: float, budget: int, commissioning: float | None, known: bool
-) -> Timing:
-    """Return lengths in samples, from the time scale of the axis."""
-    scale = time_scale(model, period)
-    if commissioning is None:
-        commissioning = 0.0 if known else FIRST * scale
-    at_least_zero("commissioning", commissioning, "how long the first seconds are, in seconds")
-    samples = scale / period
-    base = max(1, round(samples / FINEST))
-    levels = max(1, int(np.ceil(np.log2(SPAN * samples / (8 * base)))) + 1)
-    return Timing(
-        base=base,
-        levels=levels,
-        first=round(commissioning / period),
-        review=round(REVIEW * samples),
-        memory=round(MISFIT * samples),
-        budget=budget,
-        passes=PASSES,
-    )
+def _dictionary(
+    model: Model, torque: ArrayLike | None, period: float, sizes: np.ndarray
+) -> Dictionary:
+    """Return the shapes that are looked for, in units of how the axis moves."""
+    ((_, motion), *_) = measured(model, torque, period)
+    load = list(model.states).index("twist_gear")
+    softness = float(model.nominal["v_0"]) or SOFT * motion.drive
+    return Dictionary(fastest_wave(motion.drive, period), load, float(sizes[load]), softness)
 
 
 def _walk(model: Model, names: Sequence[str], tracked: int, walk: float) -> np.ndarray:

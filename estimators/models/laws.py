@@ -18,6 +18,11 @@ spring (cubic, gap)
     outside a gap of that width.
 sinusoid (sine, cosine, poles)
     F = a sin(N φ) + b cos(N φ), such as cogging, or gravity for N = 1.
+shape (sine, cosine, waves, softness, which)
+    Friction of a shape that nobody told: F = a sin(N φ) + b cos(N φ) over an angle φ for ``which``
+    0; that times tanh(v/v_0) for 1; [a N |x| + b tanh(v/v_0)] tanh(v/v_0) for 2, which grows with
+    a load x and is larger one way. It is driven by v, and reads φ or x from a state that compiled
+    code is told as its memory.
 clip (limit)
     F = u clipped to ± the limit, less u.
 """
@@ -38,6 +43,7 @@ ROLES: Mapping[str, tuple[str, ...]] = {
     "spring": ("cubic", "gap"),
     "sinusoid": ("sine", "cosine", "poles"),
     "clip": ("limit",),
+    "shape": ("sine", "cosine", "waves", "softness", "which"),
 }
 """What the parameters of each kind of law are, in the order in which compiled code takes them."""
 KINDS = tuple(ROLES)
@@ -46,6 +52,7 @@ NEEDED = {  # roles that must be above 0
     "bristle": ("stiffness",),
     "sinusoid": ("poles",),
     "clip": ("limit",),
+    "shape": ("softness",),
 }
 SIGNED = ("cubic", "sine", "cosine")  # roles that may be below it
 MOST_ROLES = max(map(len, ROLES.values()))

@@ -11,7 +11,13 @@ from flexaxis.estimators.models.model import Model
 from flexaxis.estimators.offline.structure import Prior, structure_names
 from flexaxis.estimators.recursion.design import above_zero
 
-ABSENT = (("kappa", "gap"), ("c_sin", "c_cos"), ("f_c", "f_s"), ("f_s",))
+ABSENT = (
+    ("kappa", "gap"),
+    ("c_sin", "c_cos"),
+    ("shape_sin", "shape_cos"),
+    ("f_c", "f_s"),
+    ("f_s",),
+)
 """What of the laws is zero on many an axis, in the groups in which it is."""
 
 

@@ -46,6 +46,7 @@ NOMINAL: Mapping[str, Sizes] = {
     "bristle": Sizes(drive=5.0, force=0.85, rate=176.0),
     "spring": Sizes(drive=7.5e-4, force=9.4e-4, rate=146.0),
     "sinusoid": Sizes(drive=0.0424, force=0.85, rate=118.0),
+    "shape": Sizes(drive=5.0, force=0.85, rate=176.0),
     "clip": Sizes(drive=0.85, force=0.85, rate=0.0),
 }
 """By kind of law, of the nominal axis on its reference."""

@@ -68,6 +68,11 @@ GUESSES: Mapping[str, Mapping[str, Guess]] = {
         "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
         "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
     },
+    "shape": {
+        "sine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "cosine": Guess(0.0, 0.1, -1.0, 1.0),  # of the torque
+        "waves": Guess(10.0, 0.5, 0.1, 1e3),  # a turn; the nearest whole number is known
+    },
     "clip": {"limit": Guess(5.0, 1.0, 0.1, 100.0)},  # of the torque
 }
 """By kind of law and role, in units of `Sizes`."""

@@ -14,8 +14,8 @@ from flexaxis.estimators.sampling.compiler import compiled, inlined
 
 F, F_W, F_S, S, S_W, S_S, ROLE = range(7)
 WIDTH = ROLE + 2 * MOST_ROLES
-BRISTLE, STATIC, SPRING, SINUSOID, CLIP = (
-    KINDS.index(kind) for kind in ("bristle", "static", "spring", "sinusoid", "clip")
+BRISTLE, STATIC, SPRING, SINUSOID, CLIP, SHAPE = (
+    KINDS.index(kind) for kind in ("bristle", "static", "spring", "sinusoid", "clip", "shape")
 )
 SMALL = 0.1  # below it the relaxation functions are taken from their series, to round-off
 FAST = 20.0  # of v/v_0: tanh is one to round-off
@@ -52,6 +52,8 @@ def force(kind, w, s, h, value, local):  # noqa: PLR0917
         sinusoid(w, value, local)
     elif kind == CLIP:
         clip(w, value, local)
+    elif kind == SHAPE:
+        shape(w, s, h, value, local)
 
 
 @inlined
@@ -180,3 +182,22 @@ def clip(u, value, local):
     if abs(u) > limit:
         side = 1.0 if u > 0.0 else -1.0
         local[F], local[F_W], local[ROLE] = side * limit - u, -1.0, side
+
+
+@inlined
+def shape(v, s, h, value, local):
+    """F of one of three shapes; s is an angle at the end of the step, taken back to its middle."""
+    a, b, n, which = value[0], value[1], value[2], value[4]
+    t = np.tanh(v / value[3]) if which > 0.0 else 1.0
+    t_v = (1.0 - t * t) / value[3] if which > 0.0 else 0.0
+    if which > 1.0:
+        by_a, by_b, by_n = n * abs(s), t, a * abs(s)
+        by_s, by_v = (a * n if s >= 0.0 else -a * n), b * t_v
+    else:
+        middle = s - 0.5 * h * v
+        by_a, by_b = np.sin(n * middle), np.cos(n * middle)
+        turned = a * by_b - b * by_a
+        by_s, by_v, by_n = n * turned, -0.5 * h * n * turned, middle * turned
+    level = a * by_a + b * by_b
+    local[F], local[F_W], local[F_S] = level * t, by_v * t + level * t_v, by_s * t
+    local[ROLE], local[ROLE + 2], local[ROLE + 4] = by_a * t, by_b * t, by_n * t

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.models.laws import MOST_ROLES
 from flexaxis.estimators.sampling.compiler import compiled, inlined
-from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, WIDTH, F, S, force
+from flexaxis.estimators.sampling.forces import F_S, F_W, ROLE, S_S, S_W, SHAPE, WIDTH, F, S, force
 
 Array = NDArray[np.float64]
 
@@ -141,12 +141,12 @@ def differentiate(laws, response, X, work):
 @inlined
 def remember(laws, X, work):
     """Take the states that laws have of their own over the step, and keep their torques."""
-    _, memory, _, value, parameter = laws
+    kind, memory, _, value, parameter = laws
     torques, _, _, _, local, _, _, inverse, _, mean, _, _ = work
     for i in range(len(mean)):
         torques[i] = local[i, F]
         m = memory[i]
-        if m >= 0:
+        if m >= 0 and kind[i] != SHAPE:  # which only reads a state
             X[m, 0] = local[i, S]
             for a in range(1, mean.shape[1]):
                 X[m, a] *= local[i, S_S]

@@ -8,7 +8,8 @@ import pytest
 from flexaxis.estimators import EstimatorError
 from flexaxis.estimators.finding import Finding
 from flexaxis.estimators.glr.bank import PER_LEVEL
-from flexaxis.estimators.methods.glr import glr, time_scale
+from flexaxis.estimators.glr.pace import time_scale
+from flexaxis.estimators.methods.glr import glr
 from flexaxis.estimators.models.axes import N1, one_mass, three_mass
 from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.scoring.nominal import nominal_torque
@@ -202,3 +203,48 @@ def test_the_first_seconds_are_learnt_where_a_filter_is_thrown_about(seed):
     made, theta, _ = tracked("fm_step-v1", seed, until=1900)
     assert not made.findings
     np.testing.assert_allclose(theta[1400:, :3], np.tile([1.0, 1.25, 0.05], (500, 1)), rtol=0.03)
+
+
+# ------------------------------------------------------------------ friction of no known shape
+
+
+@pytest.mark.parametrize(
+    ("scenario", "words"),
+    [
+        ("cogging_fm_step-v1", "cogging"),
+        ("directional_fm_step-v1", "one way"),
+        ("load_friction_fm_step-v1", "the load"),
+    ],
+)
+def test_friction_that_no_law_has_is_found_and_learnt(scenario, words):
+    """Without it f_m is off by 22, 4 and 5 %."""
+    made, theta, _ = tracked(scenario)
+    assert words in made.shape
+    assert abs(theta[1400:2000, 2].mean() / 0.05 - 1) < 0.015
+    (found,) = made.findings
+    assert found.parameters == ("f_m",)
+    assert found.ratio[0] == pytest.approx(1.5, rel=0.05)
+
+
+def test_cogging_that_nobody_told_is_known_by_its_poles():
+    """24 of them, .1 N m: after the first seconds the law of cogging as it was simulated."""
+    made, _, _ = tracked("cogging_fm_step-v1", until=1900)
+    learnt = {name: value for name, (value, _) in made.learnt.items()}
+    assert learnt["shape_n"] == pytest.approx(24, abs=0.5)
+    assert np.hypot(learnt["shape_sin"], learnt["shape_cos"]) == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize("scenario", ["fm_step-v1", "coulomb_fm_step-v1", "lugre_fm_step-v1"])
+def test_no_shape_is_found_where_there_is_none(scenario):
+    made, _, _ = tracked(scenario, until=1200)
+    assert made.shape == ""
+    assert "shape_n" not in made.learnt and made._work.bank["awake"][0]
+
+
+def test_what_was_found_is_looked_for_again_after_a_reset():
+    made, theta, record = tracked("directional_fm_step-v1", until=1500)
+    assert made.shape
+    made.reset()
+    assert not made.shape and "shape_n" not in made.learnt
+    again = made.run(record.torque[:1500], record.speed[:1500])
+    np.testing.assert_array_equal(again, theta)

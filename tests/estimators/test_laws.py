@@ -22,10 +22,11 @@ from flexaxis.estimators.models.axes import (
     three_mass,
     with_angle,
 )
-from flexaxis.estimators.models.laws import Law
+from flexaxis.estimators.models.laws import KINDS, Law
 from flexaxis.estimators.models.model import increment
 from flexaxis.estimators.recursion.design import make_design
 from flexaxis.estimators.recursion.records import on_lanes
+from flexaxis.estimators.sampling import forces
 from flexaxis.estimators.sampling.compiler import Compiled
 from flexaxis.estimators.sampling.over import over_sample
 from flexaxis.estimators.sampling.pattern import split
@@ -211,6 +212,24 @@ def test_derivatives_against_differences(name, output):
         high, low = (travelled(model, u, theta=np.ones(p) + s)[:, 0, -1] for s in (step, -step))
         slope = (high - low) / 2e-5
         assert abs(slope - exact[:, 1 + i, -1]).max() < 1e-6 * abs(slope).max(), estimated(model)[i]
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_the_shape_of_friction_against_differences(which):
+    """Its derivatives by speed, by the state that it reads, and by its parameters."""
+    at = np.array([0.3, 0.7, 0.09, -0.05, 24.0])  # speed, state, a, b, n
+
+    def shape(v, s, a, b, n):
+        local = np.zeros(forces.WIDTH)
+        forces.force(KINDS.index("shape"), v, s, T, np.array([a, b, n, 0.2, which, 0.0]), local)
+        return local
+
+    local, got = shape(*at), []
+    for i, x in enumerate(at):
+        step = 1e-6 * abs(x) * np.eye(5)[i]
+        got.append((shape(*(at + step))[forces.F] - shape(*(at - step))[forces.F]) / 2 / step[i])
+    told = [local[forces.F_W], local[forces.F_S], *local[forces.ROLE :][:6:2]]
+    np.testing.assert_allclose(told, got, rtol=1e-6, atol=1e-9)
 
 
 def laid_out(model):
