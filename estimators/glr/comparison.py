@@ -11,6 +11,7 @@ again a few times, and may still take its place.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ PASSES = 3  # of Gauss and Newton, at most, for each
 NEAR = 0.3  # standard deviations that a step of Gauss and Newton may still want
 AGAIN = 5  # what was compared in vain is compared again a fifth of its age later
 REVIEWS = (0.15, 0.3, 0.6, 1.0)  # of the time until a name is final, when it is looked at again
+HOPELESS = ALARM + LEAD  # nats behind what was taken, from which on a name is not looked at again
 LEAST = 0.02  # of a parameter, a change that is told; a smaller one corrects what was learnt
 Z95 = 1.96  # standard deviations on both sides that hold 95 %
 
@@ -52,6 +54,8 @@ class Candidate:
         Σ e²/S of the filter until the onset.
     path : float
         Logarithm of the prior of this jump, and of those that were taken before it.
+    spread : float
+        Standard deviation of the size over the onsets that the bank thinks of.
     instead : bool
         Whether it would stand in the place of the last finding, rather than come after it.
     evidence : float
@@ -65,6 +69,7 @@ class Candidate:
     P: Array
     chi2: float
     path: float
+    spread: float = 0.0
     instead: bool = False
     evidence: float = -np.inf
     deviation: float = np.nan
@@ -97,6 +102,7 @@ class Comparison:
         self._rest: list[Candidate] = []  # what the last finding may still give way to
         self._reviews: list[int] = []
         self._path = 0.0
+        self._told = (0, 1.0)  # what the last finding names, and its value before
         self._chosen: Candidate | None = None
 
     def begin(self) -> None:
@@ -106,9 +112,12 @@ class Comparison:
             self._compare([*best, *self._rest])
 
     def review(self) -> None:
-        """Look at the last name again."""
+        """Look at the last name again, and say the size as the filter knows it by now."""
         self._others = []
-        rest = self._rest
+        rest, work = self._rest, self._work
+        i, before = self._told
+        theta, P = work.states["theta"][0, i], work.states["P"][0, i, i]
+        self.findings[-1] = replace(self.findings[-1], **_sized(before, theta, np.sqrt(P)))
         self._schedule()
         if rest:
             self._compare(rest)
@@ -116,7 +125,7 @@ class Comparison:
     def forget(self) -> None:
         """Leave the last name as it is."""
         self._rest, self._reviews, self._work.bank["due"] = [], [], NEVER
-        self._todo, self._chosen = [], None
+        self._candidates, self._todo, self._chosen = [], [], None
 
     def go_on(self) -> bool:
         """Go on from a pass that has ended; return whether something was found."""
@@ -144,20 +153,28 @@ class Comparison:
         table = bank["evidence"].reshape(-1, q)
         rows = table.argmax(axis=0)
         best = table[rows, range(q)]
+        spread = _between_onsets(table, bank["size"].reshape(-1, q))
         order = [int(i) for i in np.argsort(-best) if np.isfinite(best[i])]
         self._others = [float(best[i]) for i in order[CANDIDATES:]]
         found = []
+        earlier = {c.which: c for c in self._candidates if not c.instead}
         for i in order[:CANDIDATES]:
             row, spacing = rows[i], self._work.timing.base << (int(rows[i]) // PER_LEVEL)
+            path = self._path + float(tuning["log_prior"][i]) + float(np.log(spacing))
+            before, onset = earlier.get(i), int(bank["onset"][row])
+            if before and abs(before.onset - onset) < spacing:  # from when the grid was finer
+                found.append(replace(before, path=path, spread=float(spread[i])))
+                continue
             found.append(
                 Candidate(
                     which=i,
-                    onset=int(bank["onset"][row]),
+                    onset=onset,
                     size=float(bank["size"][row * q + i]),
                     xi=bank["kept_xi"][row].copy(),
                     P=bank["kept_P"][row].copy(),
                     chi2=float(bank["chi2_at"][row]),
-                    path=self._path + float(tuning["log_prior"][i]) + float(np.log(spacing)),
+                    path=path,
+                    spread=float(spread[i]),
                 )
             )
         return found
@@ -209,6 +226,7 @@ class Comparison:
     def _decide(self) -> None:
         """Take the best candidate if it leads, or wait."""
         best = max(self._candidates, key=lambda c: c.evidence)
+        self._rest = [c for c in self._rest if c.evidence > -HOPELESS]
         others = [
             c.evidence
             for c in self._candidates
@@ -229,7 +247,9 @@ class Comparison:
         work, self._chosen = self._work, None
         bank = work.bank[0]
         step, delta = self._weigh(chosen), bank["delta"].copy()
+        chosen.deviation = float(np.hypot(chosen.deviation, chosen.spread))
         if not np.isfinite(step):
+            self._candidates = []
             work.empty()
             return False
         work.move(step * delta)
@@ -243,6 +263,7 @@ class Comparison:
             for c in self._candidates
             if c is not chosen and c.instead == chosen.instead
         ]
+        self._candidates = []
         final = work.timing.review
         self._reviews = [chosen.onset + round(part * final) for part in REVIEWS]
         self._schedule()
@@ -262,20 +283,33 @@ class Comparison:
         """Note what was found, and return whether it is worth telling."""
         i = self._work.jumps.which[chosen.which]
         before = float(chosen.xi[i]) or 1e-12
-        ratio, half = 1 + chosen.size / before, Z95 * chosen.deviation / abs(before)
         if abs(chosen.size) < LEAST * abs(before):
             if chosen.instead:  # what it gives way to has not happened
                 self.findings[-1:] = []
             return False
+        self._told = i, before
         finding = Finding(
             self._work.now + self._origin,
             chosen.onset + self._origin,
             (self._work.names[i],),
-            (float(ratio),),
-            interval=((float(ratio - half), float(ratio + half)),),
+            **_sized(before, before + chosen.size, chosen.deviation),
         )
         if chosen.instead and self.findings:
             self.findings[-1] = replace(finding, alarm=self.findings[-1].alarm)
         else:
             self.findings.append(finding)
         return True
+
+
+def _between_onsets(evidence: Array, sizes: Array) -> Array:
+    """Return the standard deviation of sizes (q,) over onsets, both (slots, q)."""
+    weight = np.exp(evidence - evidence.max(axis=0, initial=-1e300))
+    weight /= np.maximum(weight.sum(axis=0), 1e-300)
+    mean = (weight * sizes).sum(axis=0)
+    return np.asarray(np.sqrt((weight * (sizes - mean) ** 2).sum(axis=0)))
+
+
+def _sized(before: float, after: float, deviation: float) -> dict[str, Any]:
+    """Return ``ratio`` and ``interval`` of a finding."""
+    ratio, half = after / before, Z95 * deviation / abs(before)
+    return {"ratio": (float(ratio),), "interval": ((float(ratio - half), float(ratio + half)),)}

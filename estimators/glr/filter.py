@@ -212,13 +212,13 @@ class Glr(RecursiveEstimator):
         self, u: Array, y: Array, valid: NDArray[np.bool_], estimates: Array, trace: Array
     ) -> None:
         done = 0
-        while done < len(u):
-            self.alarm = False
+        while done < len(u) or (self._work.busy and self._work.bank["left"][0] > 0):
             rest, work = slice(done, None), self._work
             given = u[rest], y[rest], valid[rest], estimates[rest], trace[rest]
+            self.alarm = self.alarm and not len(given[0])
             done += self._kit.loop(work.tuning, work.states, work.bank, *given)
             self._attend()
-            if not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
+            if done and not np.isfinite(estimates[done - 1]).all():  # it has just begun anew
                 estimates[done - 1] = self._work.states["theta"][0, : len(self.names)]
         estimates *= self._plain.design.scale[: len(self.names)]
 

@@ -20,7 +20,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
 
     ``run(tuning, states, bank, u, y, valid, estimates, trace)`` takes samples until somebody has to
     look, and returns how many. ``states`` are two records: the filter, and one that goes through
-    samples again, a stated number at a time.
+    samples again, a stated number at a time; what a pass leaves of that, ``left``, the next one has.
     """
     over = over_sample(pattern)
     search = look_for_shapes if pattern.laws else nothing
@@ -28,10 +28,14 @@ def glr_loop(pattern: Pattern) -> Compiled:
     def run(tunings, states, banks, u, y, valid, estimates, trace):  # noqa: PLR0917
         tuning, bank = tunings[0], banks[0]
         p, asks = len(tuning["lower"]), False
-        for k in range(len(u)):
-            for again in range(1 + tuning["budget"]):
-                if again > 0 and bank["at"] >= bank["end"]:
-                    break
+        for k in range(-1 if bank["left"] > 0 else 0, len(u)):
+            budget = bank["left"] if k < 0 else tuning["budget"]
+            bank["left"] = budget
+            for again in range(1 if k < 0 else 0, 1 + budget):
+                if again > 0:
+                    if bank["at"] >= bank["end"]:
+                        break
+                    bank["left"] -= 1
                 state = states[min(again, 1)]
                 look(state)
                 if again == 0:

@@ -201,6 +201,7 @@ def glr_records(  # noqa: PLR0917
         busy=0,
         cost_one=0.0,
         cost_first=np.inf,  # twice the negative logarithm of the likelihood of the first seconds
+        left=0,  # of the samples that may be gone through again in this one
         rerun=0,  # samples that were gone through again, in all
         taken=0,
         awake=0,

@@ -39,7 +39,7 @@ JUMP = 0.3  # of θ over its scale: faults are of 10 to 100 %
 RATE = 1e-3  # 1/s, of jumps of all parameters together: one in a quarter of an hour
 SUSPECTED = 0.1  # how often what is learnt once jumps, over how often what is tracked does
 SPREAD = 0.2  # of θ(0) over itself, of what is tracked
-BUDGET = 16  # samples that are gone through again, at most, in one
+BUDGET = 64  # samples that are gone through again, at most, in one: some five filters' work
 SOFT = 0.02  # of the rms speed, by which dry friction changes its sign if nothing is told
 
 

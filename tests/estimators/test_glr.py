@@ -49,7 +49,8 @@ def one_mass_speed(u, friction):
 def of_one_mass(**options):
     model = one_mass({"k_T": 1.0, "J_m": 1e-2, "f_m": 0.1})
     options = {"identify": ["f_m"], "track": (), "learn": "none", "commissioning": 0.0} | options
-    return glr(model, T, torque=np.random.default_rng(9).normal(size=400), noise=1e-3, **options)
+    options = {"noise": 1e-3} | options
+    return glr(model, T, torque=np.random.default_rng(9).normal(size=400), **options)
 
 
 def test_a_column_gives_the_size_of_a_small_jump():
@@ -86,7 +87,7 @@ def test_onsets_stand_once_each_and_ever_more_sparsely():
 
 
 def test_the_mean_moves_before_anything_is_decided():
-    made = of_one_mass()
+    made = of_one_mass(budget=4)  # so that it takes a while
     u = np.random.default_rng(3).normal(size=400)
     y = one_mass_speed(u, np.where(np.arange(400) < 300, 0.1, 0.15))
     y += 1e-3 * np.random.default_rng(4).normal(size=400)
@@ -248,3 +249,36 @@ def test_what_was_found_is_looked_for_again_after_a_reset():
     assert not made.shape and "shape_n" not in made.learnt
     again = made.run(record.torque[:1500], record.speed[:1500])
     np.testing.assert_array_equal(again, theta)
+
+
+# ------------------------------------------------------------------ comparisons
+
+
+def test_a_name_that_is_settled_keeps_no_second_fault_waiting():
+    """What is hundreds of nats behind is not gone through again; a second later J_a is found."""
+    made, _, _ = tracked("two_faults-v1", 7, until=2400)
+    first, second = made.findings
+    assert (first.parameters, second.parameters) == (("f_m",), ("1/J_a",))
+    assert second.alarm - 2200 < 60  # 197 where they are gone through at the same time
+
+
+def test_a_comparison_of_few_samples_is_over_in_one():
+    """Six passes through five samples are 30 of the 64 that may be gone through again."""
+    made, _, _ = tracked("fm_double-v1", 1, until=2100)
+    assert made.findings[0].alarm <= 2004
+
+
+def test_the_size_of_a_finding_is_told_again_when_more_is_known():
+    """Of a name that is decided after five samples it is 12 % off; a second later .5 %."""
+    early, _, _ = tracked("two_faults-v1", 0, until=2010)
+    late, _, _ = tracked("two_faults-v1", 0, until=2200)
+    (low, high), (least, most) = early.findings[0].interval[0], late.findings[0].interval[0]
+    assert low < 1.5 < high
+    assert most - least < (high - low) / 5
+    assert late.findings[0].ratio[0] == pytest.approx(1.5, rel=0.01)
+    assert late.findings[0].alarm == early.findings[0].alarm
+
+
+def test_a_candidate_keeps_the_onset_that_was_found_when_the_grid_was_finer():
+    made, _, _ = tracked("coulomb_moves_fm_step-v1", 0, until=2190)
+    assert made.findings[0].onset in {2070, 2071}
