@@ -20,7 +20,7 @@ def glr_loop(pattern: Pattern) -> Compiled:
 
     ``run(tuning, states, bank, u, y, valid, estimates, trace)`` takes samples until somebody has to
     look, and returns how many. ``states`` are two records: the filter, and one that goes through
-    samples again, a stated number at a time; what a pass leaves of that, ``left``, the next one has.
+    samples again, a stated number at a time; what a pass leaves of it, ``left``, the next one has.
     """
     over = over_sample(pattern)
     search = look_for_shapes if pattern.laws else nothing

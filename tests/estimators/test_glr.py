@@ -87,13 +87,13 @@ def test_onsets_stand_once_each_and_ever_more_sparsely():
 
 
 def test_the_mean_moves_before_anything_is_decided():
-    made = of_one_mass(budget=4)  # so that it takes a while
+    made = of_one_mass(budget=4, noise=1e-2)  # so that it takes a while
     u = np.random.default_rng(3).normal(size=400)
-    y = one_mass_speed(u, np.where(np.arange(400) < 300, 0.1, 0.15))
-    y += 1e-3 * np.random.default_rng(4).normal(size=400)
+    y = one_mass_speed(u, np.where(np.arange(400) < 300, 0.1, 0.12))
+    y += 1e-2 * np.random.default_rng(4).normal(size=400)
     theta = made.run(u, y)
     alarm = made.findings[0].alarm
-    assert abs(theta[alarm - 1, 0] / 0.15 - 1) < 0.1
+    assert abs(theta[alarm - 1, 0] / 0.12 - 1) < 0.1
     assert sum(made.beliefs.values()) < 1e-3  # the bank has been emptied
 
 
