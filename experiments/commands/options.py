@@ -9,6 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.experiments.cli import CRASH, FINDING, say
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.storage.errors import NotRun, needed
+from flexaxis.sim.errors import FlexaxisError
+
 if TYPE_CHECKING:
     from flexaxis.experiments.building.guest import Remark
     from flexaxis.experiments.running.engine import Means
@@ -84,8 +89,6 @@ def check_jobs(args: argparse.Namespace) -> None:
 
 def shard(args: argparse.Namespace) -> tuple[int, int]:
     """Return which share is to be run, of how many."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if args.shard is None:
         return 1, 1
     mine, _, shares = args.shard.partition("/")
@@ -98,8 +101,6 @@ def check_dask(args: argparse.Namespace) -> None:
     """Refuse a cluster where its client is not installed."""
     from importlib.util import find_spec
 
-    from flexaxis.sim.errors import FlexaxisError
-
     if find_spec("distributed") is None:
         raise FlexaxisError(
             f"--dask {args.dask}: this needs distributed: python -m pip install distributed"
@@ -108,11 +109,8 @@ def check_dask(args: argparse.Namespace) -> None:
 
 def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
     """Return where to work, None for processes of our own, and how many work there."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.storage.errors import needed
 
     distributed = needed("distributed")
     try:
@@ -161,9 +159,6 @@ def working(
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.storage.errors import NotRun
-    from flexaxis.sim.errors import FlexaxisError
 
     check_jobs(args)
     elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
@@ -202,7 +197,6 @@ def working(
 def telling(remarks: Sequence[Remark]) -> Iterator[None]:
     """Say on stderr, in the end, what there is to be known of users' code."""
     from flexaxis.experiments.building.guest import in_words
-    from flexaxis.experiments.cli import say
 
     try:
         yield
@@ -222,7 +216,6 @@ def go_on(args: argparse.Namespace, done: int) -> str:
 def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
     """Return the scenarios that all estimators can read; which are left out is said on stderr."""
     from flexaxis.experiments.building.ready import readable
-    from flexaxis.experiments.cli import say
 
     kept, left = readable(scenarios, estimators)
     for name, reason in left.items():
@@ -232,7 +225,6 @@ def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
 
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
-    from flexaxis.experiments.cli import say
     from flexaxis.experiments.reporting.terminal import failures_in_words as in_words
 
     for text, count in in_words(failures):
@@ -247,7 +239,5 @@ def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[Remark] = ()
 
     It is 1 as well where a user's estimator returned what is not finite.
     """
-    from flexaxis.experiments.cli import CRASH, FINDING
-
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
     return CRASH if crashed else FINDING if failures or remarks else 0

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands.answers import add_json, answer
 
 HELP = "build a site of entries: who is ahead, on each track"
@@ -46,7 +47,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.real_logs import log_scores
     from flexaxis.experiments.board.site import PAGE, Shown, write_site
     from flexaxis.experiments.board.suite import EntryError, board
-    from flexaxis.experiments.cli import say
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
     from flexaxis.experiments.studies.benchmark import command_line

@@ -26,8 +26,11 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.entry import About
@@ -63,9 +66,6 @@ def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
     from flexaxis.experiments.board.submission import cases, submit
     from flexaxis.experiments.board.suite import board
-    from flexaxis.experiments.building.consent import names_code
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import command_line
 
     about = _about(args)

@@ -18,6 +18,8 @@ from pathlib import Path
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.files import write_json, write_text
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
 GROUP = "judge"
@@ -42,9 +44,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.run.speed import tradeoff
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
-    from flexaxis.experiments.storage.files import write_json, write_text
     from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 

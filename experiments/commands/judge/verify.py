@@ -22,10 +22,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.storage.files import spare, write_json
+from flexaxis.experiments.storage.names import STUDY
 from flexaxis.experiments.streams import visible
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.verification import Check, Verdict
@@ -66,7 +70,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.storage.files import spare, write_json
     from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
@@ -99,8 +102,6 @@ def main(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     from flexaxis.experiments.board.entry import ENTRY
-    from flexaxis.experiments.storage.names import STUDY
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
@@ -119,7 +120,6 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _refused(args: argparse.Namespace, problems: Any) -> int:
-    from flexaxis.experiments.cli import say
 
     if args.json:
         return answer(args, {"holds": False, "problems": list(problems)}, 1)
@@ -132,7 +132,6 @@ def _refused(args: argparse.Namespace, problems: Any) -> int:
 def _show_code(args: argparse.Namespace) -> None:
     """Say what would be run, before anything is."""
     from flexaxis.experiments.board.entry import read
-    from flexaxis.experiments.cli import say
 
     for path in read(args.folder).code:
         say(f"its code: {path} ({path.stat().st_size} bytes)")

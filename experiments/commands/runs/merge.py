@@ -11,7 +11,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexaxis.experiments.cli import FINDING, FINE, say
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.storage.files import spare
 
 HELP = "put the shares of a run or a study together"
 GROUP = "run"
@@ -26,9 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Merge and report; what is missing is said, and is a finding."""
-    from flexaxis.experiments.cli import FINDING, FINE, say
     from flexaxis.experiments.running.merge import merge
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.report import report
 
     spare(args.folders, args.output)

@@ -30,6 +30,10 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import REPORT
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
@@ -60,8 +64,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
@@ -90,7 +92,6 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _say(work: Any, text: str) -> None:
-    from flexaxis.experiments.running.progress import remark
 
     if work.cases > 2000:  # else it is a matter of a few seconds
         remark(text)
@@ -99,7 +100,6 @@ def _say(work: Any, text: str) -> None:
 def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
     """Return what is to be run: the benchmark of some names, with `estimator` and `seeds`."""
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.scoring.ranking import REFERENCE
     from flexaxis.experiments.studies.benchmark import Benchmark, command_line
@@ -153,7 +153,6 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import show_run
-    from flexaxis.experiments.storage.names import REPORT
 
     failures = found.summary["failures"]
     status = options.failed(failures, args.remarks)

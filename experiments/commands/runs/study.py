@@ -32,9 +32,12 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.consent import add_run_code, require
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import REPORT, STUDY
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
@@ -66,7 +69,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Read, ask for consent, plan, run and report."""
-    from flexaxis.experiments.building.consent import require
     from flexaxis.experiments.studies.definition import load_study
 
     study = load_study(args.file)
@@ -87,9 +89,6 @@ def main(args: argparse.Namespace) -> int:
 def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     from flexaxis.experiments.running.folder import check, done
     from flexaxis.experiments.running.plan import make_plan
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.storage.names import REPORT, STUDY
 
     shard = options.shard(args)
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)

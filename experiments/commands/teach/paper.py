@@ -14,6 +14,7 @@ import os
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.progress import progress
 
 HELP = "reproduce the paper's figures and check its claims"
 GROUP = "teach"
@@ -49,7 +50,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.paper.paper_page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.progress import progress
     from flexaxis.experiments.studies.benchmark import command_line
 
     try:
