@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -139,6 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
+    args.line = shlex.join(["flexaxis", *args.words])
     with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
         status = _told(out, _guarded(args))
     if alone and (status == INTERRUPTED or threads_left()):

@@ -37,7 +37,7 @@ def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0
         Exit status.
     """
     known = dict(content)
-    line = known.pop("command", None) or shlex.join(["flexaxis", *args.words])
+    line = known.pop("command", None) or args.line
     known.pop("status", None)
     print(_text(args.command, status, {"line": line} | known), flush=True)
     args.answered = True

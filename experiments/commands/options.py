@@ -65,18 +65,28 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_time_limit(parser)
 
 
-def repeated(args: argparse.Namespace) -> list[str]:
-    """Return the words that were typed, without what says what becomes of what is there."""
-    return [word for word in args.words if word not in {RESUME, OVERWRITE}]
+def line(args: argparse.Namespace, *more: str, whole: bool = False) -> str:
+    """Return the line that was typed, without what says what becomes of what is there.
 
-
-def whole(args: argparse.Namespace) -> list[str]:
-    """Return the words that were typed, without what asks for a part of the work only."""
-    words = repeated(args)
-    if "--shard" in words:
+    A `whole` one is without what asks for a part of the work only.
+    """
+    words = [word for word in args.words if word not in {RESUME, OVERWRITE}]
+    if whole and "--shard" in words:
         place = words.index("--shard")
         del words[place : place + 2]
-    return [word for word in words if not word.startswith("--shard=")]
+    words = [word for word in words if not (whole and word.startswith("--shard="))]
+    return shlex.join(["flexaxis", *words, *more])
+
+
+def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
+    """Declare --cache and --no-cache."""
+    parser.add_argument(
+        "--cache",
+        action=argparse.BooleanOptionalAction,
+        default=default,
+        help="keep simulated records (`flexaxis cache info`) for whoever needs the same, or "
+        f"simulate all and keep none (default: --{'' if default else 'no-'}cache)",
+    )
 
 
 def check_jobs(args: argparse.Namespace) -> None:
@@ -210,7 +220,7 @@ def go_on(args: argparse.Namespace, done: int) -> str:
     kept = f"{done} case{'s'[: done != 1]} done just now"
     if getattr(args, "self_test", False):  # keeps its rows in memory
         return f"{kept}, and not kept"
-    return f"{kept}; go on with: " + shlex.join(["flexaxis", *repeated(args), RESUME])
+    return f"{kept}; go on with: {line(args, RESUME)}"
 
 
 def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:

@@ -49,7 +49,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.suite import EntryError, board
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
     frozen = board()
@@ -64,7 +63,7 @@ def main(args: argparse.Namespace) -> int:
     entries = [each.entry for each in taken]
     logs = log_scores(entries, args.logs, run_code=args.run_code) if args.logs else []
     mine = frozen.quick() if args.quick else frozen
-    shown = Shown(taken, left, mine, args.quick, command_line(args.words), logs)
+    shown = Shown(taken, left, mine, args.quick, args.line, logs)
     found = write_site(shown, args.output)
     page, status = args.output / PAGE, 1 if left else 0
     if args.json:

@@ -128,7 +128,6 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         readable_by_both,
     )
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
     seeds = parse_seeds(args.seeds or str(default_seeds(names)))
@@ -150,7 +149,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
     if args.match_std:
         most += work(len(scenarios), len(question.seeds), len(question.looks()[-1]))
-    command = command_line(options.repeated(args))
+    command = options.line(args)
     folder = _output(args)
     how = {"overwrite": args.overwrite, "traced": True, "about": {"command": command}}
     with (

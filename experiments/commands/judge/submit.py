@@ -66,7 +66,6 @@ def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
     from flexaxis.experiments.board.submission import cases, submit
     from flexaxis.experiments.board.suite import board
-    from flexaxis.experiments.studies.benchmark import command_line
 
     about = _about(args)
     if args.about:
@@ -76,7 +75,7 @@ def main(args: argparse.Namespace) -> int:
     with options.working(args, f"{total} cases or more", total) as (means, _):
         entry = submit(
             args.estimator, args.output, about, wanted, means, quick=args.quick,
-            resume=args.resume, command=command_line(options.whole(args)), say=remark,
+            resume=args.resume, command=options.line(args, whole=True), say=remark,
         )  # fmt: skip
     if args.json:
         found = {"entry": args.output, "label": entry.label, "digest": entry.digest}

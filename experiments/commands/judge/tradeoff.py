@@ -45,14 +45,13 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.running.bench import Bench
     from flexaxis.experiments.scoring.ranking import overall
-    from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)
     known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "glr"]
     estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
-    command = command_line(options.repeated(args))
+    command = options.line(args)
     most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
     how = {"overwrite": args.overwrite, "about": {"command": command}}
     what = f"at most {most} cases"

@@ -70,7 +70,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
     draw = Draw.new(args.seed_from)
@@ -86,7 +85,7 @@ def main(args: argparse.Namespace) -> int:
         else:
             _show_code(args)
             verdict = verify_entry(
-                args.folder, ask, run_code=args.run_code, command=command_line(args.words),
+                args.folder, ask, run_code=args.run_code, command=args.line,
                 means=Means(store=default_cache()), told=told,
             )  # fmt: skip
     except EntryError as error:

@@ -39,11 +39,10 @@ def main(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from flexaxis.experiments.running.verify import verify
-    from flexaxis.experiments.studies.benchmark import command_line
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
-    command = command_line(args.words)
+    command = args.line
     how = {"sample": args.sample, "seed": args.seed, "run_code": args.run_code}
     verdicts = list(verify(args.folder, command=command, **how))
     wrong = [verdict for verdict in verdicts if verdict.differences]

@@ -56,9 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
     )
-    parser.add_argument(
-        "--no-cache", action="store_true", help="simulate every record, and keep none"
-    )
+    options.add_cache(parser, default=True)
     add_json(parser)
 
 
@@ -73,7 +71,7 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         about = f"{work.cases} case{'s'[: work.cases != 1]}"
-        working = options.working(args, about, work.cases, cache=not args.no_cache, place=place)
+        working = options.working(args, about, work.cases, cache=args.cache, place=place)
         simulated = 0
 
         def landed(outcome: Any) -> None:
@@ -102,7 +100,7 @@ def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
     from flexaxis.experiments.catalogue.find import select
     from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.scoring.ranking import REFERENCE
-    from flexaxis.experiments.studies.benchmark import Benchmark, command_line
+    from flexaxis.experiments.studies.benchmark import Benchmark
 
     chosen = select(names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
@@ -117,7 +115,7 @@ def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
-        command=command_line(options.whole(args)),
+        command=options.line(args, whole=True),
         swept_scenarios=[s for s in chosen.swept_scenarios if s.name in readable],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )

@@ -27,7 +27,6 @@ example:
 from __future__ import annotations
 
 import argparse
-import shlex
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,11 +57,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default="none",
         help="whose estimates to write to DIR/trajectories (default: none)",
     )
-    parser.add_argument(
-        "--cache",
-        action="store_true",
-        help="keep simulated records (`flexaxis cache info`), for studies of the same records",
-    )
+    options.add_cache(parser, default=False)
     add_run_code(parser, "estimators of FILE.toml")
     add_json(parser)
 
@@ -72,8 +67,7 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.studies.definition import load_study
 
     study = load_study(args.file)
-    line = shlex.join(["flexaxis", *(word for word in args.words if word != "--dry-run")])
-    consent = {"source": str(args.file), "command": line}
+    consent = {"source": str(args.file), "command": args.line.replace(" --dry-run", "")}
     if not args.dry_run:
         require(args.run_code, study.estimators, **consent)
     try:
@@ -133,7 +127,6 @@ def _several(number: int, what: str) -> str:
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int]) -> int:
     from flexaxis.experiments.running.engine import run_study
     from flexaxis.experiments.running.folder import done
-    from flexaxis.experiments.studies.benchmark import command_line
 
     todo = plan.work(None if args.overwrite else done(folder, plan)).cases
     working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
@@ -146,7 +139,7 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
             keep=args.keep,
             traced=not plan.study.axes,
             run_code=args.run_code,
-            about={"title": plan.study.name, "command": command_line(options.repeated(args))},
+            about={"title": plan.study.name, "command": options.line(args)},
         )
     return _report(args, plan, folder, finished.cases)
 

@@ -121,10 +121,9 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
 
 
 def _consent(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> None:
-    from flexaxis.experiments.studies.benchmark import command_line
 
     named = lesson.named[2:] if args.estimator else lesson.named
-    require(args.run_code, named, source=str(path), command=command_line(args.words))
+    require(args.run_code, named, source=str(path), command=args.line)
 
 
 def _record(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> int:
