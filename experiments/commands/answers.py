@@ -1,7 +1,8 @@
-"""What `--json` prints: one object on stdout, alike for every command; docs/json.md has its keys.
+"""Where a command writes to, and what `--json` prints: one object on stdout, alike for every one.
 
-It begins with the version of flexaxis, the name of the command, its exit status and the line that
-was typed; what the command found follows. Where a command cannot, `error` says why.
+docs/json.md has its keys. It begins with the version of flexaxis, the name of the command, its exit
+status and the line that was typed; what the command found follows. Where a command cannot, `error`
+says why.
 """
 
 from __future__ import annotations
@@ -20,6 +21,22 @@ def add_json(parser: Any) -> None:
     """Declare --json."""
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object, and nothing else, on stdout"
+    )
+
+
+def add_output(
+    parser: Any, metavar: str, words: str = "", *, default: Path | None = None,
+    required: bool = False,
+) -> None:  # fmt: skip
+    """Declare --output; `words` say what it is where it is not given."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar=metavar,
+        default=default,
+        required=required,
+        help=words or (f"default: {default}" if default else None),
     )
 
 

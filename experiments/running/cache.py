@@ -115,7 +115,8 @@ class RecordCache:
 
     def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
         run = f"{seed}.{repeat}" if repeat else f"{seed}"
-        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {digest_of('models_mjcf', 'sim')}"
+        code = digest_of("models_mjcf", "sim")
+        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {code}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 

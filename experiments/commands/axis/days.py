@@ -19,7 +19,7 @@ import argparse
 import re
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.logs.options import add_style_options, style_of
 
@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "scenario", nargs="?", default="wg_fc_step-v1", metavar="SCENARIO",
         help="catalogue name or TOML path; default: wg_fc_step-v1",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", type=Path, default=Path("days"), metavar="FOLDER")
+    add_output(parser, "FOLDER", default=Path("days"))
     parser.add_argument("--days", type=at_most(10_000), default=60, help="default: 60")
     parser.add_argument(
         "--wear", action="append", default=[], metavar="NAME=±X%",

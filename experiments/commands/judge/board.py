@@ -24,7 +24,7 @@ from typing import Any
 
 from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.cli import say
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 
 HELP = "build a site of entries: who is ahead, on each track"
 GROUP = "judge"
@@ -33,7 +33,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("entries", nargs="+", type=Path, metavar="ENTRY")
-    parser.add_argument("-o", "--output", type=Path, metavar="SITE", required=True)
+    add_output(parser, "SITE", required=True)
     parser.add_argument("--verdicts", type=Path, metavar="FOLDER", help="of `verify ENTRY -o`")
     parser.add_argument("--logs", type=Path, metavar="FOLDER", help="records of real axes")
     parser.add_argument("--quick", action="store_true", help="of entries for trying, no others")

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
 from flexaxis.experiments.running.seeds import MOST, parse_seeds
 from flexaxis.experiments.storage.files import spare
@@ -80,7 +80,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
     options.add_time_limit(parser)
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
+    add_output(parser, "DIR", "default results/compare")
     add_json(parser)
 
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.storage.files import spare
 
@@ -42,7 +42,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
+    add_output(parser, "DIR", required=True)
     parser.add_argument("--about", type=Path, metavar="FILE", help="TOML with what is asked below")
     words = {
         "name": "of the entry; its versions share it (default: the estimator's, if registered)",

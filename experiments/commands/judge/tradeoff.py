@@ -17,7 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import write_json, write_text
 
@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_jobs(parser, what="the lags do")
     options.add_resume(parser)
     options.add_time_limit(parser)
-    parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
+    add_output(parser, "DIR", default=Path("results/tradeoff"))
     add_json(parser)
 
 

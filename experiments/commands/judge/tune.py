@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import OutputError
 from flexaxis.sim.errors import FlexaxisError
@@ -60,10 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="write it to this TOML file (default: the one that the registry reads)",
     )
     options.add_jobs(parser, what="the settings do")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR",
-        help="where its runs are kept (default: results/tune/ESTIMATOR)",
-    )  # fmt: skip
+    add_output(parser, "DIR", "where its runs are kept (default: results/tune/ESTIMATOR)")
     options.add_resume(parser)
     options.add_time_limit(parser)
     add_json(parser)

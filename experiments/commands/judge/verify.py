@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
 from flexaxis.experiments.storage.files import spare, write_json
 from flexaxis.experiments.storage.names import STUDY
@@ -55,9 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="unknown cases of each setting (default: 8)",
     )  # fmt: skip
     parser.add_argument("--seed-from", metavar="TEXT", help="what an earlier verdict has printed")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write the verdict (JSON)"
-    )
+    add_output(parser, "FILE", "write the verdict (JSON)")
     options.add_time_limit(parser)
     add_json(parser)
 

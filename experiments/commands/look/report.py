@@ -10,7 +10,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.storage.files import as_written, spare, write_text
 from flexaxis.experiments.storage.names import REPORT
 
@@ -21,7 +21,7 @@ GROUP = "look"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
+    add_output(parser, "FILE", "default: in DIR")
     parser.add_argument(
         "--size",
         type=float,

@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.storage.files import spare
 from flexaxis.sim.errors import FlexaxisError
@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="PICTURE.png")
+    add_output(parser, "PICTURE.png")
     add_json(parser)
 
 

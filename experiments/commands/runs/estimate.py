@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import progress
 from flexaxis.experiments.storage.files import spare
 
@@ -38,9 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario", metavar="SCENARIO", help="for a record that does not say its own"
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="default: RECORD-estimates.nc"
-    )
+    add_output(parser, "FILE", "default: RECORD-estimates.nc")
     parser.add_argument(
         "--no-covariance",
         action="store_true",

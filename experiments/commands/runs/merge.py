@@ -12,7 +12,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.cli import FINDING, FINE, say
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.storage.files import spare
 
 HELP = "put the shares of a run or a study together"
@@ -22,7 +22,7 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
+    add_output(parser, "DIR", required=True)
     add_json(parser)
 
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.running.seeds import parse_seeds
 from flexaxis.experiments.storage.files import spare
@@ -53,9 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "0 to 99 are meant for tuning, 1000 to 4999 for reporting",
     )
     options.add_engine(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
-    )
+    add_output(parser, "DIR", "default: results/FIRST_NAME")
     options.add_cache(parser, default=True)
     add_json(parser)
 

@@ -15,7 +15,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.logs.options import add_style_options, style_of
 
@@ -32,9 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=at_most(SEED), default=0, help="number of the run (default 0)"
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="default: SCENARIO-SEED.nc"
-    )
+    add_output(parser, "FILE", "default: SCENARIO-SEED.nc")
     parser.add_argument(
         "--as-log", choices=("csv", "mat", "h5"), help="write what a robot would log, as this"
     )

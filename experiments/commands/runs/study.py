@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.consent import add_run_code, require
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import remark
 from flexaxis.experiments.storage.files import spare
 from flexaxis.experiments.storage.names import REPORT, STUDY
@@ -48,7 +48,7 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("file", type=Path, metavar="FILE.toml")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: results/NAME")
+    add_output(parser, "DIR", "default: results/NAME")
     options.add_engine(parser)
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
     parser.add_argument(

@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.running.progress import progress
 
 HELP = "reproduce the paper's figures and check its claims"
@@ -22,14 +22,7 @@ GROUP = "teach"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("results/paper"),
-        metavar="DIR",
-        help="default: results/paper",
-    )
+    add_output(parser, "DIR", "default: results/paper", default=Path("results/paper"))
     options.add_jobs(parser, what="the claims do")
     options.add_cache(parser, default=True)
     add_json(parser)
