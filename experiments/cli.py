@@ -1,6 +1,6 @@
 """The command `flexaxis`: results on stdout, progress and errors on stderr.
 
-Each command is a module in `flexaxis.experiments.commands` with `HELP`, `GROUP`,
+Each command is a module in a folder of `flexaxis.experiments.commands` with `HELP`, `GROUP`,
 `configure(parser)` and `main(args)`, and is found there; the heavy imports lie inside `main`, so
 that `--help` is quick.
 """
@@ -10,11 +10,12 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from importlib.metadata import version
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 from types import ModuleType
 from typing import Any
 
@@ -55,17 +56,22 @@ LONGEST = 1000  # characters of a line of error; what somebody gave may be longe
 QUIET, VERBOSE = ("-q", "--quiet"), ("-v", "--verbose")
 
 
-def commands() -> dict[str, ModuleType]:
-    """Return the modules of the commands by name: whatever lies there and has `main`."""
-    names = sorted(found.name for found in iter_modules(home.__path__))
-    modules = {name: import_module(f"{home.__name__}.{name}") for name in names}
+def commands(only: str = "") -> dict[str, ModuleType]:
+    """Return the modules of the commands by name: whatever lies there and has `main`.
+
+    Where there is a command of the name `only`, it is that one alone: the others take time.
+    """
+    found = (each.name for each in walk_packages(home.__path__, f"{home.__name__}."))
     # An underscore keeps a name that is a word of Python, such as import_.
-    return {name.rstrip("_"): found for name, found in modules.items() if hasattr(found, "main")}
+    places = {name.rpartition(".")[2].rstrip("_"): name for name in found}
+    wanted = [only] if only in places else sorted(places)
+    modules = {name: import_module(places[name]) for name in wanted}
+    return {name: module for name, module in modules.items() if hasattr(module, "main")}
 
 
-def parser() -> Parser:
-    """Return the parser of the command line, with all commands."""
-    known = commands()
+def parser(only: str = "") -> Parser:
+    """Return the parser of the command line, with all commands or one of them."""
+    known = commands(only)
     top = Parser(
         prog="flexaxis",
         description=_overview(known),
@@ -122,9 +128,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(f"the command {words[0]} {gone}")
         return WRONG_USE
     alone = argv is None  # nobody goes on after this command
-    top = parser()
     if "_ARGCOMPLETE" in os.environ:  # the shell asks how a word may go on
-        complete(top)
+        complete(parser())
+    top = parser(words[0] if words else "")
     args = top.parse_args(words)
     if odd := [word for word in words if not is_text(word)]:
         args.parser.error(
@@ -134,6 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     common = {TRACEBACK, *QUIET, *VERBOSE}
     args.remarks = []  # on users' code
     args.words = [word for word in words if word not in common]  # no part of what is repeated
+    args.line = shlex.join(["flexaxis", *args.words])
     with forgiving() as out, told(quiet=args.quiet, verbose=args.verbose), one_stage():
         status = _told(out, _guarded(args))
     if alone and (status == INTERRUPTED or threads_left()):

@@ -52,13 +52,16 @@ def _named(estimator: str) -> list[Path]:
     return [Path(found.origin)] if found and found.origin else []
 
 
-@cache
 def own_digest() -> str:
     """Return a digest of the code of simulation, estimators and scores."""
-    found = [files(f"flexaxis.{part}") for part in ("models_mjcf", "sim", "estimators")]
-    found.append(files("flexaxis.experiments.scoring"))
+    return digest_of("models_mjcf", "sim", "estimators", "experiments.scoring")
+
+
+@cache
+def digest_of(*parts: str) -> str:
+    """Return a digest of the code, models and settings in packages of flexaxis."""
     content = sha256()
-    for source in (f for folder in found for f in sources(folder)):
+    for source in (f for part in parts for f in sources(files(f"flexaxis.{part}"))):
         content.update(source.read_bytes())
     return content.hexdigest()[:SHORT]
 

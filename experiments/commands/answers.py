@@ -1,7 +1,8 @@
-"""What `--json` prints: one object on stdout, alike for every command; docs/json.md has its keys.
+"""Where a command writes to, and what `--json` prints: one object on stdout, alike for every one.
 
-It begins with the version of flexaxis, the name of the command, its exit status and the line that
-was typed; what the command found follows. Where a command cannot, `error` says why.
+docs/json.md has its keys. It begins with the version of flexaxis, the name of the command, its exit
+status and the line that was typed; what the command found follows. Where a command cannot, `error`
+says why.
 """
 
 from __future__ import annotations
@@ -23,6 +24,22 @@ def add_json(parser: Any) -> None:
     )
 
 
+def add_output(
+    parser: Any, metavar: str, words: str = "", *, default: Path | None = None,
+    required: bool = False,
+) -> None:  # fmt: skip
+    """Declare --output; `words` say what it is where it is not given."""
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar=metavar,
+        default=default,
+        required=required,
+        help=words or (f"default: {default}" if default else None),
+    )
+
+
 def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0) -> int:
     """Print what a command found as JSON, and return its status.
 
@@ -37,7 +54,7 @@ def answer(args: argparse.Namespace, content: Mapping[str, Any], status: int = 0
         Exit status.
     """
     known = dict(content)
-    line = known.pop("command", None) or shlex.join(["flexaxis", *args.words])
+    line = known.pop("command", None) or args.line
     known.pop("status", None)
     print(_text(args.command, status, {"line": line} | known), flush=True)
     args.answered = True

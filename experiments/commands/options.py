@@ -9,6 +9,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
+from flexaxis.experiments.cli import CRASH, FINDING, say
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.storage.errors import NotRun, needed
+from flexaxis.sim.errors import FlexaxisError
+
 if TYPE_CHECKING:
     from flexaxis.experiments.building.guest import Remark
     from flexaxis.experiments.running.engine import Means
@@ -60,18 +65,28 @@ def add_engine(parser: argparse.ArgumentParser) -> None:
     add_time_limit(parser)
 
 
-def repeated(args: argparse.Namespace) -> list[str]:
-    """Return the words that were typed, without what says what becomes of what is there."""
-    return [word for word in args.words if word not in {RESUME, OVERWRITE}]
+def line(args: argparse.Namespace, *more: str, whole: bool = False) -> str:
+    """Return the line that was typed, without what says what becomes of what is there.
 
-
-def whole(args: argparse.Namespace) -> list[str]:
-    """Return the words that were typed, without what asks for a part of the work only."""
-    words = repeated(args)
-    if "--shard" in words:
+    A `whole` one is without what asks for a part of the work only.
+    """
+    words = [word for word in args.words if word not in {RESUME, OVERWRITE}]
+    if whole and "--shard" in words:
         place = words.index("--shard")
         del words[place : place + 2]
-    return [word for word in words if not word.startswith("--shard=")]
+    words = [word for word in words if not (whole and word.startswith("--shard="))]
+    return shlex.join(["flexaxis", *words, *more])
+
+
+def add_cache(parser: argparse.ArgumentParser, *, default: bool) -> None:
+    """Declare --cache and --no-cache."""
+    parser.add_argument(
+        "--cache",
+        action=argparse.BooleanOptionalAction,
+        default=default,
+        help="keep simulated records (`flexaxis cache info`) for whoever needs the same, or "
+        f"simulate all and keep none (default: --{'' if default else 'no-'}cache)",
+    )
 
 
 def check_jobs(args: argparse.Namespace) -> None:
@@ -84,8 +99,6 @@ def check_jobs(args: argparse.Namespace) -> None:
 
 def shard(args: argparse.Namespace) -> tuple[int, int]:
     """Return which share is to be run, of how many."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if args.shard is None:
         return 1, 1
     mine, _, shares = args.shard.partition("/")
@@ -98,8 +111,6 @@ def check_dask(args: argparse.Namespace) -> None:
     """Refuse a cluster where its client is not installed."""
     from importlib.util import find_spec
 
-    from flexaxis.sim.errors import FlexaxisError
-
     if find_spec("distributed") is None:
         raise FlexaxisError(
             f"--dask {args.dask}: this needs distributed: python -m pip install distributed"
@@ -108,11 +119,8 @@ def check_dask(args: argparse.Namespace) -> None:
 
 def executor(args: argparse.Namespace, stack: ExitStack) -> tuple[Any, int]:
     """Return where to work, None for processes of our own, and how many work there."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if args.dask is None:
         return None, args.jobs
-    from flexaxis.experiments.storage.errors import needed
 
     distributed = needed("distributed")
     try:
@@ -161,9 +169,6 @@ def working(
     from flexaxis.experiments.building.guest import limited
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.storage.errors import NotRun
-    from flexaxis.sim.errors import FlexaxisError
 
     check_jobs(args)
     elsewhere, workers = place or (None, args.jobs or os.cpu_count() or 1)
@@ -202,7 +207,6 @@ def working(
 def telling(remarks: Sequence[Remark]) -> Iterator[None]:
     """Say on stderr, in the end, what there is to be known of users' code."""
     from flexaxis.experiments.building.guest import in_words
-    from flexaxis.experiments.cli import say
 
     try:
         yield
@@ -216,13 +220,12 @@ def go_on(args: argparse.Namespace, done: int) -> str:
     kept = f"{done} case{'s'[: done != 1]} done just now"
     if getattr(args, "self_test", False):  # keeps its rows in memory
         return f"{kept}, and not kept"
-    return f"{kept}; go on with: " + shlex.join(["flexaxis", *repeated(args), RESUME])
+    return f"{kept}; go on with: {line(args, RESUME)}"
 
 
 def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
     """Return the scenarios that all estimators can read; which are left out is said on stderr."""
     from flexaxis.experiments.building.ready import readable
-    from flexaxis.experiments.cli import say
 
     kept, left = readable(scenarios, estimators)
     for name, reason in left.items():
@@ -232,7 +235,6 @@ def leave_out(scenarios: Sequence[Any], estimators: Sequence[str]) -> list[Any]:
 
 def tell_failures(failures: Sequence[Mapping[str, Any]]) -> None:
     """Say on stderr which estimators failed where, and why: each kind of failure once."""
-    from flexaxis.experiments.cli import say
     from flexaxis.experiments.reporting.terminal import failures_in_words as in_words
 
     for text, count in in_words(failures):
@@ -247,7 +249,5 @@ def failed(failures: Sequence[Mapping[str, Any]], remarks: Sequence[Remark] = ()
 
     It is 1 as well where a user's estimator returned what is not finite.
     """
-    from flexaxis.experiments.cli import CRASH, FINDING
-
     crashed = any(row["error"].startswith("EstimatorCrash") for row in failures)
     return CRASH if crashed else FINDING if failures or remarks else 0

@@ -12,6 +12,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from flexaxis.experiments.building.consent import names_code
+from flexaxis.experiments.building.neighbours import code_file
+from flexaxis.experiments.catalogue.names import scenario_names, suite_names
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.errors import no_study
+from flexaxis.experiments.storage.names import STUDY
+from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
+
 _CHOICE = re.compile(r"invalid choice: '?([^' ]*)'? \(choose from (.*)\)")
 
 
@@ -48,8 +56,6 @@ class Parser(argparse.ArgumentParser):
 
     def refused(self, word: str) -> str:
         """Return what to say of a word that nothing takes."""
-        from flexaxis.sim.errors import did_you_mean
-
         if not word.startswith("-"):
             return f"{word!r} is one word too many."
         known = [name for action in self._actions for name in action.option_strings]
@@ -57,8 +63,6 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, and how it may have been meant."""
-        from flexaxis.sim.errors import did_you_mean
-
         found = _CHOICE.search(message)
         wrong = self._unknown_options()
         if wrong and (found or "required" in message):  # its value was taken for another word
@@ -88,7 +92,6 @@ def check_words(parser: argparse.ArgumentParser, args: argparse.Namespace) -> No
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.commands import options
     from flexaxis.experiments.commands.numbers import too_large
-    from flexaxis.sim.errors import FlexaxisError
 
     problems = [*too_large(parser, args)]
     if "jobs" in args:
@@ -141,9 +144,7 @@ def _of_suites(text: str) -> None:
 
 
 def _estimator(text: str) -> None:
-    from flexaxis.experiments.building.consent import names_code
     from flexaxis.experiments.building.imports import no_file
-    from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
 
     path = Path(code_file(text))
@@ -154,7 +155,6 @@ def _estimator(text: str) -> None:
 
 
 def _file(text: str) -> None:
-    from flexaxis.sim.errors import FlexaxisError, did_you_mean
 
     path = Path(text)
     if not path.exists():
@@ -172,8 +172,6 @@ def _record(text: str) -> None:
 
 
 def _study(text: str) -> None:
-    from flexaxis.experiments.storage.errors import no_study
-    from flexaxis.experiments.storage.names import STUDY
 
     if not (Path(text) / STUDY).exists():
         raise no_study(Path(text))
@@ -181,7 +179,6 @@ def _study(text: str) -> None:
 
 def _anything(text: str) -> None:
     from flexaxis.estimators.registry import gone
-    from flexaxis.sim.errors import FlexaxisError, ScenarioError, did_you_mean
 
     try:
         _of_suites(text)
@@ -200,7 +197,6 @@ def _anything(text: str) -> None:
 
 
 def _seeds(text: str) -> None:
-    from flexaxis.experiments.running.seeds import parse_seeds
 
     parse_seeds(text)
 
@@ -248,7 +244,6 @@ def _parameters(prefix: str, parsed_args: argparse.Namespace, **more: Any) -> li
     from flexaxis.estimators.errors import EstimatorError
     from flexaxis.experiments.logs.axis_file import find_axis
     from flexaxis.experiments.logs.identification.friction import KINDS
-    from flexaxis.sim.errors import FlexaxisError
 
     try:
         names = list(find_axis(str(parsed_args.model)).model.parameters)
@@ -281,7 +276,6 @@ def _all_actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _scenarios() -> list[str]:
-    from flexaxis.experiments.catalogue.names import scenario_names, suite_names
 
     return [*suite_names(), *scenario_names()]
 

@@ -59,22 +59,16 @@ class LogResult(Table):
         -------
         Axes
         """
+        from flexaxis.experiments.reporting import figures
+
         titles = [each.title for each in self.charts]
         shown = self.charts[titles.index(chart) if isinstance(chart, str) else chart]
         axes = panels(ax, len(shown.panels))
-        for panel, on in zip(shown.panels, axes, strict=True):
-            for line in panel.lines:
-                style = {"points": "o", "both": "o-"}.get(line.kind, "-")
-                label = line.label or line.who
-                (drawn,) = on.plot(line.x, line.y, style, ms=3, lw=1, label=label)
-                if line.low is not None and line.high is not None:
-                    on.fill_between(
-                        line.x, line.low, line.high, color=drawn.get_color(), alpha=0.2, lw=0
-                    )
-            on.set_ylabel(panel.y)
-            on.legend(frameon=False, fontsize=8)
+        for panel, on in enumerate(axes):
+            figures.draw(shown, on, panel=panel)
+            if on.get_legend_handles_labels()[0]:
+                on.legend(frameon=False, fontsize=8)
         axes[0].set_title(shown.title)
-        axes[-1].set_xlabel(shown.x)
         return returned(axes)
 
 

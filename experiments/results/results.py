@@ -92,7 +92,8 @@ class Results:
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(self.column("seed"))
+        ((count,),) = self.source.lines(["count(*)"], self._condition)
+        return int(count)
 
     def select(self, where: Mapping[str, Any]) -> Self:
         """Return those rows whose columns have these values; a list means one of them.

@@ -13,14 +13,12 @@ import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
-from functools import cache
 from hashlib import sha256
-from importlib.resources import files
-from importlib.resources.abc import Traversable
 from pathlib import Path
 
 import numpy as np
 
+from flexaxis.experiments.building.code import digest_of
 from flexaxis.experiments.scoring.nominal import nominal_runs
 from flexaxis.sim.errors import FlexaxisError
 from flexaxis.sim.files import atomic
@@ -117,7 +115,8 @@ class RecordCache:
 
     def _path(self, scenario: Scenario, seed: int, repeat: int = 0) -> Path:
         run = f"{seed}.{repeat}" if repeat else f"{seed}"
-        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {_code()}"
+        code = digest_of("models_mjcf", "sim")
+        key = f"{scenario.record_hash} {run} {sorted(versions().items())} {code}"
         return self.folder / f"{sha256(key.encode()).hexdigest()}.npz"
 
 
@@ -163,24 +162,6 @@ def records(
 def kept_runs(store: RecordCache | None) -> AbstractContextManager[None]:
     """Keep the nominal runs, too, that are simulated inside: each serves many scenarios."""
     return nominal_runs(lambda scenario: records(scenario, [0], store)[0][0].torque)
-
-
-@cache
-def _code() -> str:
-    """Digest of the code and models that make a record."""
-    sources = [f for part in ("sim", "models_mjcf") for f in _walk(files(f"flexaxis.{part}"))]
-    content = b"".join(f.read_bytes() for f in sorted(sources, key=str))
-    return sha256(content).hexdigest()
-
-
-def _walk(folder: Traversable) -> list[Traversable]:
-    found: list[Traversable] = []
-    for item in folder.iterdir():
-        if item.is_dir():
-            found += _walk(item)
-        elif item.name.endswith((".py", ".xml")):
-            found.append(item)
-    return found
 
 
 def _size(path: Path) -> int:

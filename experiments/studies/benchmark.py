@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -246,8 +245,3 @@ def describe(text: str) -> str:
     """Return what an estimator is, in a line: of the registry, or the user's own."""
     name = text.partition("[")[0].strip()
     return REGISTRY[name].summary if name in REGISTRY else "an estimator of your own"
-
-
-def command_line(words: Sequence[str]) -> str:
-    """Return the line that runs a command again, quoted for a shell."""
-    return shlex.join(["flexaxis", *words])

@@ -32,7 +32,7 @@ def test_another_content_is_another_entry(short, store, monkeypatch):
     records(short, [0], store)
     assert records(short.override({"noise.speed": 0.2}), [0], store)[1] == 1
     assert records(short.override({"name": "renamed"}), [0], store)[1] == 0
-    monkeypatch.setattr(cache, "_code", lambda: "another plant")
+    monkeypatch.setattr(cache, "digest_of", lambda *parts: "another plant")
     assert records(short, [0], store)[1] == 1
 
 

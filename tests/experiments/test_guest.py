@@ -185,12 +185,12 @@ def test_the_limit_is_of_one_run_and_put_back(short):
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 
-def test_results_alone_go_to_stdout(capsys):
-    status, out, err = ran(capsys, "Prints", "--json")
+def test_results_alone_go_to_stdout(capfd):
+    status, out, err = ran(capfd, "Prints", "--json")
     assert status == 0 and json.loads(out)["rows"]
     assert err.count("here") >= 2 * 1600  # a sample of two runs
     main(["check", "guests.py:Prints", "--json"])
-    rules = {rule["rule"]: rule for rule in json.loads(capsys.readouterr().out)["rules"]}
+    rules = {rule["rule"]: rule for rule in json.loads(capfd.readouterr().out)["rules"]}
     assert rules["prints nothing"]["holds"] is False and rules["finite"]["holds"]
 
 

@@ -115,7 +115,7 @@ def test_what_goes_wrong_is_an_answer_as_well(  # noqa: PLR0917
 
 
 def test_ctrl_c_is_an_answer_as_well(capsys, place, monkeypatch):
-    from flexaxis.experiments.commands import list as listing
+    from flexaxis.experiments.commands.look import list as listing
 
     def pressed(args):
         raise KeyboardInterrupt("nothing is kept")

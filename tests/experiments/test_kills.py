@@ -174,7 +174,7 @@ def test_a_queue_that_ends_a_command_is_as_ctrl_c(name, tmp_path, short_toml):
 
 @posix
 def test_the_line_to_go_on_with_is_told_before_anything_is_run(tmp_path, capsys, monkeypatch):
-    from flexaxis.experiments.commands import study
+    from flexaxis.experiments.commands.runs import study
 
     def stop(*args):
         signal.raise_signal(signal.SIGINT)

@@ -17,6 +17,7 @@ from flexaxis.experiments.building.consent import add_run_code
 from flexaxis.experiments.commands.answers import add_json, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
 from flexaxis.experiments.streams import visible
+from flexaxis.sim.errors import FlexaxisError
 
 HELP = "run random cases of a run or a study again and compare"
 GROUP = "run"
@@ -38,12 +39,10 @@ def main(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from flexaxis.experiments.running.verify import verify
-    from flexaxis.experiments.studies.benchmark import command_line
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
-    command = command_line(args.words)
+    command = args.line
     how = {"sample": args.sample, "seed": args.seed, "run_code": args.run_code}
     verdicts = list(verify(args.folder, command=command, **how))
     wrong = [verdict for verdict in verdicts if verdict.differences]

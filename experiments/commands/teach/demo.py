@@ -26,8 +26,11 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.consent import add_run_code, require
 from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.storage.files import spare
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.demo.lesson import Lesson
@@ -68,8 +71,6 @@ def main(args: argparse.Namespace) -> int:
     if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ):
         os.environ.setdefault("MUJOCO_GL", "egl")  # before the engine is imported
     from flexaxis.experiments.demo.lesson import default_lesson, load_lesson
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.print_script:
         print(default_lesson(), end="")
@@ -120,16 +121,13 @@ def _serve(args: argparse.Namespace, lesson: Lesson | None) -> int:
 
 
 def _consent(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> None:
-    from flexaxis.experiments.building.consent import require
-    from flexaxis.experiments.studies.benchmark import command_line
 
     named = lesson.named[2:] if args.estimator else lesson.named
-    require(args.run_code, named, source=str(path), command=command_line(args.words))
+    require(args.run_code, named, source=str(path), command=args.line)
 
 
 def _record(args: argparse.Namespace, lesson: Lesson, path: Path | None) -> int:
     from flexaxis.experiments.demo.movie import record
-    from flexaxis.experiments.running.progress import progress
 
     _consent(args, lesson, path)
     with progress(f"recording {args.record}", 1.0) as advance:

@@ -11,7 +11,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.cli import FINDING, FINE, say
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.storage.files import spare
 
 HELP = "put the shares of a run or a study together"
 GROUP = "run"
@@ -20,15 +22,13 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
+    add_output(parser, "DIR", required=True)
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Merge and report; what is missing is said, and is a finding."""
-    from flexaxis.experiments.cli import FINDING, FINE, say
     from flexaxis.experiments.running.merge import merge
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.report import report
 
     spare(args.folders, args.output)

@@ -10,10 +10,11 @@ example:
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands import options
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.progress import progress
 
 HELP = "reproduce the paper's figures and check its claims"
 GROUP = "teach"
@@ -21,24 +22,9 @@ GROUP = "teach"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("results/paper"),
-        metavar="DIR",
-        help="default: results/paper",
-    )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        default=os.cpu_count() or 1,
-        metavar="N",
-        help="processes (default: one a core); the claims do not depend on it",
-    )
-    parser.add_argument(
-        "--no-cache", action="store_true", help="simulate every record, and keep none"
-    )
+    add_output(parser, "DIR", "default: results/paper", default=Path("results/paper"))
+    options.add_jobs(parser, what="the claims do")
+    options.add_cache(parser, default=True)
     add_json(parser)
 
 
@@ -49,21 +35,19 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.paper.paper_page import claims_table
     from flexaxis.experiments.paper.reproduce import PAGE, reproduce
     from flexaxis.experiments.running.cache import default_cache
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.studies.benchmark import command_line
 
     try:
         with progress("paper", 1) as advance:
             claims = reproduce(
                 args.output,
-                command=command_line(args.words),
+                command=args.line,
                 jobs=args.jobs,
-                store=None if args.no_cache else default_cache(),
+                store=default_cache() if args.cache else None,
                 advance=advance,
             )
     except KeyboardInterrupt:
-        kept = "nothing is" if args.no_cache else "the records that were simulated are"
-        again = command_line(args.words)
+        kept = "the records that were simulated are" if args.cache else "nothing is"
+        again = args.line
         raise KeyboardInterrupt(f"{kept} kept; begin again with: {again}") from None
     page = args.output / PAGE
     status = int(not all(claim.holds for claim in claims))

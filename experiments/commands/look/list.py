@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.sim.errors import FlexaxisError
 
 HELP = "list scenarios, suites and estimators"
 GROUP = "look"
@@ -47,7 +48,6 @@ def main(args: argparse.Namespace) -> int:
 def _wanted(args: argparse.Namespace) -> dict[str, Callable[[], list[Line]]]:
     """Return what makes the lines of each kind that is asked for."""
     from flexaxis.experiments.catalogue import listing
-    from flexaxis.sim.errors import FlexaxisError
 
     makers: dict[str, Callable[[], list[Line]]] = {
         "scenarios": partial(listing.scenario_lines, group=args.group or "", find=args.find),

@@ -13,8 +13,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.storage.files import spare
+from flexaxis.sim.errors import FlexaxisError
 
 HELP = "look at a run in 3-D, in a window or as a picture"
 GROUP = "look"
@@ -28,14 +30,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--exaggerate", type=float, default=100.0, metavar="X", help="of the twist (default 100)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="PICTURE.png")
+    add_output(parser, "PICTURE.png")
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Show a run."""
-    from flexaxis.experiments.storage.files import spare
-
     spare([args.what], args.output)
     _check(args)
     if args.output is not None:
@@ -44,7 +44,6 @@ def main(args: argparse.Namespace) -> int:
         draw_offscreen()  # before the engine is imported
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.demo.view import picture, window
-    from flexaxis.sim.errors import FlexaxisError
     from flexaxis.sim.record import load_record
     from flexaxis.sim.simulate import simulate
 
@@ -69,8 +68,6 @@ def main(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse numbers and names that no picture can be made of."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if not 0 <= args.at < float("inf"):
         raise FlexaxisError(f"--at {args.at:g}: give a time of the run [s], from 0 on")
     if not 0 <= args.exaggerate < float("inf"):

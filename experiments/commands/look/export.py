@@ -12,6 +12,8 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import REPORT
 
 HELP = "write the rows of a run or a study as Parquet, CSV, NetCDF or JSON lines"
 GROUP = "look"
@@ -30,8 +32,6 @@ def main(args: argparse.Namespace) -> int:
     """Export and print the path."""
     from flexaxis.experiments.results import export
     from flexaxis.experiments.results.results import Results
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.report import inputs
 
     forms = {

@@ -19,9 +19,11 @@ import argparse
 import re
 from pathlib import Path
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
+from flexaxis.experiments.running.progress import progress
 
 HELP = "simulate daily logs of an axis that wears and warms"
 GROUP = "your own axis"
@@ -34,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "scenario", nargs="?", default="wg_fc_step-v1", metavar="SCENARIO",
         help="catalogue name or TOML path; default: wg_fc_step-v1",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", type=Path, default=Path("days"), metavar="FOLDER")
+    add_output(parser, "FOLDER", default=Path("days"))
     parser.add_argument("--days", type=at_most(10_000), default=60, help="default: 60")
     parser.add_argument(
         "--wear", action="append", default=[], metavar="NAME=±X%",
@@ -80,8 +82,6 @@ def main(args: argparse.Namespace) -> int:
     """Simulate and write the logs."""
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.logs.days import Days, without_faults, write_days
-    from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.running.progress import progress
 
     if args.no_header:
         raise LogError("--no-header: daily logs have a column temp, which needs its name")
@@ -109,7 +109,6 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _parts(option: str, texts: list[str] | tuple[str, ...]) -> dict[str, float]:
-    from flexaxis.experiments.logs.errors import LogError
 
     found = {}
     for text in texts:
@@ -122,8 +121,6 @@ def _parts(option: str, texts: list[str] | tuple[str, ...]) -> dict[str, float]:
 
 def _part(option: str, text: str) -> float:
     """Return a percentage as a part: "+12%" is .12, "-1.5%/K" is −.015."""
-    from flexaxis.experiments.logs.errors import LogError
-
     found = re.fullmatch(r"\s*([-+]?[\d.]+(?:e-?\d+)?)\s*%(?:\s*/\s*K)?\s*", text)
     try:
         return float(found[1]) / 100  # type: ignore[index]

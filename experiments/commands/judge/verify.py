@@ -22,10 +22,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
+from flexaxis.experiments.storage.files import spare, write_json
+from flexaxis.experiments.storage.names import STUDY
 from flexaxis.experiments.streams import visible
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.verification import Check, Verdict
@@ -51,9 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="unknown cases of each setting (default: 8)",
     )  # fmt: skip
     parser.add_argument("--seed-from", metavar="TEXT", help="what an earlier verdict has printed")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write the verdict (JSON)"
-    )
+    add_output(parser, "FILE", "write the verdict (JSON)")
     options.add_time_limit(parser)
     add_json(parser)
 
@@ -66,8 +68,6 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.verification import Ask, of_form, verify_entry
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.storage.files import spare, write_json
-    from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
     draw = Draw.new(args.seed_from)
@@ -83,7 +83,7 @@ def main(args: argparse.Namespace) -> int:
         else:
             _show_code(args)
             verdict = verify_entry(
-                args.folder, ask, run_code=args.run_code, command=command_line(args.words),
+                args.folder, ask, run_code=args.run_code, command=args.line,
                 means=Means(store=default_cache()), told=told,
             )  # fmt: skip
     except EntryError as error:
@@ -99,8 +99,6 @@ def main(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     from flexaxis.experiments.board.entry import ENTRY
-    from flexaxis.experiments.storage.names import STUDY
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.sample < 1:
         raise FlexaxisError(f"--sample {args.sample}: give the number of cases, 1 or more")
@@ -119,7 +117,6 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _refused(args: argparse.Namespace, problems: Any) -> int:
-    from flexaxis.experiments.cli import say
 
     if args.json:
         return answer(args, {"holds": False, "problems": list(problems)}, 1)
@@ -132,7 +129,6 @@ def _refused(args: argparse.Namespace, problems: Any) -> int:
 def _show_code(args: argparse.Namespace) -> None:
     """Say what would be run, before anything is."""
     from flexaxis.experiments.board.entry import read
-    from flexaxis.experiments.cli import say
 
     for path in read(args.folder).code:
         say(f"its code: {path} ({path.stat().st_size} bytes)")

@@ -18,8 +18,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.building.neighbours import code_file
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import MARKS, problems_of, say_problems, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+from flexaxis.experiments.storage.files import spare
 from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
@@ -51,19 +55,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=float, default=1.0, metavar="F", help="θ(0) over nominal; default 1"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="EST.nc", help="default: LOG-track.nc")
+    add_output(parser, "EST.nc", "default: LOG-track.nc")
     add_json(parser)
     add_log_options(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Track, report and save."""
-    from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
-    from flexaxis.experiments.logs.findings import problems_of, say_problems, waiting
     from flexaxis.experiments.logs.importing import import_any
     from flexaxis.experiments.logs.options import with_forgetting
     from flexaxis.experiments.logs.pages.page import write_page
@@ -73,8 +74,6 @@ def main(args: argparse.Namespace) -> int:
         save,
         track,
     )
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or args.log.with_name(args.log.stem + "-track.nc")
     report = path.with_suffix(".html")
@@ -108,7 +107,7 @@ def main(args: argparse.Namespace) -> int:
         spec.text,
         problems=problems,
         log=args.log.name,
-        command=command_line(args.words),
+        command=args.line,
     )
     write_page(page, report)
     status = 1 if found.changes or found.doubts else 0
@@ -124,7 +123,6 @@ def _print(found: Tracked) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from flexaxis.experiments.logs.findings import MARKS
     from flexaxis.experiments.logs.pages.track_page import estimates_of, findings
 
     table = Table("parameter", "last estimate", "nominal", "over nominal", box=None, pad_edge=False)

@@ -27,10 +27,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.cli import say
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import at_most
-from flexaxis.experiments.running.seeds import MOST
+from flexaxis.experiments.running.seeds import MOST, parse_seeds
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import SUMMARY
+from flexaxis.sim.errors import FlexaxisError
 
 if TYPE_CHECKING:
     from flexaxis.experiments.gate.gate import Comparison
@@ -76,7 +80,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: all cores)")
     options.add_resume(parser)
     options.add_time_limit(parser)
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default results/compare")
+    add_output(parser, "DIR", "default results/compare")
     add_json(parser)
 
 
@@ -84,7 +88,6 @@ def main(args: argparse.Namespace) -> int:
     """Compare, report, and return the verdict as a status."""
     from flexaxis.experiments.gate.margins import parse_margins
     from flexaxis.experiments.gate.stored import is_run
-    from flexaxis.sim.errors import FlexaxisError
 
     margins = parse_margins(args.margin)
     if args.comparisons is not None and args.comparisons < 1:
@@ -107,8 +110,6 @@ def main(args: argparse.Namespace) -> int:
 
 def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
     """Refuse options that would be ignored."""
-    from flexaxis.sim.errors import FlexaxisError
-
     given = [f"--{name.replace('_', '-')}" for name in names if getattr(args, name)]
     if given:
         raise FlexaxisError(f"{' and '.join(given)}: no option of {what}; leave it out")
@@ -116,7 +117,6 @@ def _refuse(args: argparse.Namespace, what: str, *names: str) -> None:
 
 def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.catalogue.find import find_scenario, select, suite_names
-    from flexaxis.experiments.cli import say
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.equal_noise import work
     from flexaxis.experiments.gate.gate import (
@@ -128,8 +128,6 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
         readable_by_both,
     )
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.studies.benchmark import command_line
 
     names = args.names or [SUITE]
     seeds = parse_seeds(args.seeds or str(default_seeds(names)))
@@ -151,7 +149,7 @@ def _fresh(args: argparse.Namespace, margins: dict[str, float]) -> int:
     most = len(question.looks()[-1]) * len(scenarios) * len({args.base, args.candidate})
     if args.match_std:
         most += work(len(scenarios), len(question.seeds), len(question.looks()[-1]))
-    command = command_line(options.repeated(args))
+    command = options.line(args)
     folder = _output(args)
     how = {"overwrite": args.overwrite, "traced": True, "about": {"command": command}}
     with (
@@ -172,10 +170,6 @@ def _output(args: argparse.Namespace) -> Path:
 def _stored(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate.comparison_report import write
     from flexaxis.experiments.gate.stored import compare_runs
-    from flexaxis.experiments.running.seeds import parse_seeds
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.storage.names import SUMMARY
-    from flexaxis.sim.errors import FlexaxisError
 
     base, candidate = map(Path, args.names)
     spare(args.names, _output(args))
@@ -211,7 +205,6 @@ def _self_test(args: argparse.Namespace, margins: dict[str, float]) -> int:
     from flexaxis.experiments.gate import selftable, selftest
     from flexaxis.experiments.gate.gate import SUITE
     from flexaxis.experiments.reporting.terminal import show
-    from flexaxis.experiments.running.seeds import parse_seeds
 
     scenarios = select(args.names or [SUITE]).scenarios
     bases = (args.base,) if args.base else selftest.BASES

@@ -18,8 +18,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import MARKS
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+from flexaxis.experiments.storage.files import write_json
+from flexaxis.experiments.storage.names import REPORT
 from flexaxis.experiments.streams import visible
 
 if TYPE_CHECKING:
@@ -52,9 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="change that is worth a word [%%]; default: 1",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes; default: 1")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("trend"), metavar="FOLDER", help="default: trend"
-    )
+    add_output(parser, "FOLDER", "default: trend", default=Path("trend"))
     add_json(parser)
     add_log_options(parser)
 
@@ -62,8 +64,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Estimate, judge, report."""
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.errors import LogError
-    from flexaxis.experiments.logs.findings import MARKS
     from flexaxis.experiments.logs.trend.estimates import Source
     from flexaxis.experiments.logs.trend.trend import ailments, trend_of
     from flexaxis.experiments.logs.trend.words import remarks
@@ -100,12 +100,10 @@ def _page(args: argparse.Namespace, found: Trend) -> Path:
     """Write the page; return where it is."""
     from flexaxis.experiments.logs.pages.page import write_page
     from flexaxis.experiments.logs.pages.trend_page import trend_page
-    from flexaxis.experiments.storage.names import REPORT
-    from flexaxis.experiments.studies.benchmark import command_line
 
     report, model = args.output / REPORT, Path(args.model).stem
     title = f"{'Estimates' if found.why else 'Trend'} of {model} over {len(found.good)} logs"
-    write_page(trend_page(found, title=title, command=command_line(args.words)), report)
+    write_page(trend_page(found, title=title, command=args.line), report)
     return report
 
 
@@ -114,7 +112,6 @@ def _result(args: argparse.Namespace, found: Trend, report: Path) -> dict[str, A
     from flexaxis.experiments.logs.trend.estimates import RESULT
     from flexaxis.experiments.logs.trend.trend import ailments
     from flexaxis.experiments.logs.trend.words import summary
-    from flexaxis.experiments.storage.files import write_json
 
     content = {
         "parameters": {one.name: summary(one, found) for one in found.verdicts},

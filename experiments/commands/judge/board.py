@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.building.consent import add_run_code
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.cli import say
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 
 HELP = "build a site of entries: who is ahead, on each track"
 GROUP = "judge"
@@ -32,7 +33,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("entries", nargs="+", type=Path, metavar="ENTRY")
-    parser.add_argument("-o", "--output", type=Path, metavar="SITE", required=True)
+    add_output(parser, "SITE", required=True)
     parser.add_argument("--verdicts", type=Path, metavar="FOLDER", help="of `verify ENTRY -o`")
     parser.add_argument("--logs", type=Path, metavar="FOLDER", help="records of real axes")
     parser.add_argument("--quick", action="store_true", help="of entries for trying, no others")
@@ -46,10 +47,8 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.board.real_logs import log_scores
     from flexaxis.experiments.board.site import PAGE, Shown, write_site
     from flexaxis.experiments.board.suite import EntryError, board
-    from flexaxis.experiments.cli import say
     from flexaxis.experiments.running.cache import default_cache
     from flexaxis.experiments.running.engine import Means
-    from flexaxis.experiments.studies.benchmark import command_line
 
     _check(args)
     frozen = board()
@@ -64,7 +63,7 @@ def main(args: argparse.Namespace) -> int:
     entries = [each.entry for each in taken]
     logs = log_scores(entries, args.logs, run_code=args.run_code) if args.logs else []
     mine = frozen.quick() if args.quick else frozen
-    shown = Shown(taken, left, mine, args.quick, command_line(args.words), logs)
+    shown = Shown(taken, left, mine, args.quick, args.line, logs)
     found = write_site(shown, args.output)
     page, status = args.output / PAGE, 1 if left else 0
     if args.json:

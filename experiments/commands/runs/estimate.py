@@ -16,8 +16,11 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.building.neighbours import code_file
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.estimate import Estimated
@@ -35,9 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario", metavar="SCENARIO", help="for a record that does not say its own"
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="default: RECORD-estimates.nc"
-    )
+    add_output(parser, "FILE", "default: RECORD-estimates.nc")
     parser.add_argument(
         "--no-covariance",
         action="store_true",
@@ -50,12 +51,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Estimate and save."""
     from flexaxis.experiments.building.guest import limited
-    from flexaxis.experiments.building.neighbours import code_file
     from flexaxis.experiments.building.specs import parse
     from flexaxis.experiments.catalogue.find import find_scenario
     from flexaxis.experiments.running.estimate import estimate
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.sim.record import count_samples
 
     path = args.output or args.record.with_name(args.record.stem + "-estimates.nc")

@@ -24,8 +24,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import say_problems, waiting
 from flexaxis.experiments.logs.options import add_log_options, assignments, tables_of, treatment
+from flexaxis.experiments.storage.files import spare
+from flexaxis.sim.errors import did_you_mean
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
@@ -78,9 +82,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="OTHER.nc",
         help="try the result on a log that was not used: simulation and prediction",
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="AXIS.toml", help="default: LOG-axis.toml"
-    )
+    add_output(parser, "AXIS.toml", "default: LOG-axis.toml")
     add_json(parser)
     add_log_options(parser)
 
@@ -90,9 +92,7 @@ def main(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from flexaxis.experiments.logs.axis_file import find_axis
-    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.files import require_suffix, spare_foreign
-    from flexaxis.experiments.logs.findings import waiting
     from flexaxis.experiments.logs.identification.identify import identify
     from flexaxis.experiments.logs.identification.validate import validate
     from flexaxis.experiments.logs.pages.identify_page import (
@@ -101,8 +101,6 @@ def main(args: argparse.Namespace) -> int:
         print_identification,
     )
     from flexaxis.experiments.logs.pages.page import write_page
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or args.log.with_name(args.log.stem + "-axis.toml")
     report = path.with_suffix(".html")
@@ -134,7 +132,7 @@ def main(args: argparse.Namespace) -> int:
         )
     tried = None if other is None else validate(other, found.axis)
     found.axis.save(path)
-    title, command = f"{found.axis.model.name} from {args.log.name}", command_line(args.words)
+    title, command = f"{found.axis.model.name} from {args.log.name}", args.line
     write_page(identification_page(found, record.period, tried, title, command), report)
     status = 1 if found.warnings or (tried is not None and tried.unlike) else 0
     if args.json:
@@ -147,9 +145,7 @@ def main(args: argparse.Namespace) -> int:
 
 def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
     """Return values of parameters that an axis has, and of those that a law of friction brings."""
-    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identification.identify import LAWFUL
-    from flexaxis.sim.errors import did_you_mean
 
     mine = axis.model.parameters
     for name in values:
@@ -166,7 +162,6 @@ def _told(axis: Axis, values: Mapping[str, float]) -> tuple[dict[str, float], di
 def _read(path: Path, args: argparse.Namespace) -> Record:
     """Return a log as a record, and say what is wrong with it but for what is done about it."""
     from flexaxis.experiments.logs.files import is_record
-    from flexaxis.experiments.logs.findings import say_problems, waiting
     from flexaxis.experiments.logs.importing import ON_RECORDS, import_any
 
     tables = tables_of(args)

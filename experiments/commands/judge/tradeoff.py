@@ -17,7 +17,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.files import write_json, write_text
 
 HELP = "sweep estimators over their knobs: speed against variance, beside the bound"
 GROUP = "judge"
@@ -31,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_jobs(parser, what="the lags do")
     options.add_resume(parser)
     options.add_time_limit(parser)
-    parser.add_argument("-o", "--output", type=Path, default=Path("results/tradeoff"))
+    add_output(parser, "DIR", default=Path("results/tradeoff"))
     add_json(parser)
 
 
@@ -42,17 +44,14 @@ def main(args: argparse.Namespace) -> int:
     from flexaxis.experiments.reporting.run.speed import tradeoff
     from flexaxis.experiments.reporting.terminal import equal_noise_table, show
     from flexaxis.experiments.running.bench import Bench
-    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.scoring.ranking import overall
-    from flexaxis.experiments.storage.files import write_json, write_text
-    from flexaxis.experiments.studies.benchmark import command_line
     from flexaxis.experiments.studies.sweep import TURNS, reference, settings, sweep, texts
 
     scenarios, *_ = select(args.names)
     known = args.estimator or ["rpem-forgetting", "rpem-drift", "ekf", "glr"]
     estimators = list(dict.fromkeys(known))
     seeds = parse_seeds(args.seeds)
-    command = command_line(options.repeated(args))
+    command = options.line(args)
     most = len(texts(settings(estimators, factors=TURNS))) * len(scenarios) * len(seeds)
     how = {"overwrite": args.overwrite, "about": {"command": command}}
     what = f"at most {most} cases"

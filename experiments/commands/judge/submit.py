@@ -26,8 +26,11 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from flexaxis.experiments.building.consent import names_code
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.board.entry import About
@@ -39,7 +42,7 @@ GROUP = "judge"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("estimator", metavar="ESTIMATOR", help="as for `run --estimator`")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", required=True)
+    add_output(parser, "DIR", required=True)
     parser.add_argument("--about", type=Path, metavar="FILE", help="TOML with what is asked below")
     words = {
         "name": "of the entry; its versions share it (default: the estimator's, if registered)",
@@ -63,10 +66,6 @@ def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
     from flexaxis.experiments.board.submission import cases, submit
     from flexaxis.experiments.board.suite import board
-    from flexaxis.experiments.building.consent import names_code
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.studies.benchmark import command_line
 
     about = _about(args)
     if args.about:
@@ -76,7 +75,7 @@ def main(args: argparse.Namespace) -> int:
     with options.working(args, f"{total} cases or more", total) as (means, _):
         entry = submit(
             args.estimator, args.output, about, wanted, means, quick=args.quick,
-            resume=args.resume, command=command_line(options.whole(args)), say=remark,
+            resume=args.resume, command=options.line(args, whole=True), say=remark,
         )  # fmt: skip
     if args.json:
         found = {"entry": args.output, "label": entry.label, "digest": entry.digest}

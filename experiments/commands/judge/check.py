@@ -18,6 +18,7 @@ import time
 
 from flexaxis.experiments.commands import options
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.running.progress import remark
 
 HELP = "check that an estimator keeps the rules"
 GROUP = "judge"
@@ -44,7 +45,6 @@ class _Slow:
         self._start = self._said = time.monotonic()
 
     def __call__(self, rule: str) -> None:
-        from flexaxis.experiments.running.progress import remark
 
         now = time.monotonic()
         if now - self._said > self.PATIENCE:

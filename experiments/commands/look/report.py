@@ -10,7 +10,9 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.storage.files import as_written, spare, write_text
+from flexaxis.experiments.storage.names import REPORT
 
 HELP = "write report.html again from the results in a folder"
 GROUP = "look"
@@ -19,7 +21,7 @@ GROUP = "look"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("folder", type=Path, metavar="DIR", help="folder of a run or a study")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="default: in DIR")
+    add_output(parser, "FILE", "default: in DIR")
     parser.add_argument(
         "--size",
         type=float,
@@ -33,8 +35,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Render and print the path."""
     from flexaxis.experiments.running.folder import read_study
-    from flexaxis.experiments.storage.files import as_written, spare
-    from flexaxis.experiments.storage.names import REPORT
     from flexaxis.experiments.studies.report import inputs
 
     path = args.output or args.folder / REPORT
@@ -60,7 +60,6 @@ def _of_run(args: argparse.Namespace, path: Path) -> int:
     from flexaxis.experiments.reporting.run.page import render
     from flexaxis.experiments.reporting.terminal import show_run
     from flexaxis.experiments.results.pooled import load
-    from flexaxis.experiments.storage.files import write_text
 
     found = load(args.folder)
     write_text(path, render(found, size=args.size))

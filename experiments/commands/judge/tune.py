@@ -24,7 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.files import OutputError
+from flexaxis.sim.errors import FlexaxisError
 
 HELP = "find the knob at which an estimator is as noisy as the reference"
 GROUP = "judge"
@@ -57,10 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="write it to this TOML file (default: the one that the registry reads)",
     )
     options.add_jobs(parser, what="the settings do")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR",
-        help="where its runs are kept (default: results/tune/ESTIMATOR)",
-    )  # fmt: skip
+    add_output(parser, "DIR", "where its runs are kept (default: results/tune/ESTIMATOR)")
     options.add_resume(parser)
     options.add_time_limit(parser)
     add_json(parser)
@@ -102,10 +102,8 @@ def main(args: argparse.Namespace) -> int:
 
 def _tuned(task: argparse.Namespace, bench: Any, path: Path | None, *, alone: bool) -> Any:
     """Return what was found, after it was saved; None where nothing was, if others may follow."""
-    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.studies.tuned_file import forget, save
     from flexaxis.experiments.studies.tuning import Trials
-    from flexaxis.sim.errors import FlexaxisError
 
     try:
         tuned = _tune(task, Trials(parse_seeds(task.seeds), bench, task.match))
@@ -153,7 +151,6 @@ def _file(given: Path | bool | None) -> Path | None:
 def _check_own(args: argparse.Namespace) -> None:
     """Refuse to write an estimator of a user to the file of the registry."""
     from flexaxis.experiments.building.guest import is_guest
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.save is True and args.estimator and is_guest(args.estimator):
         raise FlexaxisError(
@@ -169,8 +166,6 @@ def _folder(estimator: str) -> str:
 
 def _can_be_saved(path: Path) -> None:
     """Refuse a place that cannot be written before the tuning, which takes long."""
-    from flexaxis.experiments.storage.files import OutputError
-
     folder = path.parent
     if path.is_dir() or not folder.is_dir():
         reason = "it is a folder" if path.is_dir() else f"there is no folder {folder}"
@@ -185,7 +180,6 @@ def _tasks(args: argparse.Namespace) -> list[argparse.Namespace]:
     """Return what is to be tuned: one, or all that the file of the registry holds."""
     from flexaxis.estimators.registry import REGISTRY
     from flexaxis.estimators.tuned import tunings
-    from flexaxis.sim.errors import FlexaxisError
 
     if args.all == (args.estimator is not None):
         eaten = f" (--save took {args.save} for its FILE)" if isinstance(args.save, Path) else ""

@@ -15,9 +15,13 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
 from flexaxis.experiments.commands.numbers import SEED, at_most
+from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.options import add_style_options, style_of
+from flexaxis.experiments.running.progress import progress
+from flexaxis.experiments.running.seeds import check_seed
+from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.sim.record import Record
@@ -32,9 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=at_most(SEED), default=0, help="number of the run (default 0)"
     )
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="default: SCENARIO-SEED.nc"
-    )
+    add_output(parser, "FILE", "default: SCENARIO-SEED.nc")
     parser.add_argument(
         "--as-log", choices=("csv", "mat", "h5"), help="write what a robot would log, as this"
     )
@@ -45,11 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def main(args: argparse.Namespace) -> int:
     """Simulate and save."""
     from flexaxis.experiments.catalogue.find import find_scenario
-    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.files import spare_foreign
-    from flexaxis.experiments.running.progress import progress
-    from flexaxis.experiments.running.seeds import check_seed
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.sim.simulate import simulate
 
     check_seed(args.seed, what="--seed")

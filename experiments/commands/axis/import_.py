@@ -18,8 +18,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.logs.errors import LogError
+from flexaxis.experiments.logs.findings import MARKS, ordered, waiting
 from flexaxis.experiments.logs.options import add_log_options, tables_of, treatment
+from flexaxis.experiments.storage.files import spare
 
 if TYPE_CHECKING:
     from flexaxis.experiments.logs.axis_file import Axis
@@ -34,9 +37,7 @@ GROUP = "your own axis"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("log", type=Path, metavar="LOG")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="REC.nc", help="default: LOG.nc, or LOG-imported.nc"
-    )
+    add_output(parser, "REC.nc", "default: LOG.nc, or LOG-imported.nc")
     parser.add_argument(
         "--model", metavar="MODEL", help="say which of its parameters the excitation can see"
     )
@@ -56,12 +57,9 @@ def main(args: argparse.Namespace) -> int:
         require_suffix,
         spare_foreign,
     )
-    from flexaxis.experiments.logs.findings import waiting
     from flexaxis.experiments.logs.importing import import_log, look_again
     from flexaxis.experiments.logs.pages.import_page import import_page
     from flexaxis.experiments.logs.pages.page import write_page
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.studies.benchmark import command_line
 
     path = args.output or record_beside(args.log)
     report = path.with_suffix(".html")
@@ -77,7 +75,7 @@ def main(args: argparse.Namespace) -> int:
     record = args.log if same else path
     if not same:
         found.record.save(path)
-    write_page(import_page(found, seen, args.log, command_line(args.words)), report)
+    write_page(import_page(found, seen, args.log, args.line), report)
     status = int(args.strict and any(check.kind == "problem" for check in found.checks))
     if args.json:
         checks = [check.told() for check in found.checks]
@@ -97,7 +95,6 @@ def main(args: argparse.Namespace) -> int:
 def _visible(record: Record, axis: Axis) -> tuple[dict[str, Seen], str]:
     """Return what can be seen of an axis, or why that is not known: the record is good without."""
     from flexaxis.estimators.errors import EstimatorError
-    from flexaxis.experiments.logs.errors import LogError
     from flexaxis.experiments.logs.identification.visibility import visible
 
     try:
@@ -111,8 +108,6 @@ def _print(checks: Sequence[Finding], seen: Mapping[str, Seen]) -> None:
     from textwrap import fill
 
     from rich.console import Console
-
-    from flexaxis.experiments.logs.findings import MARKS, ordered
 
     console = Console()
     style = {"problem": "red", "note": "yellow", "ok": None}

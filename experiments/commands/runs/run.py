@@ -29,7 +29,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.running.seeds import parse_seeds
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import REPORT
 
 if TYPE_CHECKING:
     from flexaxis.experiments.catalogue.find import Selection
@@ -49,19 +53,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "0 to 99 are meant for tuning, 1000 to 4999 for reporting",
     )
     options.add_engine(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="default: results/FIRST_NAME"
-    )
-    parser.add_argument(
-        "--no-cache", action="store_true", help="simulate every record, and keep none"
-    )
+    add_output(parser, "DIR", "default: results/FIRST_NAME")
+    options.add_cache(parser, default=True)
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Run, score and report."""
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
     from flexaxis.experiments.studies.benchmark import benchmark
 
     options.check_jobs(args)
@@ -71,7 +69,7 @@ def main(args: argparse.Namespace) -> int:
     with ExitStack() as stack:
         place = options.executor(args, stack)
         about = f"{work.cases} case{'s'[: work.cases != 1]}"
-        working = options.working(args, about, work.cases, cache=not args.no_cache, place=place)
+        working = options.working(args, about, work.cases, cache=args.cache, place=place)
         simulated = 0
 
         def landed(outcome: Any) -> None:
@@ -90,7 +88,6 @@ def main(args: argparse.Namespace) -> int:
 
 
 def _say(work: Any, text: str) -> None:
-    from flexaxis.experiments.running.progress import remark
 
     if work.cases > 2000:  # else it is a matter of a few seconds
         remark(text)
@@ -99,10 +96,9 @@ def _say(work: Any, text: str) -> None:
 def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
     """Return what is to be run: the benchmark of some names, with `estimator` and `seeds`."""
     from flexaxis.experiments.catalogue.find import select
-    from flexaxis.experiments.running.seeds import parse_seeds
     from flexaxis.experiments.running.study import Study
     from flexaxis.experiments.scoring.ranking import REFERENCE
-    from flexaxis.experiments.studies.benchmark import Benchmark, command_line
+    from flexaxis.experiments.studies.benchmark import Benchmark
 
     chosen = select(names)
     estimators = list(dict.fromkeys(args.estimator or chosen.estimators))
@@ -117,7 +113,7 @@ def wanted(args: argparse.Namespace, names: Sequence[str]) -> Any:
             seeds=tuple(parse_seeds(args.seeds or str(chosen.seeds))),
         ),
         title=title,
-        command=command_line(options.whole(args)),
+        command=options.line(args, whole=True),
         swept_scenarios=[s for s in chosen.swept_scenarios if s.name in readable],
         swept_estimators=swept if args.estimator else chosen.swept_estimators,
     )
@@ -153,7 +149,6 @@ def _share_told(args: argparse.Namespace, folder: Path, share: tuple[int, int]) 
 def _told(args: argparse.Namespace, folder: Path, found: Any) -> int:
     """Print what was found; what could not be run is said, and is a finding or a crash."""
     from flexaxis.experiments.reporting.terminal import show_run
-    from flexaxis.experiments.storage.names import REPORT
 
     failures = found.summary["failures"]
     status = options.failed(failures, args.remarks)

@@ -27,14 +27,16 @@ example:
 from __future__ import annotations
 
 import argparse
-import shlex
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexaxis.experiments.building.consent import add_run_code
+from flexaxis.experiments.building.consent import add_run_code, require
 from flexaxis.experiments.commands import options
-from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.commands.answers import add_json, add_output, answer
+from flexaxis.experiments.running.progress import remark
+from flexaxis.experiments.storage.files import spare
+from flexaxis.experiments.storage.names import REPORT, STUDY
 
 if TYPE_CHECKING:
     from flexaxis.experiments.running.plan import Plan
@@ -46,7 +48,7 @@ GROUP = "run"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("file", type=Path, metavar="FILE.toml")
-    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="default: results/NAME")
+    add_output(parser, "DIR", "default: results/NAME")
     options.add_engine(parser)
     parser.add_argument("--dry-run", action="store_true", help="print the plan, and stop")
     parser.add_argument(
@@ -55,23 +57,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default="none",
         help="whose estimates to write to DIR/trajectories (default: none)",
     )
-    parser.add_argument(
-        "--cache",
-        action="store_true",
-        help="keep simulated records (`flexaxis cache info`), for studies of the same records",
-    )
+    options.add_cache(parser, default=False)
     add_run_code(parser, "estimators of FILE.toml")
     add_json(parser)
 
 
 def main(args: argparse.Namespace) -> int:
     """Read, ask for consent, plan, run and report."""
-    from flexaxis.experiments.building.consent import require
     from flexaxis.experiments.studies.definition import load_study
 
     study = load_study(args.file)
-    line = shlex.join(["flexaxis", *(word for word in args.words if word != "--dry-run")])
-    consent = {"source": str(args.file), "command": line}
+    consent = {"source": str(args.file), "command": args.line.replace(" --dry-run", "")}
     if not args.dry_run:
         require(args.run_code, study.estimators, **consent)
     try:
@@ -87,9 +83,6 @@ def main(args: argparse.Namespace) -> int:
 def _planned_and_run(args: argparse.Namespace, study: Any) -> int:
     from flexaxis.experiments.running.folder import check, done
     from flexaxis.experiments.running.plan import make_plan
-    from flexaxis.experiments.running.progress import remark
-    from flexaxis.experiments.storage.files import spare
-    from flexaxis.experiments.storage.names import REPORT, STUDY
 
     shard = options.shard(args)
     plan = make_plan(study, shard=shard, run_code=not args.dry_run)
@@ -134,7 +127,6 @@ def _several(number: int, what: str) -> str:
 def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, int]) -> int:
     from flexaxis.experiments.running.engine import run_study
     from flexaxis.experiments.running.folder import done
-    from flexaxis.experiments.studies.benchmark import command_line
 
     todo = plan.work(None if args.overwrite else done(folder, plan)).cases
     working = options.working(args, _several(todo, "case"), todo, cache=args.cache, place=place)
@@ -147,7 +139,7 @@ def _run(args: argparse.Namespace, plan: Plan, folder: Path, place: tuple[Any, i
             keep=args.keep,
             traced=not plan.study.axes,
             run_code=args.run_code,
-            about={"title": plan.study.name, "command": command_line(options.repeated(args))},
+            about={"title": plan.study.name, "command": options.line(args)},
         )
     return _report(args, plan, folder, finished.cases)
 

@@ -16,6 +16,8 @@ import argparse
 from pathlib import Path
 
 from flexaxis.experiments.commands.answers import add_json, answer
+from flexaxis.experiments.storage.files import write_text
+from flexaxis.sim.errors import FlexaxisError
 
 HELP = "write a working template of an own estimator"
 GROUP = "judge"
@@ -38,8 +40,6 @@ def main(args: argparse.Namespace) -> int:
     """Write the template and say what comes next."""
     from importlib.resources import files
 
-    from flexaxis.experiments.storage.files import write_text
-
     _check(args.path)
     home = files("flexaxis.experiments.conformance") / "templates"
     written: list[Path] = []
@@ -59,8 +59,6 @@ def main(args: argparse.Namespace) -> int:
 
 def _check(path: Path) -> None:
     """Refuse a name that no template is for, and one that is taken."""
-    from flexaxis.sim.errors import FlexaxisError
-
     if path.suffix not in TEMPLATES or not path.stem.isidentifier():
         raise FlexaxisError(
             f"{path}: give a file that Python can import, such as my_estimator.py, or one in C or "

@@ -1,0 +1,1 @@
+"""Commands that run estimators, and what belongs to it."""
