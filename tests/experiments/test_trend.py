@@ -14,8 +14,10 @@ import pytest
 from scipy.signal import lfilter
 
 from flexaxis.estimators.models.axes import MODELS
+from flexaxis.experiments.catalogue.find import find_scenario
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.logs.axis_file import Axis, find_axis
+from flexaxis.experiments.logs.days import known_axis, without_faults
 from flexaxis.experiments.logs.errors import LogError
 from flexaxis.experiments.logs.files import find_logs
 from flexaxis.experiments.logs.trend import estimates as trend
@@ -23,6 +25,7 @@ from flexaxis.experiments.logs.trend.covariates import begun, dated, found_in
 from flexaxis.experiments.logs.trend.refit import refit
 from flexaxis.experiments.logs.trend.trend import ailments, common
 from flexaxis.sim.record import Record
+from flexaxis.sim.simulate import simulate
 
 sys.path.insert(0, str(Path(__file__).parent))
 from identify_axes import VALUES
@@ -345,10 +348,13 @@ def test_a_delay_that_most_logs_have_is_the_axis_own(late, said):
     rows = [
         {"log": f"{i}.csv", "problem": "", "fit": 95.0 + 0.1 * rng.standard_normal(),
          "late": {"value": T * (late + 0.02 * rng.standard_normal()), "sd": 0.02 * T},
-         "period": T, "left": 0.1}
+         "period": T, "left": 0.1, "error": 0.05}
         for i in range(12)
     ]  # fmt: skip
     assert not ailments(rows)
+    slow = rows[0] | {"log": "slow.csv", "fit": 80.0}  # it moves less, and no error is larger
+    assert not ailments([*rows, slow])
+    assert [*ailments([*rows, slow | {"error": 0.2}])] == ["slow.csv"]
     text = "".join(common(rows))
     assert said in text and bool(said) == bool(text)
     rows.append(rows[0] | {"log": "other.csv", "late": {"value": T * (late + 1), "sd": 0.02 * T}})
@@ -450,6 +456,12 @@ def test_intervals_are_the_spread_of_estimates(axis):
     spread = np.std([one.theta for one in every], axis=0)
     claimed = np.sqrt(np.mean([one.deviations**2 for one in every], axis=0))
     assert np.all((claimed / spread > 0.75) & (claimed / spread < 1.9))
+
+
+def test_a_log_with_static_friction_settles():
+    scenario = without_faults(find_scenario("wg_fc_step-v1"), 5.0)
+    (record,) = simulate(scenario, [0])
+    assert refit(record, known_axis(scenario), ["J_m", "f_c"]).left < 1
 
 
 def test_a_log_of_another_axis_is_a_problem(days, tmp_path, capsys):

@@ -86,7 +86,8 @@ def refit(record: Record, axis: Axis, names: Sequence[str]) -> Refit:
     fitted = setup.solve(known, axis.delay, rounds=STEPS, fine=False)
     if not np.isfinite(fitted.square):
         raise LogError("a simulation of this log runs away with the values of the axis")
-    fit = _fit(setup, fitted)
+    # a filter that makes what is left white may hide the state that a log begins in
+    fit = _fit(setup, fitted if setup.log.resting else setup.at(fitted.z, fixed=len(names)))
     theta = fitted.z[: len(names)]
     bounds = np.sort(np.outer(RANGE, known), axis=0)
     unlike = at_limits(names, theta, bounds, known)
@@ -152,7 +153,8 @@ def _late(setup: Setup, fitted: Fitted) -> tuple[float, float, float]:
     """Return by how much the torque acts later, its deviation, and how far it is to the bottom."""
     known = setup.problem()
     free = replace(known, held=np.append(known.held[:-1], False))
-    at = free.at(fitted.z, fitted.colour)
+    # where the search ended is the bottom of laws as it solves them
+    at = free.at(fitted.z, fitted.colour, coarse=known.course.coarsens)
     moves = ~free.held
     H = at.H[np.ix_(moves, moves)]
     step = damped_step(H, at.g[moves], 0.0)
