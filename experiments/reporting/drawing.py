@@ -88,7 +88,7 @@ def _legend(chart: Chart) -> str:
 def _button(who: str, piece: str, said: str) -> str:
     return (
         f'<button type="button" class="who" aria-pressed="true" data-toggle="{escape(who)}">{piece}'
-        f"<span>{escape(said)}</span></button>"
+        f"<span>{symbols(said)}</span></button>"
     )
 
 
@@ -268,7 +268,7 @@ def _markers(line: Line, x: Scale, y: Scale, role: str) -> str:
     a, b = x.share(line.x), y.share(line.y)
     there = np.isfinite(a) & np.isfinite(b)
     if line.kind not in {"points", "both"}:
-        if not line.who or there.sum() < 2 or line.kind == "steps":
+        if not line.who or there.sum() < 2 or line.kind == "steps" or line.role == "bound":
             return ""
         at = (np.arange(SPARSE) + styles.phase(line.who)) / SPARSE
         at = at[(at >= a[there].min()) & (at <= a[there].max())]

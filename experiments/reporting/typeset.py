@@ -7,7 +7,7 @@ import re
 from markupsafe import Markup, escape
 
 # A letter with an index that is no part of a longer word; as in assets/dom.js.
-SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9]{1,3})(?![\w-])")
+SYMBOL = re.compile(r"(?<![\w-])([A-Za-zΔθσψεμλτ])_([A-Za-z0-9θ]{1,3})(?![A-Za-z0-9_-])")
 _CODE = re.compile(r"`([^`]+)`")
 _SUNK = '<tspan font-style="italic">{}</tspan><tspan class="sub" dy="0.28em">{}</tspan>'
 _RISEN = '<tspan dy="-0.21em">{}</tspan>'
