@@ -61,8 +61,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def main(args: argparse.Namespace) -> int:
     """Run the suite and write the entry."""
+    from flexaxis.experiments.board.ranking import board
     from flexaxis.experiments.board.submission import cases, submit
-    from flexaxis.experiments.board.suite import board
     from flexaxis.experiments.building.consent import names_code
     from flexaxis.experiments.running.progress import remark
     from flexaxis.experiments.storage.files import spare

@@ -7,8 +7,7 @@ from typing import Any
 from flexaxis.experiments.paper import filter_measures as f
 from flexaxis.experiments.paper import model_measures as m
 from flexaxis.experiments.paper.claims import Check, above, below, half_of_P, spread, within
-from flexaxis.experiments.paper.offline import HIGH_ORDER, LOW_ORDER
-from flexaxis.experiments.paper.recursive import times
+from flexaxis.experiments.paper.experiments import HIGH_ORDER, LOW_ORDER, times
 
 PEAKS = (95.0, 125.0, 185.0)
 """Peaks of the torque spectrum that the paper reports [rad/s]."""

@@ -13,7 +13,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexaxis.estimators.offline.frequency import frequency_response
 from flexaxis.experiments.paper.checks import PEAKS
-from flexaxis.experiments.paper.evidence import Evidence, by_name
+from flexaxis.experiments.paper.claims import Evidence, by_name
+from flexaxis.experiments.paper.experiments import (
+    BAND,
+    HIGH_ORDER,
+    STRIDE,
+    FilterRuns,
+    decibels,
+    settled_P,
+    times,
+)
 from flexaxis.experiments.paper.filter_measures import forgetting, modification
 from flexaxis.experiments.paper.model_measures import (
     gradient_power,
@@ -21,8 +30,6 @@ from flexaxis.experiments.paper.model_measures import (
     torque_lines,
     torque_peaks,
 )
-from flexaxis.experiments.paper.offline import BAND, HIGH_ORDER, decibels
-from flexaxis.experiments.paper.recursive import STRIDE, FilterRuns, settled_P, times
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 
 Array = NDArray[np.float64]

@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.adaptation import estimate_covariance
-from flexaxis.experiments.paper.evidence import Evidence, by_name
-from flexaxis.experiments.paper.further_work import DriftChoice, Windup
-from flexaxis.experiments.paper.model_measures import ByName, worst
-from flexaxis.experiments.paper.recursive import (
+from flexaxis.experiments.paper.claims import Evidence, by_name
+from flexaxis.experiments.paper.experiments import (
     FORGETTING,
     FilterRuns,
     drift,
@@ -18,6 +16,8 @@ from flexaxis.experiments.paper.recursive import (
     settled_P,
     times,
 )
+from flexaxis.experiments.paper.further_work import DriftChoice, Windup
+from flexaxis.experiments.paper.model_measures import ByName, worst
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from flexaxis.experiments.paper.claims import Evidence
 from flexaxis.experiments.paper.data import PAUSE
-from flexaxis.experiments.paper.evidence import Evidence
+from flexaxis.experiments.paper.experiments import FORGETTING, STRIDE
 from flexaxis.experiments.paper.figures import (
     fig3,
     fig4,
@@ -23,7 +24,6 @@ from flexaxis.experiments.paper.figures import (
 )
 from flexaxis.experiments.paper.filter_measures import price
 from flexaxis.experiments.paper.further_work import WANTED, Windup
-from flexaxis.experiments.paper.recursive import FORGETTING, STRIDE
 from flexaxis.experiments.reporting.charts import Chart, Line, Panel
 
 SHOWN_MU = (0.0, 1e-2, 1.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexaxis.estimators.offline.adaptation import drift_for, estimate_covariance
 from flexaxis.experiments.paper.data import PAUSE, Data
-from flexaxis.experiments.paper.recursive import (
+from flexaxis.experiments.paper.experiments import (
     COARSE,
     FORGETTING,
     Adaptation,

@@ -12,10 +12,16 @@ from flexaxis.estimators import Rpem, literal_rpem
 from flexaxis.estimators.offline.frequency import frequency_response, information, line_spectrum
 from flexaxis.estimators.offline.identification import Identified
 from flexaxis.estimators.offline.predictor import predict
+from flexaxis.experiments.paper.claims import Evidence, by_name
 from flexaxis.experiments.paper.data import Data, signals
-from flexaxis.experiments.paper.evidence import Evidence, by_name
-from flexaxis.experiments.paper.offline import FAR, NEAR, band, magnitude_error
-from flexaxis.experiments.paper.recursive import FORGETTING, steady
+from flexaxis.experiments.paper.experiments import (
+    FAR,
+    FORGETTING,
+    NEAR,
+    band,
+    magnitude_error,
+    steady,
+)
 from flexaxis.experiments.scoring.theta import true_theta
 from flexaxis.sim.record import Record
 

@@ -8,9 +8,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from flexaxis.experiments.paper.checks import CHECKS
-from flexaxis.experiments.paper.claims import Claim, Measured
+from flexaxis.experiments.paper.claims import SHARES, Claim, Evidence, Measured, gather
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.evidence import SHARES, Evidence, gather
 from flexaxis.experiments.paper.further_figures import FIGURES
 from flexaxis.experiments.reporting import figures, page, tables
 from flexaxis.experiments.reporting.charts import Chart

@@ -60,6 +60,7 @@ NINE = (
 LEADING = ("rpem-forgetting", "rpem-drift", "ekf", "imm", "cusum-reset", RECOMMENDED, "frozen")
 _PLACES = dict(zip(LEADING, (0, 1, 2, 3, 4, 5, 8), strict=True)) | {
     "base": 0, "candidate": 1, "A": 0, "B": 1, "k_T": 0, "1/J_a": 1, "f_m": 2, "f_c": 3,
+    "another": 8,
 }  # fmt: skip
 
 _SHAPES = {

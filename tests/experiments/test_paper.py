@@ -11,14 +11,13 @@ import pytest
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import reproduce
 from flexaxis.experiments.paper.checks import CHECKS
-from flexaxis.experiments.paper.claims import Claim, above, below, half_of_P, within
+from flexaxis.experiments.paper.claims import Claim, above, below, gather, half_of_P, within
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.evidence import gather
 from flexaxis.experiments.paper.further_figures import FIGURES
 from flexaxis.experiments.paper.reproduce import claims_table, in_words, render
 from flexaxis.experiments.reporting.figures import figure
+from flexaxis.experiments.reporting.tables import symbols
 from flexaxis.experiments.reporting.terminal import show_table
-from flexaxis.experiments.reporting.typeset import symbols
 
 # Seeds below 100: what is reported is on others. The least for which the claims that are
 # statistical can hold; 15 s.

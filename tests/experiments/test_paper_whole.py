@@ -10,8 +10,8 @@ from flexaxis.estimators.models.parametrization import Parametrization
 from flexaxis.estimators.offline import priors
 from flexaxis.experiments.cli import main
 from flexaxis.experiments.paper import data, reproduce
+from flexaxis.experiments.paper.claims import gather
 from flexaxis.experiments.paper.data import Size
-from flexaxis.experiments.paper.evidence import gather
 
 pytestmark = pytest.mark.slow
 
